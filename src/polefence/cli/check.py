@@ -21,7 +21,7 @@ from polefence.design.certificate import file_plant, plant_of, sampling_of
 from polefence.design.design import check_document, is_proof_file, read_document
 from polefence.design.measured import read_measured
 from polefence.design.requirements.text import RoadSpectrum, load_specifications
-from polefence.design.signals.augmented import with_weights
+from polefence.design.requirements.weights import WEIGHTS, filter_of, with_weights
 from polefence.export import check_guarantee
 from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
@@ -174,8 +174,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         if difference is not None:
             return difference
         plant = at_sample_time(plant, document.plant.step, samples.delay)
-    if "E" in letters:
-        plant = _weighted(plant, spec)
+    if document.first(RmsRefutation) or document.first(Clipped):
+        plant = _weighted(plant, found, spec)
     plant = _with_law(plant, found, spec)
     if samples is not None and sampled and plant.shape == found.shape:
         # of the same plant, as the claim proves: equal but for rounding
@@ -185,6 +185,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
+        if difference is None:
+            difference = _other_filter(claim, document.plant.step)
         if difference is None:
             difference = _other_signal(_outputs_of(claim), document.plant, file_plant(plant))
         if difference is None and isinstance(claim, Clipped | RmsRefutation) and claim.dampers:
@@ -219,12 +221,27 @@ def _other_damper(found: Sequence[SemiActive], plant: UncertainPlant, spec: str)
     return None
 
 
-def _weighted(plant: UncertainPlant, spec: str) -> UncertainPlant:
-    """Return the plant with the filters of the spec's own specifications."""
+def _weighted(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
+    """Return the plant with those filters of the spec's specifications that a file's plant has."""
     least, limits = load_specifications(
         spec, RoadSpectrum("C", 20.0)
     )  # any road: filters are what counts
-    return with_weights(plant, ([least] if least else []) + list(limits))[0]
+    known = {own.name for own in found.outputs}
+    asked = [
+        own
+        for own in ([least] if least else []) + list(limits)
+        if {f"{y.name}, {w}" for y, w in zip(own.outputs(plant), own.filters, strict=True) if w}
+        <= known
+    ]
+    return with_weights(plant, asked)[0]
+
+
+def _other_filter(claim: Claim, step: Fraction) -> str | None:
+    """Say that a filter of a claim is not the weighting of its name."""
+    for own in claim.filters if isinstance(claim, SignalClaim) else ():
+        if own is not None and (own.name not in WEIGHTS or own != filter_of(own.name, step)):
+            return f"its filter {quoted(own.name)} is not that of ISO 2631-1"
+    return None
 
 
 def _beside(found: System, own: System, n: int) -> System:

@@ -41,6 +41,7 @@ from polefence.cli.terminal import say
 from polefence.design.checks import is_stability
 from polefence.design.design import FILE_NAME
 from polefence.design.requirements.asked import wanted
+from polefence.design.requirements.rms import PLAIN
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import (
     RoadSpectrum,
@@ -451,7 +452,9 @@ def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> 
     """Yield limits on the signal of what this disturbance moves; on a vector each entry has its."""
     for own in limits:
         acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
-        names = [output.name for output in own.outputs(done.plant)]
+        each = zip(own.outputs(done.plant), own.filters, strict=True)
+        # no filter passes what stays
+        names = [output.name for output, name in each if name is None]
         if own.at_most is not None and acting and rest.signal.name in names:
             yield own.at_most
 
@@ -460,6 +463,11 @@ def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
     region = done.design.region
     distance = region.distance(done.design.poles(alpha[:1000]))
     return bool(np.all(distance < ROUNDING * region.size))
+
+
+def _weights(own: Specification) -> list[str] | None:
+    """Return the weighting of each entry, none where no entry has one."""
+    return [name or PLAIN for name in own.filters] if any(own.filters) else None
 
 
 def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, Any]:
@@ -474,6 +482,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             {
                 "kind": row.bound.specification.kind,
                 "signal": row.bound.specification.name,
+                "weight": _weights(row.bound.specification),
                 "disturbances": dict(row.bound.specification.disturbances or ()) or None,
                 "unit": row.unit,
                 "limit": row.bound.specification.at_most,

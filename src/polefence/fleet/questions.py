@@ -31,7 +31,6 @@ from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import load_specifications
-from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.law.laws import FixedGain
@@ -464,8 +463,8 @@ class Cover(Question):
 
     def _proved(self, law: FixedGain, spec: str) -> Answer:
         region, limits = self.kept(spec)
-        plant, limits = with_weights(loads(spec, "variant"), limits)
-        answer = analyse(plant, without_feedback(law, plant), region)
+        plant = loads(spec, "variant")
+        answer = analyse(plant, law, region)
         if answer.certificate is None or not answer.proved:
             return Answer(NOT_PROVED, reason=answer.reason)
         claims = list[BoundClaim]()
@@ -638,9 +637,10 @@ def _keeps(claim: Any, limit: Specification) -> bool:
     if claim.kind != limit.kind or claim.level > limit.at_most:
         return False
     names = [own if isinstance(own, str) else own.name for own in limit.entries]
-    behind = (f", {own}" if own else "" for own in limit.filters)
-    filtered = [f"{name}{own}" for name, own in zip(names, behind, strict=True)]
-    return not isinstance(claim, SignalClaim) or [own.name for own in claim.outputs] == filtered
+    if not isinstance(claim, SignalClaim):
+        return True
+    filters = tuple(own and own.name for own in claim.filters) or (None,) * len(names)
+    return [own.name for own in claim.outputs] == names and filters == limit.filters
 
 
 @contextmanager

@@ -17,7 +17,6 @@ import numpy as np
 from polefence.base.errors import InputError, PolefenceError
 from polefence.base.progress import stage
 from polefence.design.requirements.specification import Specification
-from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import sampled
 from polefence.design.signals.tuned import tighter
 from polefence.design.tune.search import at_vertices
@@ -26,7 +25,6 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Around
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.joined import joined
-from polefence.plant.outputs import states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.region.regions import Region
@@ -162,14 +160,11 @@ class Fleet:
         ]
         names = [name for own in limits for name in _signals(own)]
         with suppress(PolefenceError):
-            bare = joined([self.plants[k] for k in few], names)
-            plant, wanted = with_weights(bare, limits)
+            plant = joined([self.plants[k] for k in few], names)
             asked = Around(tighter(self.region, INSIDE))
-            first = None if start is None else without_feedback(start, plant)
-            own = at_vertices(plant, _one_gain(bare), asked, wanted, first)
+            own = at_vertices(plant, Structure(schedule=()), asked, limits, start)
             if own is not None:
-                n = bare.shape[0]
-                law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0][:, :n])
+                law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0])
                 if max(self.excess(k, law) for k in few) < 0:
                     return law
         return None
@@ -177,14 +172,13 @@ class Fleet:
     def excess(self, number: int, law: FixedGain) -> float:
         """Return by how much a law does not keep a plant, in floats; below zero where it does."""
         seen = self._seen(number)
-        own = without_feedback(law, seen.plant)
-        poles = np.linalg.eigvals(seen.A + seen.B @ own.gain(seen.alpha))
+        poles = np.linalg.eigvals(seen.A + seen.B @ law.gain(seen.alpha))
         outside = float(self.region.distance(poles).max())
         if not outside < 0 or not seen.limits:
             return outside
         try:
             return max(
-                sampled(seen.plant, own, limit, seen.alpha).worst / limit.at_most - 1
+                sampled(seen.plant, law, limit, seen.alpha).worst / limit.at_most - 1
                 for limit in seen.limits
                 if limit.at_most is not None
             )
@@ -199,7 +193,7 @@ class Fleet:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A plant with the filters of its limits, and points of it."""
+    """A plant with its limits, and points of it."""
 
     plant: UncertainPlant
     limits: tuple[Specification, ...]
@@ -209,14 +203,8 @@ class _Seen:
 
     @classmethod
     def of(cls, plant: UncertainPlant, limits: tuple[Specification, ...]) -> _Seen:
-        wide, own = with_weights(plant, limits)
-        alpha = seeded(wide, len(wide.vertices) + POINTS)
-        return cls(wide, tuple(own), alpha, *wide.at(alpha))
-
-
-def _one_gain(plant: UncertainPlant) -> Structure:
-    """Return that of one gain of the plant's own states, whatever filters are behind them."""
-    return Structure(measured=tuple(own.name for own in states(plant)), schedule=())
+        alpha = seeded(plant, len(plant.vertices) + POINTS)
+        return cls(plant, limits, alpha, *plant.at(alpha))
 
 
 def _signals(own: Specification) -> list[str]:

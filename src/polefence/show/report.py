@@ -32,7 +32,7 @@ from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
 from polefence.proof.plant import ANY
-from polefence.proof.text import quoted, rate_text, visible
+from polefence.proof.text import rate_text, visible
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
@@ -366,7 +366,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
     for claim in document.claims[1:]:
         said, what, level, under = claim.said(document.plant), "", "", ""
         if isinstance(claim, SignalClaim):
-            what = f"{claim.kind} of {', '.join(quoted(own.name) for own in claim.outputs)}"
+            what = f"{claim.kind} of {', '.join(claim.names)}"
             level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()
             under = claim.under
             if (

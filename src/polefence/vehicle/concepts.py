@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.progress import counted
 from polefence.design.requirements.rms import Rms
+from polefence.design.requirements.weights import WEIGHTS
 from polefence.design.signals.bounds import best_bound
 from polefence.design.signals.optimise import optimise
 from polefence.design.signals.refutation import lowest
@@ -27,7 +27,7 @@ from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
-from polefence.plant.outputs import choose, states
+from polefence.plant.outputs import choose, stacked, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
@@ -194,7 +194,7 @@ class _Task:
     ) -> None:
         self.plant, self.specification, self.dampers = plant, specification, dampers
         self.known, self.measured = known, measured
-        _, through = self._rows(choose(plant, measured))
+        _, through, _ = stacked(plant, choose(plant, measured))
         if through.any():
             raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
         for own in choose(plant, measured):
@@ -254,15 +254,18 @@ class _Task:
         return K
 
     def lqg(self) -> tuple[UncertainPlant, FixedGain]:
-        """Return the regulator of the nominal car with a Kalman filter, and the plant with it."""
+        """Return the regulator of the nominal car with a Kalman filter, and the plant with it.
+
+        It is for the signals without weights: behind one a force costs nothing at once.
+        """
         from scipy.linalg import solve_continuous_are
 
-        plant, spec, alpha = self.plant, self.specification, nominal(self.plant)
+        plant, spec, alpha = self.plant, self.specification.unweighted(), nominal(self.plant)
         A, B = plant.at(alpha)
-        C, D = (np.tensordot(alpha, M, 1) for M in self._rows([*spec.outputs(plant)]))
+        C, D, _ = (np.tensordot(alpha, M, 1) for M in stacked(plant, spec.outputs(plant)))
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
-        seen = np.tensordot(alpha, self._rows(signals)[0], 1)
+        seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
         noise = np.diag([NOISE[own.unit] ** 2 * SAMPLE for own in signals])
         R = D.T @ D
         try:
@@ -276,10 +279,6 @@ class _Task:
         filtered = X @ seen.T @ np.linalg.inv(noise)
         both = np.block([[np.zeros(K.shape), K], [filtered @ seen, A + B @ K - filtered @ seen]])
         return with_states(plant, len(A)), FixedGain(both)
-
-    def _rows(self, signals: Sequence[Any]) -> tuple[Array, Array]:
-        pairs = [own.arrays(self.plant) for own in signals]
-        return np.stack([C for C, _, _ in pairs], 1), np.stack([D for _, D, _ in pairs], 1)
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
         """Return what no law goes below, of these dampers or of forces."""
@@ -315,10 +314,22 @@ class _Task:
         cost = [own.name for own in spec.outputs(self.plant)]
         shown = [own.name for own in (known.acceleration, tyre, known.travel, known.force)]
         asked, begin = list(dict.fromkeys([*cost, *shown])), round(SETTLED / STEP)
-        squares = np.mean(found.response(asked).values[:, begin:] ** 2, axis=1)
+        values = found.response(asked).values
+        squares = np.mean(values[:, begin:] ** 2, axis=1)
         place = {name: i for i, name in enumerate(asked)}
         v = found.states[:, begin:, : self.rates.shape[1]] @ self.rates.T
         into = -np.sum(found.applied[:, begin:, : len(self.rates)] * v, axis=-1)
         power = np.maximum(into, 0.0).mean(axis=1)
-        whole = sum(squares[:, place[name]] for name in cost)
+        pairs = zip(cost, spec.filters, strict=True)
+        whole = sum(_mean_square(values[..., place[name]], own, begin) for name, own in pairs)
         return np.vstack([whole, *(squares[:, place[name]] for name in shown), power])
+
+
+def _mean_square(records: Array, weight: str | None, begin: int) -> Array:
+    """Return the mean squares of records (loads, times) behind a weighting, nan of lost drives."""
+    if weight is not None:
+        whole, bare = np.isfinite(records).all(axis=1), records
+        records = np.full(bare.shape, np.nan)
+        if whole.any():
+            records[whole] = WEIGHTS[weight].apply(bare[whole], STEP)
+    return np.asarray(np.mean(records[:, begin:] ** 2, axis=1))

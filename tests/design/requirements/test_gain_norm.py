@@ -30,7 +30,7 @@ from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.initial_peak import InitialPeak
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import load_specifications, parse_specification
-from polefence.design.signals.augmented import with_weights
+from polefence.design.requirements.weights import with_weights
 from polefence.design.signals.bounds import (
     best_bound,
     bounds_file,

@@ -19,7 +19,7 @@ from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import limit_text
 from polefence.design.requirements.text import load_specifications, parse_specification
-from polefence.design.signals.augmented import with_weights
+from polefence.design.requirements.weights import with_weights
 from polefence.design.signals.bounds import best_bound, kept_bound, sampled
 from polefence.design.signals.optimise import optimise
 from polefence.plant.outputs import Output
@@ -281,7 +281,10 @@ def test_a_weight_filters_each_entry():
     states = len(WK.state_space()[0])
     assert longer.shape[0] == 3 + 2 * states
     assert weighted.name == '["a, Wk", "c, Wk"]'
-    squares = [sampled(longer, None, weighted.of(one)).worst ** 2 for one in weighted.entries]
+    squares = [
+        sampled(longer, None, weighted.of(longer.signal(one))).worst ** 2
+        for one in weighted.entries
+    ]
     assert sampled(longer, None, weighted).worst ** 2 == pytest.approx(sum(squares))
     # each is what its own filter, and no other, makes of it
     for one, square in zip(("a", "c"), squares, strict=True):

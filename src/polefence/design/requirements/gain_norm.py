@@ -153,8 +153,8 @@ class GainNorm(Specification):
         rows, columns = (np.array(own) for own in self.units(plant))
         n, m = plant.shape
         moved = np.diag(columns), np.zeros((m, n)), np.diag(1 / rows), np.zeros((m, n))
-        each = (np.broadcast_to(M, (len(alpha), *M.shape)) for M in moved)
-        return Channel(*plant.at(alpha), *each)
+        E, C, D, F = (np.broadcast_to(M, (len(alpha), *M.shape)) for M in moved)
+        return Channel(*plant.at(alpha), E, C, D, F)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the norm with its slopes: all singular values near the largest."""

@@ -21,6 +21,7 @@ from polefence.design.evidence import more_than, polynomial_of, spread_of
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.slopes import Channel
 from polefence.design.requirements.specification import disturbance
+from polefence.design.requirements.weights import behind, filters_of
 from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem, cheapest
@@ -28,6 +29,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof.filters import in_series
 from polefence.proof.laws import Evidence
 from polefence.proof.remainder import SHARE, Spread
 from polefence.response.discrete import balancing
@@ -68,7 +70,7 @@ class RelativeRms(Rms):
 
     def absolute(self) -> Rms:
         """Return the rms itself."""
-        return Rms(self.signal, None, self.density, disturbances=self.disturbances)
+        return Rms(self.signal, None, self.density, self.weight, disturbances=self.disturbances)
 
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return none: it is a ratio."""
@@ -101,16 +103,17 @@ class RelativeRms(Rms):
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
     ) -> proof.BoundClaim:
         """Return the claim about the ratio."""
-        domain = Domain.of(subject.on, len(subject.A))
+        domain, wide = Domain.of(subject.on, len(subject.A)), behind(plant, None, self)
         stability = covariance = Evidence([])
         if not subject.evidence.transfer:
-            stability, covariance = self._baseline(plant, domain).evidence()
-        n = len(subject.A[0])
+            stability, covariance = self._baseline(wide.plant, domain).evidence()
         outputs, scales = self.exact_outputs(plant), tuple(map(Fraction, self.scales(plant)))
-        A, E, C = proof.baseline_loop(subject, outputs[0], None, tuple(range(n)))
-        base = proof.Baseline(A, E, C, stability, covariance)
-        intensity = Fraction(self.density) / 2
-        return proof.RelativeRms(subject, outputs, level, base, intensity, scales=scales)
+        filters = filters_of(plant, self)
+        whole = in_series(subject, outputs, filters) if filters else (subject, outputs)
+        A, E, C = proof.baseline_loop(whole[0], whole[1][0], None, tuple(range(whole[0].n)))
+        base, intensity = proof.Baseline(A, E, C, stability, covariance), Fraction(self.density) / 2
+        more = (level, base, intensity)
+        return proof.RelativeRms(subject, outputs, *more, scales=scales, filters=filters)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the ratio."""

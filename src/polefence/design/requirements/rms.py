@@ -12,7 +12,14 @@ import numpy as np
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes, of_noise
-from polefence.design.requirements.specification import Row, Specification, is_number
+from polefence.design.requirements.specification import Row, Specification, is_number, listed
+from polefence.design.requirements.weights import (
+    WEIGHTS,
+    behind,
+    filters_of,
+    wider,
+    with_weights,
+)
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem
@@ -22,9 +29,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.response.stationary import stationary
-from polefence.response.weighting import WD, WE, WF, WK
 
-WEIGHTS = {"Wk": WK, "Wd": WD, "We": WE, "Wf": WF}
 PLAIN = "none"  # of an entry that goes through no filter
 
 
@@ -39,8 +44,8 @@ class Rms(Specification):
         `polefence.vehicle.velocity_density`.
     weight : str or sequence of str, optional
         "Wk", "Wd", "We" or "Wf" of ISO 2631-1: the rms of the signal so weighted, of a vector each
-        entry; or one for each entry, "none" among them.
-        `polefence.design.signals.optimise` puts the filters into the plant.
+        entry; or one for each entry, "none" among them. The filters are no states of the plant:
+        no law feeds them back, and the region is not about their poles.
     """
 
     density: float = 1.0
@@ -90,9 +95,26 @@ class Rms(Specification):
             return (own,) * len(self.entries)
         return tuple(None if name == PLAIN else name for name in own)
 
-    def filtered(self, signals: Sequence[Output]) -> Rms:
+    @property
+    def title(self) -> str:
+        """Kind, signal, chosen disturbances and weight, as a line has them."""
+        own = self.weight
+        if own is None:
+            return super().title
+        return f"{super().title} with weight {own if isinstance(own, str) else listed(own)}"
+
+    def filtered(self, signals: Sequence[str | Output]) -> Rms:
         """Return it of the weighted signals."""
         return replace(self, signal=signals, weight=None)
+
+    def of(self, output: Output) -> Rms:
+        """Return it of one other output, behind the filter that a signal of this name has."""
+        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        weight = self.weight
+        if not (weight is None or isinstance(weight, str)):
+            known = dict(zip(names, self.filters, strict=True))
+            weight = known.get(output.name)
+        return replace(self, signal=output, weight=weight)
 
     def unweighted(self) -> Rms:
         """Return it of the signal itself."""
@@ -121,16 +143,19 @@ class Rms(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the rms."""
         scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
-        return proof.Rms(subject, self.exact_outputs(plant), level, intensity, scales=scales)
+        outputs, filters = self.exact_outputs(plant), filters_of(plant, self)
+        return proof.Rms(subject, outputs, level, intensity, scales=scales, filters=filters)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the rms, by a Lyapunov equation at each point."""
         return of_one_noise(plant, law, [self], alpha)[0]
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return it with disturbances of unit intensity."""
-        own = super().channel(plant, alpha)
-        return replace(own, E=(self.density / 2) ** 0.5 * own.E)
+        """Return it with disturbances of unit intensity, and with its filters."""
+        wide = behind(plant, None, self)
+        own = Specification.channel(wide.specification, wide.plant, alpha)
+        more = wide.plant.shape[0] - plant.shape[0]
+        return replace(own, E=(self.density / 2) ** 0.5 * own.E, filters=more)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
@@ -162,8 +187,10 @@ def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Ar
     InputError
         As `stationary` raises, of all of them together.
     """
-    outputs = [own.outputs(plant) for own in owns]
-    psd = owns[0].density * owns[0].squares(plant)
+    psd, bare = owns[0].density * owns[0].squares(plant), plant
+    plant, plain = with_weights(plant, owns)
+    law = wider(law, bare, plant)
+    outputs = [own.outputs(plant) for own in plain]
     rms = stationary(plant, law, alpha, psd, [one for own in outputs for one in own]).rms
     ends = np.cumsum([len(own) for own in outputs])[:-1]
     return [np.asarray(np.linalg.norm(part, axis=1)) for part in np.split(rms, ends, axis=1)]

@@ -19,6 +19,8 @@ class Channel:
     ----------
     A, B, E, C, D, F : (count, n, n), (count, n, m), (count, n, q), (count, p, n), (count, p, m),
         (count, p, q) arrays
+    filters : int
+        How many of the states, the last ones, are those of filters: no gain is of them.
     """
 
     A: Array
@@ -27,24 +29,44 @@ class Channel:
     C: Array
     D: Array
     F: Array
+    filters: int = 0
 
     def __getitem__(self, some: Any) -> Channel:
-        return Channel(*(getattr(self, key)[some] for key in "ABECDF"))
+        return replace(self, **{key: getattr(self, key)[some] for key in "ABECDF"})
 
     def in_units(self, d: Array) -> Channel:
-        """Return it with states in units d (n,)."""
+        """Return it with states in units d (n,), those of filters in what these come to."""
+        d = self._with_filters(d)
         column = d[:, None]
         A, B, E = self.A / column * d, self.B / column, self.E / column
         return replace(self, A=A, B=B, E=E, C=self.C * d)
 
+    def _with_filters(self, d: Array) -> Array:
+        """Return units (n,) of the plant's states with those of filters behind them.
+
+        What the others feed into a state, over the largest of its own rates; of one that they feed
+        nothing into, as of the one before it.
+        """
+        n = len(d)
+        found = list(d)
+        for i in range(n, n + self.filters):
+            fed = float(np.max(np.abs(self.A[:, i, :n]) @ d))
+            rate = float(np.abs(self.A[:, i, n:]).max())
+            found.append(fed / rate if fed and rate else found[-1])
+        return np.array(found)
+
     def closed(self, K: Array, modes: Modes) -> Loops:
         """Return the loops under gains K (count, m, n), with the modes of A + B K."""
+        if self.filters:
+            K = np.pad(K, ((0, 0), (0, 0), (0, self.filters)))
+            modes = Modes(self.A + self.B @ K, modes.step)
         return Loops(modes, self.E, self.C + self.D @ K, self.F)
 
     def slopes(self, own: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
         B, D = (np.swapaxes(M[own.points], 1, 2) for M in (self.B, self.D))
-        return np.asarray(B @ own.dA + D @ own.dC)
+        found = np.asarray(B @ own.dA + D @ own.dC)
+        return found[..., : found.shape[-1] - self.filters]
 
 
 @dataclass(frozen=True, eq=False)

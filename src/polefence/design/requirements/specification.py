@@ -186,7 +186,7 @@ class Specification(Short):
         """Name of the filter that each entry of the signal goes through first."""
         return (None,) * len(self.entries)
 
-    def filtered(self, signals: Sequence[Output]) -> Specification:
+    def filtered(self, signals: Sequence[str | Output]) -> Specification:
         """Return it of the signals behind their filters."""
         return replace(self, signal=signals)
 
@@ -338,12 +338,13 @@ class Specification(Short):
         Raises
         ------
         InputError
-            If a disturbance passes straight into one, unless it may.
+            If a disturbance passes straight into one, unless it may, or goes through a filter.
         """
         found = []
-        for own in self.outputs(plant):
+        for own, name in zip(self.outputs(plant), self.filters, strict=True):
             acts = np.any(self.scaled(plant, own.arrays(plant)[2]))
-            C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, self.direct)
+            direct = self.direct or name is not None
+            C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, direct)
             F = tuple([list(row)] for row in own.exact(plant)[2]) if own.F else ()
             found.append(proof.Output(C, D, own.name, F))
         return tuple(found)
@@ -386,7 +387,8 @@ class Specification(Short):
         C, D, F = stacked(plant, self.outputs(plant))
         disturbance(plant)
         E, moved = self.scaled(plant, plant.driven(alpha)), (C, D, self.scaled(plant, F))
-        return Channel(*plant.at(alpha), E, *(np.tensordot(alpha, M, 1) for M in moved))
+        C, D, F = (np.tensordot(alpha, M, 1) for M in moved)
+        return Channel(*plant.at(alpha), E, C, D, F)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return what is bounded in closed loops of its `channel`, with slopes; they are stable."""

@@ -188,20 +188,11 @@ def parse_specification(
     InputError
         Naming the word that cannot be used.
     """
-    table, rest = dict[str, Any](), text
-    while match := _WITH.fullmatch(rest):
-        rest, key = match["rest"], match["key"]
-        if key in (*COMMON, *ONLY_TABLES):
-            told = (
-                "name disturbances by from [NAME]"
-                if key == "disturbances"
-                else "give the limit by <="
-            )
-            raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
-        if key in table:
-            raise InputError(f"{text!r}: {key} is given twice; give it once")
-        table[key] = _value(match["value"])
+    table = dict[str, Any]()
+    rest = _without_ends(text, text, table)
     what, less, limit = rest.partition("<=")
+    if less:  # a title has its ends before its limit
+        what = _without_ends(what, text, table)
     if not less and (found := _LIMIT_ELSE.search(what)):
         raise InputError(
             f"{text!r}: {found[0]!r} at its end; a limit is written <= NUMBER, with a decimal point"
@@ -222,6 +213,23 @@ def parse_specification(
     if less:
         table["at_most"] = _value(limit.strip())
     return _specification(table, repr(text), road, known)
+
+
+def _without_ends(part: str, text: str, table: dict[str, Any]) -> str:
+    """Return a part of a line without `with KEY VALUE` at its end, which is read into a table."""
+    while match := _WITH.fullmatch(part):
+        part, key = match["rest"], match["key"]
+        if key in (*COMMON, *ONLY_TABLES):
+            told = (
+                "name disturbances by from [NAME]"
+                if key == "disturbances"
+                else "give the limit by <="
+            )
+            raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
+        if key in table:
+            raise InputError(f"{text!r}: {key} is given twice; give it once")
+        table[key] = _value(match["value"])
+    return part
 
 
 def parse_names(text: str) -> tuple[str, ...]:

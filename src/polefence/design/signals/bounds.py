@@ -28,6 +28,7 @@ from polefence.design.lyapunov import lyapunov_matrix, weights_at
 from polefence.design.requirements.gain_norm import GainNorm, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
+from polefence.design.requirements.weights import behind
 from polefence.design.search import first
 from polefence.design.signals.by_transfer import ByTransfer
 from polefence.law.laws import FixedGain, Law, domain_of
@@ -220,7 +221,8 @@ class _Question:
         with suppress(InputError, np.linalg.LinAlgError):
             worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
             # along a motion a dual form would bound means over time only
-            dual = None if plant.moving else specification.dual(plant, law)
+            wide = behind(plant, law, specification)
+            dual = None if plant.moving else wide.specification.dual(wide.plant, wide.law)
         return cls(plant, law, specification, dual, worst, own)
 
     @property
@@ -419,6 +421,8 @@ def _climb(
     if isinstance(specification, GainNorm):
         yield from (iter([point]) for point in _norms(plant, law, specification, unit))
         return
+    wide = behind(plant, law, specification)
+    plant, law, specification = wide.plant, wide.law, wide.specification
     source, output = specification.condition(plant, domain_of(plant, law), unit)
     loop = loop_with(plant, law, output.C, output.D)
     if output.held:
@@ -503,8 +507,9 @@ def _proved(
     if plant.remainder is not None and specification.of_signal:
         try:
             if not evidence.dual:
-                cut = specification.cut_off(plant)
-                evidence = replace(evidence, spread=spread_of(plant, law, evidence, cut=cut))
+                cut, wide = specification.cut_off(plant), behind(plant, law, specification)
+                spread = spread_of(wide.plant, wide.law, evidence, cut=cut)
+                evidence = replace(evidence, spread=spread)
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(level))

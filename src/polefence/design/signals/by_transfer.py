@@ -57,7 +57,7 @@ class ByTransfer:
             return None
         with suppress(FormatError), counted():
             claim.require()
-            own = claim.transfer()
+            own = claim.series.transfer()  # with its filters
             return cls(claim, own, domain) if own.is_stable else None
         return None
 

@@ -7,7 +7,7 @@ polynomial of its own, and the region with one for each of its parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,7 +34,6 @@ from polefence.design.measured import require_detectable
 from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals import nearby
-from polefence.design.signals.augmented import with_weights, without_feedback
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
 from polefence.design.signals.effort import NEAR, Closer, gain_of, least, smaller
 from polefence.design.signals.placed import as_sampled
@@ -67,7 +66,6 @@ from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
-from polefence.plant.outputs import states
 from polefence.plant.tracks import own_states as states_of_a_car
 from polefence.proof.short import Short
 from polefence.region.regions import Region
@@ -208,8 +206,7 @@ def optimise(
     Returns
     -------
     Optimised
-        Everything in it is proved. Where a specification has a weight its plant has the filter's
-        states; the law feeds them back only where that is better.
+        Everything in it is proved.
 
     Raises
     ------
@@ -253,29 +250,19 @@ def optimise(
         asked_method = None if either or structure is not None else method
         question = minimise, subject_to, region, asked_method, budget, structure
         return _nearby(plant, *question, fewer_states)
-    asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    deadline = Deadline(budget)
-    larger, found = with_weights(plant, tuple(asked_for))
-    weighted = larger is not plant
+    deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
+    limits, words = tuple(subject_to), _in_words(plant, region, asked)
     # what is searched is in differences where the plant is in discrete time
-    T, inside = plant.sample_time, asked
-    larger, bare_plant = delta_form(larger), delta_form(plant)
+    T, inside, plant = plant.sample_time, asked, delta_form(plant)
     if T is not None:
         inside = delta_plane(asked, T)
-    task = replace(
-        _task(larger, found, minimise is not None, inside, method),
-        asked=(bare_plant, tuple(subject_to)),
-        words=_in_words(plant, region, asked),
-    )
-    if either and not is_optimisable(larger, method, len(found)):
+    task = Task(plant, minimise, limits, inside, method, asked=(plant, limits), words=words)
+    if either and not is_optimisable(plant, method, count):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
         return _as_sampled(_tuned(task, structure, fewer_states), asked)
-    require_optimisable(larger, method, len(found))
-    unweighted = tuple(s.unweighted() for s in asked_for)
-    bare = _task(bare_plant, unweighted, bool(minimise), inside, method)
-    search = partial(_weighted, task, bare) if weighted else partial(_settled, task)
-    done = _best_of_all(task, search, deadline) if either else search(deadline)
+    require_optimisable(plant, method, count)
+    done = (_best_of_all if either else _settled)(task, deadline)
     return _as_sampled(done, asked)
 
 
@@ -291,8 +278,7 @@ def _nearby(
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
-    asked_for = subject_to if minimise is None else (*subject_to, minimise)
-    weighted, found = with_weights(plant, tuple(asked_for))
+    found = (*subject_to, *([] if minimise is None else [minimise]))
     bare = plant.combinations
     best: Optimised | None = None
     deadline, lowest = Deadline(budget), np.inf
@@ -302,10 +288,10 @@ def _nearby(
         return optimise(bare, *question, fewer_states=fewer)
 
     def proved(done: Optimised, inside: Region) -> Optimised | None:
-        larger, every = weighted, found
+        larger, every = plant, found
         if structure is not None:  # a law may have fewer states than it was allowed
             kept = replace(structure, order=structure.order and own_states(done.plant))
-            larger, _, every = _with_own_states(kept, plant, weighted, found)
+            larger, _, every = _with_own_states(kept, plant, found)
         least = None if minimise is None else every[-1]
         limits = every if minimise is None else every[:-1]
         proofs = nearby.bounded(larger, done.law, asked, least, limits)
@@ -364,14 +350,12 @@ def _as_sampled(done: Optimised, region: Region) -> Optimised:
     return replace(done, design=as_sampled(done.design, region), designed=designed)
 
 
-def _best_of_all(
-    task: Task, search: Callable[[Deadline], Optimised], deadline: Deadline
-) -> Optimised:
+def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
     """Return the better of a law that an LMI gives, and one that is tuned from it."""
     best: Optimised | None = None
     failure: NotProvedError | None = None
     try:
-        best = search(deadline)
+        best = _settled(task, deadline)
     except NotProvedError as error:
         if error.refutation is not None:
             raise
@@ -389,40 +373,6 @@ def _best_of_all(
     if best is None or best.retreat is not None or is_too_fast(best.plant, best.law):
         return tuned
     return _least(best, tuned)
-
-
-def _task(
-    plant: UncertainPlant,
-    asked_for: tuple[Specification, ...],
-    minimised: bool,
-    region: Region,
-    method: Method,
-) -> Task:
-    """Return the task; what is minimised comes last of the specifications."""
-    if not minimised:
-        return Task(plant, None, asked_for, region, method)
-    return Task(plant, asked_for[-1], asked_for[:-1], region, method)
-
-
-def _weighted(task: Task, bare: Task, deadline: Deadline) -> Optimised:
-    """Return the better of a law with the filters' states, and one without, for bare signals."""
-    simple: Optimised | None = None
-    with suppress(NotProvedError):
-        found = _settled(bare, deadline)
-        # a law that was designed otherwise
-        law = without_feedback(found.law, task.plant)
-        simple = _bounded(task, candidate(task, law, found.designed))
-    if simple is not None and deadline.passed:
-        return replace(simple, cut=_cut(deadline))
-    try:
-        best = _settled(task, deadline)
-    except NotProvedError:
-        if simple is None:
-            raise
-        return replace(simple, cut=_cut(deadline))
-    if simple is None or (task.minimise and best.bounds[0].level < simple.bounds[0].level):
-        return best
-    return replace(simple, shared=best.shared, cut=best.cut)
 
 
 def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
@@ -522,30 +472,19 @@ def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
     """Return the task for the plant of which the law is a gain, and that gain's structure."""
-    bare, plant = (task.asked[0] if task.asked else task.plant), task.plant
-    structure.require_fit(bare)
-    require_detectable(bare, structure.outputs(bare), task.region)
+    plant = task.plant
+    structure.require_fit(plant)
+    require_detectable(plant, structure.outputs(plant), task.region)
     asked = (task.minimise, *task.limits) if task.minimise else task.limits
-    larger, gain, found = _with_own_states(structure, bare, plant, asked)
+    larger, gain, found = _with_own_states(structure, plant, asked)
     limits = found[1:] if task.minimise else found
     return replace(task, plant=larger, limits=limits, minimise=task.minimise and found[0]), gain
 
 
 def _with_own_states(
-    structure: Structure,
-    bare: UncertainPlant,
-    plant: UncertainPlant,
-    asked: Sequence[Specification],
+    structure: Structure, plant: UncertainPlant, asked: Sequence[Specification]
 ) -> tuple[UncertainPlant, Structure, tuple[Specification, ...]]:
-    """Return the plant with the states of a law, its gain's structure, and what is asked of it.
-
-    Parameters
-    ----------
-    bare, plant : UncertainPlant
-        Without and with the filters of what is asked.
-    """
-    if structure.measured is None and plant is not bare:  # filters are no sensors
-        structure = replace(structure, measured=tuple(own.name for own in states(bare)))
+    """Return the plant with the states of a law, its gain's structure, and what is asked of it."""
     larger, gain = structure.extended(plant)
     n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
     return larger, gain, tuple(own.extended(n, more) if more else own for own in asked)

@@ -36,7 +36,7 @@ from polefence.base.files import write_text
 from polefence.design.certificate import file_plant
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.specification import Specification, disturbance, limit_text
-from polefence.design.signals.augmented import with_weights
+from polefence.design.requirements.weights import with_weights
 from polefence.design.signals.search import Task
 from polefence.lmi.conditions.methods import method_label
 from polefence.lmi.conditions.pencil import Index
@@ -123,19 +123,12 @@ class Refutation(Short):
         return Path(path)
 
     def __str__(self) -> str:
-        named = "; ".join(
-            limit_text(s) + f" with weight {_weight(s.weight)}" * bool(s.weight)
-            for s in self.specifications
-        )
+        named = "; ".join(map(limit_text, self.specifications))
         these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
         return (
             f"refuted: at {self.where} no {self.claim.of_laws} keeps {these}, nor "
             f"{digits_down(self.factor)} times {them}: {named}"
         )
-
-
-def _weight(weight: str | Sequence[str] | None) -> str:
-    return weight if isinstance(weight, str) else f"[{', '.join(weight or ())}]"
 
 
 @explained

@@ -108,7 +108,7 @@ class Task:
     limits: tuple[Specification, ...]
     region: Region
     method: Method
-    # the plant without filters, and the limits as they were asked for
+    # the plant and the limits as they were asked for, before a law had states
     asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
     # the parts of the region in words, as they were asked for
     words: tuple[str, ...] = ()
@@ -135,11 +135,17 @@ class Task:
         return replace(self, minimise=least, limits=limits)
 
     def question(self, region: Region | None) -> Problem:
-        """Return the condition with one Lyapunov matrix for everything."""
+        """Return the condition with one Lyapunov matrix for everything, signals without weights.
+
+        With the filters' states the law that it gives would be one of these too.
+        """
         o, plant = options(self.method), self.plant
-        pairs = [s.condition(plant, self.domain) for s in self.limits if s.of_signal]
+        asked: list[tuple[Specification, float | None]]
+        asked = [(s, None) for s in self.limits if s.of_signal]
         if self.minimise is not None and self.minimise.of_signal:
-            pairs.append(self.minimise.condition(plant, self.domain, 1.0))
+            asked.append((self.minimise, 1.0))
+        found = ((s, s.unweighted().condition(plant, self.domain, unit)) for s, unit in asked)
+        pairs = [(source, replace(output, name=s.title)) for s, (source, output) in found]
         pairs = [(s, replace(o, level=o.level * KEPT if o.fixed else o.level)) for s, o in pairs]
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)
@@ -303,7 +309,7 @@ class Origin:
 
     def known(self, law: Law, own: Specification) -> Known | None:
         """Return what the design itself says of a signal; None where that is nothing."""
-        if not own.of_signal:
+        if not own.of_signal or any(own.filters):
             return None
         source = own.condition(self.task.plant, self.task.domain, 1.0)[0]
         t = self.found.t.get(f"t {source.name}", 0.0)
@@ -688,6 +694,7 @@ class Search:
             replace(signal, D=[[d / size[k] for d in signal.D[0]]])
             for k, signal in enumerate(inputs(plant))
         )
+        own = own.unweighted()
         least = replace(own.absolute(), signal=effort if len(effort) > 1 else effort[0])
         for share in (WORTH, CLOSE):
             kept = replace(own, at_most=level_of(task, found) * (1 + share))
@@ -877,7 +884,7 @@ class Search:
         own = self.task.minimise
         if own is None or law is None or not own.of_signal:
             return ()
-        own, found = own.absolute(), []  # without control an input has no rms
+        own, found = own.absolute().unweighted(), []  # without control an input has no rms
         for signal in inputs(self.task.plant):
             like = own.of(replace(signal, name=f"{signal.name}, implied"))
             worst = self._worst(law, like)

@@ -31,7 +31,6 @@ from polefence.design.design import FILE_NAME, Design
 from polefence.design.limits import LABEL
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.rows import Row, Run, RunOptions, plant_summary
-from polefence.design.signals.augmented import with_weights
 from polefence.design.signals.bounds import best_bound, bounds_file, sampled
 from polefence.design.signals.optimise import Optimised, method_for, optimise, structured
 from polefence.design.signals.search import Task
@@ -142,13 +141,13 @@ def _asked(
 ) -> Asked:
     """Return the question, of the plant that laws of its answers are gains of."""
     require_region(plant, region)
-    larger, found = with_weights(plant, asked_for)
-    task = Task(larger, found[-1], found[:-1], region, "quadratic", (plant, ()))
+    *limits, least = asked_for
+    task = Task(plant, least, tuple(limits), region, "quadratic")
     if structure is not None:
         task, _ = structured(task, structure)
     swept, *others = task.limits
-    least = found[-1] if task.minimise is None else task.minimise
-    return Asked(task.plant, least, swept, tuple(others), region, structure, (plant, asked_for))
+    bare, least = (plant, asked_for), task.minimise or least
+    return Asked(task.plant, least, swept, tuple(others), region, structure, bare)
 
 
 def _named(
@@ -243,7 +242,7 @@ class Asked(Short):
     Attributes
     ----------
     plant : UncertainPlant
-        With the states of filters that specifications ask for, and of the law's own.
+        With the law's own states.
     minimise, over : Specification
         Without limits.
     subject_to : tuple of Specification
@@ -279,7 +278,9 @@ class Asked(Short):
 
 def _as_read_from_json(own: Specification) -> dict[str, Any]:
     # through JSON and back, so that it equals what is read from a file
-    found: dict[str, Any] = json.loads(json.dumps({"kind": own.kind} | asdict(own), default=repr))
+    found: dict[str, Any] = json.loads(
+        json.dumps({"kind": own.kind} | asdict(own), default=reading.plain)
+    )
     if found["disturbances"] is None:  # all, as in files that do not say
         del found["disturbances"]
     return found

@@ -130,7 +130,7 @@ def _scaled(
     (n, m), r = B.shape, len(C)
     cost, noise = cost_of(plant, sizes, asked), np.zeros((n + r, n + r))
     for each in (each for each in asked if each.of_signal):
-        E = each.channel(plant, even).E[0]
+        E = each.unweighted().channel(plant, even).E[0]
     E = E / d[:, None]
     noise[:n, :n] = E @ E.T / (np.trace(E @ E.T) or 1.0) * n + FLOOR_NOISE * np.eye(n)
     return _Middle(A, B, C, cost * (n + m) / (np.trace(cost) or 1.0), noise)

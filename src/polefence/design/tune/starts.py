@@ -188,7 +188,7 @@ def cost_of(plant: UncertainPlant, sizes: Sizes, asked: Sequence[Specification])
     found = np.zeros((n + m, n + m))
     limited = all(own.at_most for own in asked)
     for own in asked:
-        channel = own.channel(plant, np.full((1, N), 1 / N))
+        channel = own.unweighted().channel(plant, np.full((1, N), 1 / N))
         if not own.of_signal:
             continue
         rows = np.hstack([channel.C[0] * sizes.states, channel.D[0] * sizes.inputs])

@@ -44,6 +44,7 @@ class Rms(SignalClaim):
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
+    has_filters: ClassVar[bool] = True
     motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)

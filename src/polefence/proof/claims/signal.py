@@ -15,6 +15,8 @@ the L2 norm of w is the root of T times the sum of |w|^2.
 
 Disturbances w = diag(s) v have ``scales`` s, zero of one that does not act: E and F are then
 E diag(s) and F diag(s), and what is claimed is of v.
+
+Signals may be bounded behind ``filters``; the evidence is then of the loop with these in series.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from polefence.proof.claims.base import (
     undecided,
 )
 from polefence.proof.claims.poles import Poles
+from polefence.proof.filters import Filter, Filters, in_series, states_of
 from polefence.proof.laws import (
     DOMAINS,
     MAX_CELLS,
@@ -338,12 +341,14 @@ class SignalClaim(Short, Claim):
     has_transfer: ClassVar[bool] = False  # whether the transfer function can be the proof
     moves: ClassVar[bool] = True
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
+    has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
     outputs: tuple[Output, ...]
     level: Fraction
     scales: tuple[Fraction, ...] = field(default=(), kw_only=True)
+    filters: Filters = field(default=(), kw_only=True)  # one an output; none where none has one
 
     # --- what each kind has of its own -----------------------------------------------------------
 
@@ -433,16 +438,19 @@ class SignalClaim(Short, Claim):
         law = require_law(law, cls.kind)
         if cls.driven and not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
-        subject = read_subject(table.table("evidence"), plant, law, on)
         outputs = cls._read_outputs(table, plant)
+        filters = _read_filters(table, len(outputs)) if cls.has_filters else ()
+        subject = read_subject(table.table("evidence"), plant, law, on, states_of(filters))
         level = table.number("level")
         scales = cls.driven and "disturbances" in table
+        whole = in_series(subject, outputs, filters) if filters else (subject, outputs)
         return cls(
             subject,
             outputs,
             level,
             scales=table.numbers("disturbances", plant.q) if scales else (),
-            **cls.read_own(table, subject, outputs),
+            filters=filters,
+            **cls.read_own(table, *whole),
         )
 
     @classmethod
@@ -459,6 +467,8 @@ class SignalClaim(Short, Claim):
             table |= {"name": self.outputs[0].name, "output": _rows_of(self.outputs[0])}
         else:
             table |= write_outputs(self.outputs)
+        if self.filters:
+            table["filters"] = [{} if own is None else own.write() for own in self.filters]
         table |= {"level": plain(self.level)} | self.write_own()
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
@@ -468,7 +478,7 @@ class SignalClaim(Short, Claim):
 
         One that is none of the plant's signals is said to be defined by the file.
         """
-        what, acting = outputs_text(self.outputs, plant), self._acting(plant)
+        what, acting = outputs_text(self.outputs, plant, self.filters), self._acting(plant)
         level = digits_up(self.level)
         on = f", on the {self.subject.on}"
         if self.subject.step:
@@ -487,8 +497,28 @@ class SignalClaim(Short, Claim):
         """Say that an output has the name of another signal of the plant."""
         return misnamed(self.outputs, plant)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The outputs' names, with the filters that they are behind."""
+        filters = self.filters or (None,) * len(self.outputs)
+        return tuple(
+            quoted(own.name) + ("" if each is None else f" behind {each.name}")
+            for own, each in zip(self.outputs, filters, strict=True)
+        )
+
+    @property
+    def series(self) -> Self:
+        """The same claim about the loop with its filters, which has none."""
+        if not self.filters:
+            return self
+        subject, outputs = in_series(self.subject, self.outputs, self.filters)
+        return replace(self, subject=subject, outputs=outputs, filters=())
+
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
+        if self.filters:
+            self.series.require()
+            return
         evidence = self.subject.evidence
         if self.subject.motion and evidence.cells:
             raise FormatError("cells: along motions X is one of the whole box")
@@ -580,6 +610,9 @@ class SignalClaim(Short, Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield what proves the claim; all that is about its loop is raised to one degree."""
+        if self.filters:
+            yield from self.series.inequalities()
+            return
         for k, piece in enumerate(self.subject.evidence.cells):
             for own in self.inside(piece).inequalities():
                 yield replace(own, piece=f", cell {k + 1}")
@@ -588,6 +621,8 @@ class SignalClaim(Short, Claim):
 
     def decided(self) -> Verdict:
         """Prove it; cells must make up the box."""
+        if self.filters:
+            return self.series.decided()
         if self.subject.evidence.transfer:
             return self._by_transfer()
         return in_cells([self.subject.evidence], super().decided)
@@ -649,8 +684,8 @@ class SignalClaim(Short, Claim):
         return found
 
 
-def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
-    """Read the evidence of a claim; of a gain the domain too."""
+def read_subject(table: Table, plant: Plant, law: Law, on: str, more: int = 0) -> Subject:
+    """Read the evidence of a claim, of so many more states; of a gain the domain too."""
     if law.fixed:
         on = table.word("on", DOMAINS, "simplex")
     on, step, plant = plant.domain(on), plant.step, plant.in_differences
@@ -669,11 +704,12 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str) -> Subject:
         cells = table.tables("cells", MAX_CELLS) if "cells" in table else []
         dual = "Q" in (cells[0] if cells else table)
         if cells:
-            evidence = read_cells(table, plant.n, sizes, dual)
+            evidence = read_cells(table, plant.n + more, sizes, dual)
             own = Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
             return replace(own, motion=motion)
         letter = "Q" if dual else "X"
-        evidence = read_evidence(table, plant.n, sizes, letter, multiple=law.scheduled and not dual)
+        multiple = law.scheduled and not dual
+        evidence = read_evidence(table, plant.n + more, sizes, letter, multiple=multiple)
         evidence = replace(evidence, dual=dual)
     return Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder, motion)
 
@@ -745,9 +781,23 @@ def acting_text(
     return f" from {' and '.join(said)}{alone}" if said else ""
 
 
-def outputs_text(outputs: Sequence[Output], plant: Plant) -> str:
-    """Say what an output is, or each entry of a vector."""
+def _read_filters(table: Table, count: int) -> Filters:
+    """Read a filter for each output, an empty table for one without."""
+    if "filters" not in table:
+        return ()
+    rows = table.tables("filters", count)
+    if len(rows) != count:
+        raise FormatError(f"{table.path('filters')} holds {len(rows)} filters of {count} outputs")
+    found = tuple(Filter.read(row) if row.entries else None for row in rows)
+    return found if any(found) else ()
+
+
+def outputs_text(outputs: Sequence[Output], plant: Plant, filters: Filters = ()) -> str:
+    """Say what an output is, or each entry of a vector, and what filter is behind it."""
     named = [_output_words(own, plant) for own in outputs]
+    for k, own in enumerate(filters):
+        if own is not None:
+            named[k] += f" behind the filter {quoted(own.name)} (as the file defines it)"
     return named[0] if len(named) == 1 else f"[{', '.join(named)}]"
 
 

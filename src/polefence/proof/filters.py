@@ -1,0 +1,123 @@
+"""Filters behind signals: z' = a z + b y, and in the place of y the weighted signal c z.
+
+Nothing in the plant depends on z, and no law knows it. So what is claimed of a signal behind a
+filter is what is claimed of c z in a larger plant, whose law leaves z alone: of the same poles,
+and those of a. In discrete time a and b are those of the filter's delta form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from polefence.proof.matrices import Rationals, product
+from polefence.proof.plant import Output
+from polefence.proof.reading import Table, plain
+from polefence.proof.work import RATIONAL, FormatError, spend
+
+if TYPE_CHECKING:
+    from polefence.proof.claims.signal import Subject
+    from polefence.proof.laws import Law
+
+MAX_STATES = 20  # of one filter
+ZERO, ONE = Fraction(0), Fraction(1)
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Matrices a (k x k), b (k x 1) and c (1 x k), and a name."""
+
+    a: Rationals
+    b: Rationals
+    c: Rationals
+    name: str = ""
+
+    @classmethod
+    def read(cls, table: Table) -> Filter:
+        """Read a filter."""
+        a = table.matrix("a")
+        k = len(a)
+        if not 1 <= k <= MAX_STATES:
+            raise FormatError(f"{table.path('a')} has {k} rows; a filter has 1 to {MAX_STATES}")
+        a, b, c = table.matrix("a", k, k), table.matrix("b", k, 1), table.matrix("c", 1, k)
+        return cls(a, b, c, table.text("name", ""))
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        return {"name": self.name} | {key: plain(getattr(self, key)) for key in "abc"}
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return len(self.a)
+
+
+Filters = tuple[Filter | None, ...]  # one a signal; None of one without
+
+
+def states_of(filters: Filters) -> int:
+    """Return the number of states of all filters."""
+    return sum(own.states for own in filters if own is not None)
+
+
+def in_series(
+    subject: Subject, outputs: Sequence[Output], filters: Filters
+) -> tuple[Subject, tuple[Output, ...]]:
+    """Return the loop with filters behind some outputs, and what comes out of them.
+
+    Raises
+    ------
+    FormatError
+        If there is not one filter, or none, for each output.
+    """
+    if len(filters) != len(outputs):
+        raise FormatError(f"there are {len(outputs)} outputs, and filters of {len(filters)}")
+    more, at, vertices = states_of(filters), subject.n, len(subject.A)
+    size = subject.n + more
+    spend(RATIONAL * vertices * size * (size + subject.m + subject.q), 64, 64)
+    A = [[[*row, *(ZERO,) * more] for row in M] for M in subject.A]
+    B = [[list(row) for row in M] for M in subject.B]
+    E = [[list(row) for row in M] for M in subject.E]
+    found = list[Output]()
+    for own, each in zip(outputs, filters, strict=True):
+        if each is None:
+            C = [[[*row, *(ZERO,) * more] for row in rows] for rows in own.C]
+            found.append(replace(own, C=C))
+            continue
+        before, after = (ZERO,) * (at - subject.n), (ZERO,) * (size - at - each.states)
+        for j in range(vertices):
+            rows = zip(product(each.b, own.C[j]), each.a, strict=True)
+            A[j] += [[*left, *before, *right, *after] for left, right in rows]
+            B[j] += product(each.b, own.D[j])
+            if E:
+                F = own.F[j] if own.F else [[ZERO] * subject.q]
+                E[j] += product(each.b, F)
+        C = [[[*(ZERO,) * at, *each.c[0], *after]]] * vertices
+        D = [[[ZERO] * subject.m]] * vertices
+        found.append(Output(C, D, own.name, (), own.unit))
+        at += each.states
+    remainder = subject.remainder and subject.remainder.padded(subject.n, subject.m, more)
+    law = _wider(subject.law, subject.n, more)
+    larger = replace(subject, A=A, B=B, E=E, law=law, remainder=remainder)
+    return larger, tuple(found)
+
+
+def _wider(law: Law, n: int, more: int) -> Law:
+    """Return a law of n states as one of more, which are not fed back.
+
+    A W grows by a multiple of the identity: any will do that is positive.
+    """
+    if law.C:
+        return replace(law, C=tuple(_beside(rows, more) for rows in law.C))
+    if law.K is not None:
+        return replace(law, K=[_beside(K, more) for K in law.K])
+    size = law.W[0][0][0] if law.W and law.W[0] and law.W[0][0] else ONE
+    eye = [[size if i == j else ZERO for j in range(more)] for i in range(more)]
+    W = [[*_beside(M, more), *([*(ZERO,) * n, *row] for row in eye)] for M in law.W or []]
+    return replace(law, W=W, Z=[_beside(M, more) for M in law.Z or []])
+
+
+def _beside(matrix: Rationals, more: int) -> Rationals:
+    return [[*row, *(ZERO,) * more] for row in matrix]

@@ -62,6 +62,8 @@ SLOW = (
     "studio/test_answers.py",
     "test_build.py",
     "design/signals/test_never_worse.py",
+    "design/test_rational.py",
+    "design/signals/test_effort.py",
     "design/signals/test_optimised_files.py",
     "cli/test_cli_structures.py",
     "cli/test_terminal.py",

@@ -61,6 +61,7 @@ from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
@@ -70,6 +71,7 @@ from polefence.region.text import digits_down, digits_up, load_region, parse_reg
 from polefence.vehicle.rest import Rest, held_words, rests
 
 METHODS = ("quadratic", "scheduled")
+TOLD = 1.2  # times as large: what gains would have to be at least, for a line that says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -150,6 +152,10 @@ def optimise_command(options: Any) -> int:
     rows = rows_of(done)
     require_agreement(rows)
     _finish(done, rows, method, options)
+    order = 0 if structure is None else structure.order
+    if own_states(done.plant) < order:
+        fewer = f"a law of order {own_states(done.plant)}"
+        say(f"  {fewer}: none of order {order} that was found is better by a thousandth")
     return PROVED
 
 
@@ -166,6 +172,8 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
     # of one vertex one gain is every law
     if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
+    if method is not None:
+        say("  by this method alone: the default tunes a law too, which may be better")
 
 
 def road_of(options: Any) -> RoadSpectrum | None:
@@ -366,7 +374,17 @@ def _design_lines(done: Optimised) -> list[str]:
         )
     if done.retreat is not None:
         lines.append(f"  {_retreat_line(done.retreat)}")
-    return lines
+    return lines + list(_closer_lines(done))
+
+
+def _closer_lines(done: Optimised) -> Iterator[str]:
+    """Say what the last thousandth would cost, where that is much."""
+    if done.closer is None:
+        return
+    times = done.closer.gain / done.closer.own if done.closer.own > 0 else 0.0
+    if times >= TOLD:
+        share = digits_up(100 * (1 - done.closer.level / done.bounds[0].level), 2)
+        yield f"  {share} % less would take a gain {times:.2g} times as large, in typical sizes"
 
 
 def _designed_words(done: Optimised) -> str:

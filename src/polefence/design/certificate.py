@@ -34,7 +34,7 @@ from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document, loads
 from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
-from polefence.proof.reading import Table
+from polefence.proof.reading import Table, is_double
 from polefence.proof.short import Short
 from polefence.proof.text import number_text, region_text
 from polefence.proof.work import FormatError, WorkError, counted
@@ -315,7 +315,7 @@ def part_of(own: laws.Evidence) -> dict[str, Any]:
         ends = [{key: np.array(list(map(float, p))) for key, p in each.items()} for each in bounds]
         pairs = zip(ends, own.cells, strict=True)
         return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
-    part = {"X": _floats(own.X), "degree": own.degree, "elevation": own.elevation}
+    part = {"X": _exactly(own.X), "degree": own.degree, "elevation": own.elevation}
     if own.pieces:
         part["pieces"] = own.pieces
     if own.multiple:
@@ -359,6 +359,22 @@ def decide(claim: Poles) -> tuple[Verdict, tuple[Fraction, ...] | None]:
 
 def _floats(matrices: list[Rationals]) -> Array:
     return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
+
+
+def _exactly(matrices: list[Rationals]) -> Array:
+    """Return matrices in floats; as text "p/q" where floats do not hold them."""
+    if all(is_double(e) for matrix in matrices for row in matrix for e in row):
+        return _floats(matrices)
+    rows = [[[str(e) for e in row] for row in matrix] for matrix in matrices]
+    return np.array(rows, dtype=object)
+
+
+def in_floats(matrices: Any) -> Array:
+    """Return matrices of evidence in floats, also of entries that are text "p/q"."""
+    found = np.asarray(matrices)
+    if found.dtype != object:
+        return found
+    return np.array([float(Fraction(e)) for e in found.ravel()]).reshape(found.shape)
 
 
 def file_plant(plant: UncertainPlant) -> files.Plant:

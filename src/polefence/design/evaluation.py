@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.design.certificate import Certificate
+from polefence.design.certificate import Certificate, in_floats
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, ScheduledGain, right_divide
 from polefence.lmi.solve.scaling import summed, transposed
@@ -188,7 +188,7 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
         scheduled = isinstance(law, ScheduledGain)
         for part, each in zip(parts, evidence["parts"], strict=True):
             for own in each.get("cells", [each]):
-                degree, X = int(own["degree"]), np.asarray(own["X"])
+                degree, X = int(own["degree"]), in_floats(own["X"])
                 multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
                 box = Box(tuple(own["low"]), tuple(own["high"])) if "low" in own else None
                 more = multiple, int(own["elevation"]), box, own.get("remainder")

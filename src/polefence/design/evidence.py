@@ -18,6 +18,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.design.certificate import Certificate, exact_law, part_of
 from polefence.design.counterexample import counterexample
+from polefence.design.rational import lyapunov_matrices
 from polefence.design.search import Deadline, first
 from polefence.law.laws import (
     FixedGain,
@@ -291,6 +292,10 @@ class Search:
             self.last = form
             evidence = evidence_at(self.plant, self.law, self.part, form)
             if evidence is not None:
+                return evidence
+        for X in lyapunov_matrices(self.plant, self.law, self.part):
+            evidence = {"X": X, "degree": 0, "elevation": 0}
+            if certificate_of(self.plant, self.law, self.part, [evidence]).holds():
                 return evidence
         for form, pieces in finer(self.plant, self.law):
             if self._late():

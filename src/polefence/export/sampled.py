@@ -20,7 +20,7 @@ import numpy as np
 from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.progress import stage
-from polefence.design.certificate import Check
+from polefence.design.certificate import Check, in_floats
 from polefence.design.design import Design
 from polefence.design.evidence import certificate_of, evidence_of, forms, loop_of
 from polefence.design.margins.claims import above, balanced
@@ -637,7 +637,7 @@ def _radius(decay: Fraction, sample_time: Fraction) -> Fraction:
 
 def _short_evidence(evidence: dict[str, Any]) -> dict[str, Any]:
     """Round a Lyapunov polynomial to a multiple of a power of two, symmetric."""
-    X = np.asarray(evidence["X"])
+    X = in_floats(evidence["X"])
     multiple = np.asarray(evidence.get("multiple", np.zeros(0)))
     _, exponent = np.frexp(max(np.abs(X).max(), np.abs(multiple).max(initial=0.0)))
     unit = 2.0 ** (int(exponent) - EVIDENCE_BITS)
@@ -820,7 +820,7 @@ def _middle(family: Family, evidence: Mapping[str, Any]) -> Array:
     where = domain_of(family.plant, law)
     alpha = np.full(where.corners, 1 / where.corners)
     basis = where.basis(alpha, evidence["degree"])
-    Q = np.tensordot(basis, np.asarray(evidence["X"]), 1)
+    Q = np.tensordot(basis, in_floats(evidence["X"]), 1)
     if not isinstance(law, ScheduledGain):
         return np.asarray(Q)
     W = np.tensordot(where.basis(alpha, law.degree), law.W, 1)

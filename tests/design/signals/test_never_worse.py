@@ -63,3 +63,52 @@ def test_more_freedom_or_fewer_limits_are_never_worse(seed):
     assert affine <= level(pf.Structure(schedule=("p",))) * ROUNDING
     if seed == 2:
         assert level(pf.Structure(degree=2)) <= affine
+
+
+@pytest.mark.parametrize("method", ["quadratic", "scheduled"])
+def test_limits_that_do_not_bind_change_nothing(method):
+    plant, least, limits = drawn(1)
+    own = pf.optimise(plant, least, limits, method=method)
+    wide = [pf.Rms("x1", 50 * own.bounds[0].level, density=2.0)]
+    if method == "quadratic":  # of a law Z W^-1 whose W is nearly singular no norm is proved
+        wide.append(pf.GainNorm(1e12))
+    for more in wide:
+        found = pf.optimise(plant, least, (*limits, more), method=method)
+        assert found.bounds[0].level == pytest.approx(own.bounds[0].level, rel=1e-3)
+
+
+def test_a_higher_order_is_never_worse_and_leaves_out_states_that_do_nothing():
+    plant, least, limits = drawn(1)
+    levels, count = [], []
+    for order in (0, 1, 2):
+        done = pf.optimise(
+            plant, least, limits, structure=replace(ONE, measured=("x1",), order=order)
+        )
+        levels.append(done.bounds[0].level)
+        count.append(done.plant.shape[0] - plant.shape[0])
+    assert np.all(np.diff(levels) <= 1e-3 * levels[0])
+    for k in (1, 2):  # a state is worth a thousandth, or is not there
+        assert count[k] == 0 or levels[k] < levels[k - 1] * (1 - 5e-4) or count[k] == count[k - 1]
+    assert count[2] < 2 or levels[2] < levels[1]
+
+
+UNITS = [((1e5, 1e-5), 1.0), ((1e-5, 1e5), 1e-3), ((1.0, 1.0), 1e4)]
+
+
+@pytest.mark.parametrize(("sizes", "u"), UNITS, ids=str)
+@pytest.mark.parametrize("how", ["quadratic", "scheduled", ONE], ids=str)
+def test_the_same_plant_in_other_units_has_the_same_answer(how, sizes, u):
+    plant, _, limits = drawn(2)
+    asked = {"structure": how} if isinstance(how, pf.Structure) else {"method": how}
+
+    def level(sizes, u):
+        d = np.array(sizes)
+        each = [
+            (v.A * d / d[:, None], v.B * u / d[:, None], v.E / d[:, None]) for v in plant.vertices
+        ]
+        own = pf.UncertainPlant.from_vertices(*map(list, zip(*each, strict=True)))
+        force = pf.Rms("u1", limits[0].at_most / u, density=2.0)
+        second = pf.Rms("x2", limits[1].at_most / d[1], density=2.0)
+        return pf.optimise(own, pf.Rms("x1", density=2.0), [force, second], **asked).bounds[0].level
+
+    assert level(sizes, u) * sizes[0] == pytest.approx(level((1.0, 1.0), 1.0), rel=1e-3)

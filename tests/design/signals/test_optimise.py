@@ -369,7 +369,8 @@ def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
     region = HalfPlane("0.4") & Sector("0.5")
     found = optimise(two, rms("x"), [rms("force", 0.6)], region, Scheduled(1, 0, "box"))
     assert check(found.design).proved
-    assert (len(asked) < 6) == (not most)
+    # three of them look for a law of a smaller gain, whatever the work of the search
+    assert (len(asked) < 6 + 3) == (not most)
 
 
 @pytest.mark.parametrize("refused", [False, True])

@@ -36,6 +36,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals import nearby
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
+from polefence.design.signals.effort import NEAR, Closer, gain_of, least, smaller
 from polefence.design.signals.placed import as_sampled
 from polefence.design.signals.refutation import refusal, refuted
 from polefence.design.signals.search import (
@@ -56,7 +57,8 @@ from polefence.design.signals.search import (
     together,
     unbounded,
 )
-from polefence.design.signals.tuned import tuned_candidates, with_states
+from polefence.design.signals.tuned import Orders, orders_below, tuned_candidates
+from polefence.design.tune.search import Tuned
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -64,7 +66,8 @@ from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.tracks import own_states
+from polefence.plant.larger import own_states
+from polefence.plant.tracks import own_states as states_of_a_car
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import digits_up
@@ -103,6 +106,8 @@ class Optimised(Short):
         Of a law that was tuned; None of one that an LMI gave.
     bounded_by : str
         What stopped the gain of a tuned law from growing further; empty where nothing had to.
+    closer : Closer, optional
+        What a law would cost whose bound is less by a thousandth at most, where one was found.
     """
 
     design: Design
@@ -113,6 +118,7 @@ class Optimised(Short):
     cut: str = ""
     structure: Structure | None = None
     bounded_by: str = ""
+    closer: Closer | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -169,6 +175,8 @@ def optimise(
     method: Method | None = None,
     budget: float | None = None,
     structure: Structure | None = None,
+    *,
+    fewer_states: bool = True,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -194,6 +202,8 @@ def optimise(
         What the law may measure, what schedules it, its degree and free numbers: it is tuned.
         On a road with tracks a law of the car's own states is, unless told otherwise.
         Where it has states of its own the answer's plant has them too.
+    fewer_states : bool
+        Whether a law of a lower order is returned where that is as good to a thousandth.
 
     Returns
     -------
@@ -210,7 +220,8 @@ def optimise(
     InputError
         If a specification does not fit the plant.
     """
-    done = _optimised(plant, minimise, subject_to, region, method, budget, structure)
+    question = minimise, subject_to, region, method, budget, structure
+    done = _optimised(plant, *question, fewer_states)
     done.design.certificate.require_checkable([own.claim for own in done.bounds])
     return done
 
@@ -223,6 +234,7 @@ def _optimised(
     method: Method | None,
     budget: float | None,
     structure: Structure | None,
+    fewer_states: bool,
 ) -> Optimised:
     """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
@@ -232,7 +244,7 @@ def _optimised(
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     if structure is not None and method is not None:
         raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
-    measurable = own_states(plant)
+    measurable = states_of_a_car(plant)
     if structure is None and method is None and len(measurable) < plant.shape[0]:
         structure = Structure(measured=measurable)  # a road's states are for no law
     either = structure is None and method is None
@@ -256,7 +268,7 @@ def _optimised(
     if plant.remainder is not None:
         asked_method = None if either or structure is not None else method
         question = minimise, subject_to, region, asked_method, budget, structure
-        return _nearby(plant, *question)
+        return _nearby(plant, *question, fewer_states)
     deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
     limits, words = tuple(subject_to), _in_words(plant, region, asked)
     # what is searched is in differences where the plant is in discrete time
@@ -267,7 +279,7 @@ def _optimised(
     if either and not is_optimisable(plant, method, count):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
-        return _as_sampled(_tuned(task, structure), asked)
+        return _as_sampled(_tuned(task, structure, fewer_states), asked)
     require_optimisable(plant, method, count)
     done = (_best_of_all if either else _settled)(task, deadline)
     return _as_sampled(done, asked)
@@ -281,28 +293,36 @@ def _nearby(
     method: Method | None,
     budget: float | None,
     structure: Structure | None,
+    fewer: bool,
 ) -> Optimised:
     """Return a law of a plant with a remainder, found without that and proved with it."""
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
-    larger, found = plant, (*subject_to, *([] if minimise is None else [minimise]))
-    if structure is not None:
-        larger, _, found = _with_own_states(structure, plant, found)
-    least = None if minimise is None else found[-1]
-    limits = found if minimise is None else found[:-1]
+    found = (*subject_to, *([] if minimise is None else [minimise]))
     bare = plant.combinations
     best: Optimised | None = None
     deadline, lowest = Deadline(budget), np.inf
 
     def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
-        return _optimised(bare, minimise, limits, inside, method, budget, structure)
+        question = minimise, limits, inside, method, budget, structure
+        return _optimised(bare, *question, fewer)
 
     def proved(done: Optimised, inside: Region) -> Optimised | None:
+        larger, every = plant, found
+        if structure is not None:  # a law may have fewer states than it was allowed
+            kept = replace(structure, order=structure.order and own_states(done.plant))
+            larger, _, every = _with_own_states(kept, plant, found)
+        least = None if minimise is None else every[-1]
+        limits = every if minimise is None else every[:-1]
         proofs = nearby.bounded(larger, done.law, asked, least, limits)
         if proofs is None:
             return None
         designed = None if done.designed is None else inside
         design, bounds = proofs
-        return replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        closer = done.closer
+        if closer is not None:
+            closer = replace(closer, level=closer.level * bounds[0].level / _level(done))
+        own = replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        return replace(own, closer=closer)
 
     for share, calm in nearby.ATTEMPTS:
         if deadline.passed and best is not None:
@@ -372,22 +392,27 @@ def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
         if best is None:
             raise failure or NotProvedError("not proved")
         return best
-    runnable = best is not None and best.retreat is None and not is_too_fast(best.plant, best.law)
-    return best if best is not None and runnable and _level(best) <= _level(tuned) else tuned
+    if best is None or best.retreat is not None or is_too_fast(best.plant, best.law):
+        return tuned
+    return _least(best, tuned)
 
 
-def _tuned(task: Task, asked: Structure) -> Optimised:
-    """Return the best law of a structure that is proved.
+def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
+    """Return the best law of a structure that is proved; with ``fewer`` of the states it needs.
 
     Raises
     ------
     NotProvedError
         If there is none. It says which limits could be kept, proved of a law each.
     """
+    orders = orders_below(structure.order)
     with bounded(MOST_WORK) as effort:
-        starts = _simpler(task, asked)
-        task, structure = structured(task, asked)
-        best = _best_tuned(task, structure, starts)
+        own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
+        last = len(orders) - 1
+        if last and fewer:
+            best = _best_order(own)
+        else:
+            best = _best_tuned(*own.each[-1], own.starts(last), own.found(last) if last else ())
     cut = str(effort) if effort.ended else ""
     if best is not None:
         return replace(best, cut=cut)
@@ -396,7 +421,7 @@ def _tuned(task: Task, asked: Structure) -> Optimised:
         raise NotProvedError("; ".join(filter(None, (reason, cut))))
     _refute(task)
     with bounded(MOST_WORK * ADVICE) as looked:
-        near = list(_attainable(task, structure, starts))
+        near = list(_attainable(*own.each[-1], own.starts(last)))
     advice = "dropping any single limit does not help either"
     if looked.ended:
         advice = "the search with one of them left out stopped at its bound of work"
@@ -405,6 +430,21 @@ def _tuned(task: Task, asked: Structure) -> Optimised:
     if cut:
         advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
+
+
+def _best_order(orders: Orders) -> Optimised | None:
+    """Return the best law that is proved, of the lowest order that is as good as any."""
+    every = list[Optimised]()
+    for k in orders.promising:
+        known = orders.found(k)
+        found = _best_tuned(*orders.each[k], orders.starts(k), known)
+        every += [] if found is None else [found]
+        enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
+        if found is not None and (orders.each[k][0].minimise is None or _level(found) <= enough):
+            break
+    lowest = min(map(_level, every), default=0.0) * (1 + NEAR)
+    some = [own for own in every if _level(own) <= lowest] or every
+    return min(some, key=lambda own: own.plant.shape[0], default=None)
 
 
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
@@ -420,33 +460,45 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
             yield f"{own.title} <= {digits_up(_level(found))}"
 
 
-def _best_tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> Optimised | None:
-    """Return the best law of a structure that is proved, no worse than that of a lower degree."""
-    best: Optimised | None = None
-    if structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
+def _best_tuned(
+    task: Task, structure: Structure, starts: Sequence[Law], known: Sequence[Tuned] = ()
+) -> Optimised | None:
+    """Return the best law of a structure that is proved, no worse than that of a lower degree.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What a search from lower degrees on has found.
+    """
+    every = list[Optimised]()
+    most = np.inf
+    if not known and structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
         lower = {"degree": structure.degree - 1} if structure.degree > 1 else {"schedule": ()}
-        best = _best_tuned(task, replace(structure, **lower), starts)
-        if best is not None:
-            starts = (*starts, best.law)
+        simpler = _best_tuned(task, replace(structure, **lower), starts)
+        if simpler is not None:
+            starts, most = (*starts, simpler.law), _level(simpler)
+            every.append(simpler)
             if task.minimise is None:
-                return best
-    for own, bounded_by in tuned_candidates(task, structure, starts):
+                return simpler
+    for own, tuned in tuned_candidates(task, structure, starts, known):
         found = _bounded(task, own)
-        if found is not None and (best is None or _level(found) < _level(best)):
-            best = replace(found, structure=structure, bounded_by=bounded_by)
-        if best is not None and (
-            task.minimise is None or _level(best) <= own.estimate * (1 + ENOUGH)
+        if found is not None:
+            found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
+            every.append(replace(found, closer=_closer(found, tuned)))
+        if every and (
+            task.minimise is None or min(map(_level, every)) <= own.estimate * (1 + ENOUGH)
         ):
             break
-    return best
+    return _least(*every, most=most) if every else None
 
 
-def _simpler(task: Task, structure: Structure) -> tuple[Law, ...]:
-    """Return laws that have states of their own, to start from; none for laws without."""
-    if not structure.order:
-        return ()
-    static = structured(task, replace(structure, order=0))
-    return tuple(with_states(*static, structured(task, structure)[0].plant))
+def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
+    """Return the law that a search made smaller, its level beside the proved one as in floats."""
+    if tuned.larger is None or not tuned.level:
+        return None
+    law, level = tuned.larger
+    gain, own = (gain_of(found.plant, each) for each in (law, found.law))
+    return Closer(_level(found) * level / tuned.level, gain, own)
 
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
@@ -549,7 +601,8 @@ def _finished(task: Task, found: _Found, cut: str) -> Optimised:
     own, shared = found.own, _together(task, found.whole)
     if shared is None:
         return replace(own, shared=np.inf, cut=cut)
-    if _level(shared) < _level(own):
+    near = 0.0 if own.closer is None else NEAR  # what a smaller gain may cost
+    if _level(shared) < _level(own) * (1 - near):
         own = replace(shared, retreat=own.retreat)
     return replace(own, shared=_level(shared), cut=cut)
 
@@ -612,7 +665,8 @@ def _best(task: Task, deadline: Deadline) -> _Found:
             search.run()
         best = _lowest(task, search)
         if best is not None:
-            return _Found(best, search.shared, search.whole)
+            own, law = best
+            return _Found(_calmed(task, own, law), search.shared, search.whole)
         if not search.candidates:
             break
     raise refusal(task, search.reasons)
@@ -624,17 +678,41 @@ def _refute(task: Task) -> None:
         raise NotProvedError(str(refutation), refutation=refutation)
 
 
-def _lowest(task: Task, search: Search) -> Optimised | None:
+def _lowest(task: Task, search: Search) -> tuple[Optimised, Candidate] | None:
     """Return the law of the lowest bound: a sample next to one, or higher, is of no better law."""
-    best: Optimised | None = None
+    best: tuple[Optimised, Candidate] | None = None
     for own in sorted(search.candidates, key=lambda own: own.estimate):
         near = own.estimate * (1 + NEARER)
-        if best is not None and (task.minimise is None or _level(best) <= near):
+        if best is not None and (task.minimise is None or _level(best[0]) <= near):
             break
         found = _bounded(task, own)
-        if found is not None and (best is None or _level(found) < _level(best)):
-            best = found
+        if found is not None and (best is None or _level(found) < _level(best[0])):
+            best = found, own
     return best
+
+
+def _calmed(task: Task, best: Optimised, law: Candidate) -> Optimised:
+    """Return a law of a smaller gain that is proved to be as good to a thousandth, if there is."""
+    found = [_bounded(task, own) for own in smaller(task, law)]
+    return _least(best, *(own for own in found if own is not None))
+
+
+def _least(*every: Optimised, most: float = np.inf) -> Optimised:
+    """Return of the laws as good as the best that of the least gain; the only one if alone.
+
+    Parameters
+    ----------
+    most : float
+        Level that it must not exceed.
+    """
+    if len(every) == 1:
+        return every[0]
+
+    gains = [gain_of(own.plant, own.law) for own in every]
+    known = [Closer(_level(own), gain, gain) for own, gain in zip(every, gains, strict=True)]
+    k, closer = least(known, [own.closer for own in every if own.closer is not None], most)
+    chosen = every[k]
+    return replace(chosen, closer=closer)
 
 
 def _proved(task: Task, found: Reached) -> Optimised | None:

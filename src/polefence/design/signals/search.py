@@ -84,6 +84,9 @@ ROOM, AGAIN = (2.0, 1.0), 3
 BINDS = 1e-6  # by which implied limits raise a design's level at least, if they matter to it
 COSTS = 0.01  # by which they raise the best law's worst sample at most, if they are to lead further
 CALM = 10.0  # implied limits over what a law needs that nothing limited, for nearly what it reaches
+# A law whose samples stay below this share of a limit is far from it; by which powers of two such
+# limits are widened, and how many widths are tried.
+FAR_FROM, WIDEST, WIDTHS = 0.9, 8.0, 5
 
 Shares = tuple[float, ...]
 
@@ -276,6 +279,22 @@ class Task:
             raise SolverError(str(error)) from error
 
 
+def among(own: Specification, limits: Iterable[Specification]) -> bool:
+    """Whether one is among others."""
+    return any(own is each for each in limits)
+
+
+def _widened(
+    limits: Iterable[Specification], far: Sequence[Specification], times: float
+) -> Iterator[Specification]:
+    """Yield limits, some of them wider; none of those where they are infinite."""
+    for own in limits:
+        if not among(own, far):
+            yield own
+        elif np.isfinite(times):
+            yield replace(own, at_most=(own.at_most or 0.0) * times)
+
+
 def numbered(name: str, coefficients: Iterable[Array]) -> dict[str, Array]:
     """Return matrices under the names that a condition's variables have: W1, W2 and so on."""
     return {f"{name}{k}": matrix for k, matrix in enumerate(coefficients, 1)}
@@ -386,6 +405,7 @@ class Search:
         self.spent = Counter[Method]()  # work of designs
         # shares of the region that were enough, and the level of a design for none of it
         self.kept, self.free = self._ones, 0.0
+        self.design = task  # without limits that cost one W much and bound no law
         self.alpha = self.places = seeded(task.plant, SAMPLES)
 
     def run(self) -> None:
@@ -393,7 +413,7 @@ class Search:
         self._slow()
         self._shares(self.task)
         if int(options(self.task.method).degree):
-            self._shares(replace(self.task, method="quadratic"))
+            self._shares(replace(self.design, method="quadratic"))
         self._regulators()
         self._noise()
         if not self.candidates:
@@ -440,12 +460,57 @@ class Search:
 
     def _shares(self, task: Task) -> None:
         """Try the region as it is, none of it, and shares between that turn out to be kept."""
-        if task is self.task or self.task.minimise is None:
-            self._attempt(task, self._ones)
+        own = task is self.task
+        if own or self.task.minimise is None:
+            point = self._attempt(task, self._ones)
+            if self.task.minimise is not None and point is not None:
+                task = self.design = self._loosened(task, point)
             if relaxed(task.region, self._zeros) == task.region:
                 return
         kept = self._halved(task, self._ones)
-        self.kept = kept if task is self.task else self.kept
+        self.kept = kept if own else self.kept
+
+    def _loosened(self, task: Task, point: Point) -> Task:
+        """Return the task without limits that its law is far from, or with wider ones.
+
+        One W pays for each limit, whether that bounds the law or not. Left out, or as wide as they
+        may be, they are still kept by the law that is found, as samples have it.
+        """
+        level = level_of(task, point.origin.found)
+        far = [own for own in task.limits if self._share(point.law, own) < FAR_FROM]
+        # those on the law itself come first: with them the question is not convex
+        for some in ([own for own in far if not own.of_signal], far):
+            asked = [own for own in some if among(own, task.limits)]
+            if asked and self.task.minimise is not None:
+                task = self._wider(task, asked, level)
+        return task
+
+    def _wider(self, task: Task, far: Sequence[Specification], level: float) -> Task:
+        """Return the task with some limits as wide as its law keeps them even so."""
+        asked, best, costly = self.task.limits, task, False
+
+        def breaks(power: float) -> bool:
+            nonlocal best, costly
+            if self.deadline.passed or self._is_long(task):
+                return True
+            wider = replace(task, limits=tuple(_widened(task.limits, far, 2.0**power)))
+            own = self._designed(wider, self._ones)
+            found = np.inf if own is None else level_of(wider, own.origin.found)
+            costly = costly or own is None or not found >= level * (1 - WORTH)
+            if own is None or any(self._share(own.law, each) > 1 for each in asked):
+                return True
+            if found <= level * (1 + WORTH):  # as if what bounds no law were not asked
+                best = wider
+                self._settled(own)
+            return False
+
+        if breaks(np.inf) and costly:
+            edge(lambda power: breaks(-power), -WIDEST, 0.0, WIDTHS)
+        return best
+
+    def _share(self, law: Law, limit: Specification) -> float:
+        """Return the worst sample of what is limited, as a share of its limit."""
+        return self._worst(law, limit) / (limit.at_most or 1.0)
 
     def _halved(self, task: Task, kept: Shares, again: Shares = ()) -> Shares:
         """Look for the least shares of the region's parts that a law of the whole region keeps.
@@ -488,7 +553,7 @@ class Search:
                 self.waiting = own if self._is_to_prove(own) else self.waiting
             elif own is not None:
                 own = self.designs[shares] = self._settled(own)
-            if own is not None and not number and task is self.task:
+            if own is not None and not number and task is self.design:
                 self.free = level_of(task, own.origin.found)
             if own is not None and again and self._is_idle(own, number):
                 return tuple(high), None
@@ -571,7 +636,7 @@ class Search:
     def _designed(self, task: Task, shares: Shares) -> Point | None:
         """Design for shares of the region's parts; None where no law is."""
         region = relaxed(task.region, shares)
-        asked = task.limits is self.task.limits
+        asked = task.limits is self.task.limits or task.limits is self.design.limits
         within = replace(task, limits=(*task.limits, *self.calm)) if asked else task
         try:
             found = within.reached(region, sure=shares == self._ones)
@@ -585,9 +650,15 @@ class Search:
             self.calm = self._calming(task, region, found)
             if self.calm:
                 return self._designed(task, shares)
-        if task is self.task and region == task.region:
+        if self._is_whole(task) and region == task.region:
             self.whole = found if level_of(task, found) <= self.shared else self.whole
         return self._point(within, shares, found)
+
+    def _is_whole(self, task: Task) -> bool:
+        """Whether a task has all that was asked of signals: limits on the law itself need no W."""
+        own = self.task
+        every = all(among(limit, task.limits) for limit in own.limits if limit.of_signal)
+        return every and task.minimise is own.minimise and task.method == own.method
 
     def _is_to_prove(self, own: Point) -> bool:
         """Whether samples say that a law keeps the region and is the best."""
@@ -730,7 +801,7 @@ class Search:
         The wider the band in which the limited signals may follow noise, the less is left of what
         is minimised: the widest in which samples keep the limits is looked for.
         """
-        task = self.task
+        task = self.design
         if task.minimise is None or task.minimise.power != 1:
             return
         own = max(own_speed(task.plant), task.region.scale)
@@ -797,7 +868,7 @@ class Search:
                 if not more:
                     return
                 shares = self._ones if self.point is None else self.point.shares
-                within = replace(self.task, limits=(*self.task.limits, *more))
+                within = replace(self.design, limits=(*self.design.limits, *more))
                 self._halved(within, self.kept, shares)
                 if not self.best < before * (1 - WORTH):
                     break

@@ -214,7 +214,9 @@ def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
         plant, (over, *others, least) = asked.bare
         limits = (replace(over, at_most=value), *others)
         with stage(f"limit {value:g} {label}"):
-            done = optimise(plant, least, limits, asked.region, method, structure=asked.structure)
+            question = plant, least, limits, asked.region, method
+            # rows are of one plant, that with all states of the law
+            done = optimise(*question, structure=asked.structure, fewer_states=False)
             found = _proved(asked, done, value)
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")

@@ -18,7 +18,7 @@ from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
 from polefence.design.tune.dynamic import beside_filters, filtered, observers
-from polefence.design.tune.search import Tuned, rough, tune
+from polefence.design.tune.search import NEAR, Tuned, rough, tune
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
@@ -26,21 +26,27 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, W
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 TIGHTER = (5e-4, 3e-3, 2e-2)
-# Then, where parameters move, for the search looks at loops at rest; or where nothing is proved: of
-# six parameters proofs are looser.
+# Then, where nothing is proved: proofs of limits may be that loose; and where parameters move, as
+# the search looks at loops at rest.
 FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
+EACH = 6  # orders that are searched one after the other; of a higher one these and the last
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
 
 def tuned_candidates(
-    task: Task, structure: Structure, starts: Sequence[Law] = ()
-) -> Iterator[tuple[Candidate, str]]:
+    task: Task, structure: Structure, starts: Sequence[Law] = (), known: Sequence[Tuned] = ()
+) -> Iterator[tuple[Candidate, Tuned]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
-    With each comes what bounded its gain; empty where the requirements themselves did.
+    With each comes what its search says of it.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What the first search has found, where it is done.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
@@ -48,16 +54,18 @@ def tuned_candidates(
     for times, share in product(BEYOND if cut_off else (1.0,), (*TIGHTER, *FARTHER)):
         if ended():
             return
-        if some and share in FARTHER and not task.plant.moving:
+        if share in FARTHER and some and not task.plant.moving:
             continue
-        found = tune(task.plant, structure, *_asked(task, share, times), starts)
+        found = [] if cut_off else list(known)
+        found = found or tune(task.plant, structure, *_asked(task, share, times), starts)
+        known = ()
         for number, own in enumerate(_promising(found)):
             if number and ended():  # the best is looked at whatever it took to find
                 return
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
                 some = True
-                yield proved, own.bounded_by
+                yield proved, own
         starts = (*starts, *(own.law for own in found[:1]))
 
 
@@ -68,33 +76,106 @@ def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
             yield own
 
 
-def with_states(task: Task, structure: Structure, larger: UncertainPlant) -> Iterator[Law]:
-    """Yield laws with states of their own, of limits that are somewhat tighter: to start from.
+def orders_below(order: int) -> list[int]:
+    """Return the orders of searches up to one: each from zero on, of high orders the last alone."""
+    return [*range(min(order, EACH) + 1), *([order] if order > EACH else [])]
 
-    The first is the best one without, so that nothing is lost by states.
+
+class Orders:
+    """Laws of growing order, each search beginning at the laws of the order before.
+
+    These have states more there that are not used, so that no order is worse than one below it.
 
     Parameters
     ----------
-    task, structure : Task, Structure
-        Of the law without its states.
-    larger : UncertainPlant
-        The plant with the law's states.
+    structure : Structure
+        With the highest order.
+    each : sequence of pairs of Task and Structure
+        For each of `orders_below`: of the larger plant, and of the law's gain there.
     """
-    plant, order = task.plant, larger.shape[0] - task.plant.shape[0]
+
+    def __init__(self, structure: Structure, each: Sequence[tuple[Task, Structure]]) -> None:
+        self.structure, self.each = structure, each
+        self.orders = orders_below(structure.order)
+        self._found = dict[int, list[Tuned]]()
+        self._starts = dict[int, list[Law]]()
+
+    def found(self, k: int) -> list[Tuned]:
+        """Return what searches of the k-th order find for tighter limits, the best first."""
+        if k not in self._found:
+            found = _tuned(*self.each[k], self.starts(k))
+            self._found[k] = [own for own in found if own.kept]
+        return self._found[k]
+
+    @property
+    def least(self) -> float:
+        """The least level of any order; infinite where no law was found that keeps everything."""
+        every = [own.level for k in range(len(self.each)) for own in self.found(k)]
+        return min(every, default=np.inf)
+
+    @property
+    def promising(self) -> Iterator[int]:
+        """Orders that proofs are looked for: the lowest that is as good as any, then from the top.
+
+        From the lowest on where nothing is minimised. Of orders below the last those alone that
+        have a law.
+        """
+        last = len(self.each) - 1
+        orders = (k for k in range(last + 1) if k == last or self.found(k))
+        if self.each[0][0].minimise is None:
+            yield from orders
+            return
+        every = list(orders)
+        near = self.least + NEAR * abs(self.least)
+        first = next((k for k in every if any(own.level <= near for own in self.found(k))), None)
+        yield from [] if first is None else [first]
+        yield from (k for k in reversed(every) if k != first)
+
+    def starts(self, k: int) -> list[Law]:
+        """Return laws of the k-th order to start from: of one below, filters, observers."""
+        if k and k not in self._starts:
+            (task, _), (before, gain) = self.each[k], self.each[k - 1]
+            laws = (
+                beside_filters(own.law, before.plant, task.plant, gain, task.region)
+                for own in self.found(k - 1)
+            )
+            own = replace(self.structure, order=self.orders[k])
+            found = [law for law in laws if law is not None]
+            self._starts[k] = [*found, *_with_states(self.each[0][0], own)]
+        return self._starts.get(k, [])
+
+
+def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:
+    """Return what searches of each degree find, from the lowest on; the best first."""
+    found = list[Tuned]()
+    for own in (*lower_degrees(task.plant, structure), structure):
+        known = (*starts, *(each.law for each in found[:1] if each.kept))
+        more = tune(task.plant, own, *_asked(task, TIGHTER[0], BEGINNING), known)
+        found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
+    return found[:MOST]
+
+
+def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Structure]:
+    """Yield a structure with lower degrees, from one gain on."""
+    if structure.degree and structure.schedule != () and len(plant.vertices) > 1:
+        yield replace(structure, schedule=())
+        yield from (replace(structure, degree=k) for k in range(1, structure.degree))
+
+
+def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
+    """Yield laws of an order, of limits that are somewhat tighter: to start from."""
+    plant = task.plant
     asked = _asked(task, TIGHTER[0], BEGINNING)
     least, limits, region = asked
-    for found in tune(plant, structure, *asked)[:1]:
-        law = beside_filters(found.law, plant, larger, structure, task.region)
-        yield from [law] if law is not None and found.kept else []
-    own = replace(structure, order=order)
-    yield from filtered(plant, own, *asked)
+    if structure.order == 1:  # of more states the laws of the order below are no worse
+        yield from filtered(plant, structure, *asked)
     whole = rough(plant, Structure(schedule=()), *asked)
     wanted = list(limits)
     if least is not None:
         most = None if whole is None else whole.level
         wanted.append(replace(least, at_most=most))
     known = () if whole is None else (whole.law,)
-    yield from observers(plant, own, wanted, region, known)
+    yield from observers(plant, structure, wanted, region, known)
 
 
 def _asked(

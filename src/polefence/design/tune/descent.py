@@ -51,6 +51,7 @@ class Effort:
 
 
 FULL, EARLY, QUICK = Effort(1000, 1e-5, 1e-3), Effort(60, 1e-4), Effort(15, 1e-3)
+PATIENT = Effort(200, 1e-6)  # for smooth functions of which the very end matters
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,9 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.progress import counted, stage
 from polefence.design.requirements.specification import Specification
-from polefence.design.tune.descent import EARLY, FULL, QUICK, Effort, descend
+from polefence.design.tune.descent import EARLY, FULL, PATIENT, QUICK, Effort, descend
 from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
+from polefence.design.tune.meeting import met
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
 from polefence.law.laws import Law, ScheduledGain
@@ -35,6 +36,7 @@ from polefence.region.regions import Region, bounds_speed, stable
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
+CLOSER = 10.0, 1e2, 1e3, 1e4, 1e5, 1e6  # kappa, for poles that come to meet
 RANDOM, SEED = 4, 20261122  # starts at random
 STRICT = 1e5  # of what is not quite kept at the end
 ENOUGH = 4  # laws that are given, beside which the search has no starts of its own
@@ -44,6 +46,7 @@ HALVINGS = 7  # of the steps of a search for the worst point
 KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
 FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
 ALIKE = 1e-3  # of laws that count as one
+NEAR = 1e-3  # above the best level, laws that are as good: the smallest comes first
 FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
@@ -70,6 +73,10 @@ class Tuned:
         Whether limits, region and largest gain are kept at all of them.
     bounded_by : str
         What stopped the gain from growing further; empty where nothing had to.
+    size : float
+        The largest norm of the gain of all states, in typical sizes, at points of the family.
+    larger : pair of Law and float, optional
+        A law of a lower level, for which this smaller one was taken, and that level.
     """
 
     law: Law
@@ -77,6 +84,8 @@ class Tuned:
     alpha: Array
     kept: bool
     bounded_by: str
+    size: float = 0.0
+    larger: tuple[Law, float] | None = None
 
 
 def tune(
@@ -229,12 +238,15 @@ class _Reached:
         By how much something is not kept there, zero or less where all is.
     level : float
         The worst there of what is minimised.
+    larger : pair of (size,) array and float, optional
+        Numbers of a law for which this smaller one was taken, and their level.
     """
 
     theta: Array
     points: Points
     excess: float
     level: float
+    larger: tuple[Array, float] | None = None
 
     @property
     def rank(self) -> tuple[float, float]:
@@ -267,11 +279,20 @@ class _Search:
             min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
             for own in counted(_distinct(quick)[:BEST], "better start")
         ]
+        reached += self._meeting(_distinct(reached)[:1])
         best = counted(_distinct(reached)[:LAST], "best start")
         found = [self._tuned(self._finished(own)) for own in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
-        return sorted(found, key=lambda own: (not own.kept, own.level))
+        lowest = min((own.level for own in found if own.kept), default=np.inf)
+        of_signal = isinstance(self.task.minimise, Specification)
+        near = lowest + NEAR * abs(lowest) if of_signal else -np.inf
+
+        def rank(own: Tuned) -> tuple[bool, float, float]:
+            as_good = own.level <= near
+            return not own.kept, -np.inf if as_good else own.level, own.size if as_good else 0.0
+
+        return sorted(found, key=rank)
 
     def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
         """Return what the best start leads to at the corners, None where it does not keep them.
@@ -298,6 +319,35 @@ class _Search:
         if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
             return found
         return [self._improved(theta, self.first) for theta in counted(starts, "start")]
+
+    def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
+        """Return the law of one plant for which all poles of a region that grows are in one place.
+
+        It is looked for where smooth measures that come closer and closer to the poles lead to.
+        """
+        of_poles = isinstance(self.task.minimise, tuple)
+        if not of_poles or len(self.cloud.alpha) > 1 or len(self.task.plant.vertices) > 1:
+            return []
+        found = list[_Reached]()
+        for own in best:
+            theta, unit = own.theta, self.task.unit(own.level)
+            for kappa in CLOSER:
+                evaluate = partial(self.first.rows, phase=LEVEL, unit=unit, kappa=kappa)
+                lower = descend(evaluate, theta, effort=PATIENT)
+                if lower is None:
+                    break
+                theta = lower[0]
+            there = met(self._loop, theta)
+            for each in (theta, *([] if there is None else [there[0]])):
+                rows = self.first.rows(each, LIMITS)
+                excess = rows.level if rows is not None else np.inf
+                found.append(_Reached(each, self.first, excess, self._level(self.first, each)))
+        return found
+
+    def _loop(self, theta: Array) -> Array:
+        """Return A + B K at the first point, states in their sizes."""
+        inner, own = self.first.unknowns.gains(theta), self.first.channels[0]
+        return np.asarray(own.A[0] + own.B[0] @ inner[0] @ self.first.unknowns.C[0])
 
     @staticmethod
     def _outside(points: Points, theta: Array) -> float:
@@ -406,7 +456,7 @@ class _Search:
             smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
             more = self._more(smaller)
             if more is None:
-                return smaller
+                return replace(smaller, larger=(own.theta, own.level))
             smaller = replace(smaller, points=more)
         return own
 
@@ -467,7 +517,11 @@ class _Search:
         worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
         there = self._worst(own.points, own.theta)
         law = self.task.unknowns.law(own.theta)
-        return self._answer(law, worst, alpha, there, own.points.alpha)
+        found = self._answer(law, worst, alpha, there, own.points.alpha)
+        if own.larger is None or not isinstance(self.task.minimise, Specification):
+            return found
+        theta, level = own.larger
+        return replace(found, larger=(self.task.unknowns.law(theta), level))
 
     def _given(self, law: Law) -> Tuned:
         def worst(points: Points) -> Array:
@@ -487,7 +541,13 @@ class _Search:
         place = alpha[0] if at < 0 else where[at]
         sides = slice(1, fast)
         own = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
-        return Tuned(law, level, place, bool(own), bound)
+        return Tuned(law, level, place, bool(own), bound, self._size(law))
+
+    def _size(self, law: Law) -> float:
+        """Return the largest norm of a law's gain of all states, in typical sizes."""
+        own = self.task.unknowns
+        K = np.asarray(law.gain(self._few)) * own.states / own.inputs[:, None]
+        return float(np.linalg.norm(K, axis=(1, 2)).max())
 
     def _of_structure(self, law: Law) -> bool:
         """Whether a law is one of the structure."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
@@ -18,7 +19,7 @@ from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.plant import Output
 from polefence.proof.remainder import Remainder
-from polefence.proof.transfer import Tensor, positive, to_bernstein
+from polefence.proof.transfer import Tensor, _exponent, gain_polynomial, positive, to_bernstein
 from polefence.proof.work import FormatError, counted
 
 BY = Evidence([], transfer=True)
@@ -31,7 +32,7 @@ def rationals(M):
 
 
 class Family:
-    """A random stable loop, whose rows depend on two parameters; E and C on one of them."""
+    """A random stable loop, whose rows depend on two parameters, and E, C and F besides."""
 
     def __init__(self, n, p, q, seed, step=0.0, through=False, scheduled=False):
         self.random, self.step = np.random.default_rng(seed), step
@@ -45,9 +46,9 @@ class Family:
             own[rows[0]] *= 1 + 0.2 * one
             own[rows[-1], 0] += 0.3 * other
             self.A.append(own)
-            self.E.append(E * (1 + 0.1 * one))
-            self.C.append(C * (1 + 0.1 * other))
-            self.F.append(F)
+            self.E.append(E * (1 + 0.5 * one))
+            self.C.append(C * (1 + 0.1 * other + 0.5 * one))
+            self.F.append(F * (1 + 0.3 * one))
         domain, count = Domain.of("box", 4), 4
         if scheduled:
             W = [np.eye(n) + 0.1 * (M + M.T) for M in draw((count, n, n)) / n]
@@ -224,6 +225,91 @@ def test_what_passes_straight_through_counts_where_two_disturbances_would_hide_i
     y = tuple(Output(none, none, f"y{k}", (row,)) for k, row in enumerate(F))
     assert not prove(claims.Gain(subject, y, Fraction(2))).proved
     assert prove(claims.Gain(subject, y, Fraction(4))).proved
+
+
+def varying(E, C, F):
+    """x' = -x + E(t) w, y = C(t) x + F(t) w of two equal channels, at both ends of t."""
+    zero, two = Fraction(0), range(2)
+
+    def scaled(e):
+        return [[Fraction(e) * (i == j) for j in two] for i in two]
+
+    A = [scaled(-1)] * 2
+    law = Law([[[zero] * 2]])
+    subject = claims.Subject(A, [[[zero], [zero]]] * 2, [scaled(e) for e in E], law, BY, "box")
+    rows = [
+        Output(
+            [[scaled(c)[i]] for c in C], [[[zero]]] * 2, f"y{i}", tuple([scaled(f)[i]] for f in F)
+        )
+        for i in two
+    ]
+    return subject, tuple(rows)
+
+
+@pytest.mark.parametrize(
+    ("E", "C", "F", "gain"),
+    [
+        ((1, 1), (0, 0), ("1/10", "14/10"), "14/10"),
+        (("3/10", "6/10"), (2, "3/10"), (0, 0), "603969/1000000"),  # the worst is between nodes
+        (("3/2", 1), ("1/2", "9/10"), (0, 0), "903125/1000000"),
+    ],
+)
+def test_several_channels_that_vary_alike_have_the_degree_of_all_their_minors(E, C, F, gain):
+    subject, outputs = varying(E, C, F)
+    worst = Fraction(gain)
+    for share, proved in ((-3, False), (-1, False), (1, True)):
+        level = worst * (1 + Fraction(share, 10**4))
+        assert prove(claims.Gain(subject, outputs, level)).proved is proved
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_polynomial_of_a_gain_is_the_determinant(seed):
+    """At a point of s and t that is no node, from a determinant of its own."""
+    own = Family(2, 2, 2, seed, through=bool(seed % 2), scheduled=seed % 3 == 2)
+    claim = claims.Gain(own.subject(), own.outputs(), Fraction(3, 2))
+    found = gain_polynomial(claim.transfer(), claim.level)
+    each = []
+    for u, v, w in ((0.3, 0.8, 0.7), (0.55, 0.15, 2.0)):
+        A, E, C, F = own.at(u, v)
+        G = C @ np.linalg.solve(1j * w * np.eye(2) - A, E) + F
+        W = np.eye(2)
+        if own.law.W is not None:
+            W = sum(
+                x * np.array(M, dtype=float)
+                for x, M in zip(
+                    [(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], own.law.W, strict=True
+                )
+            )
+        a = np.linalg.det(W) * np.linalg.det(1j * w * np.eye(2) - A)
+        wanted = np.linalg.det(2.25 * np.eye(2) - G.conj().T @ G).real * abs(a) ** 2
+        x = (Fraction(w) * claim.transfer().unit) ** 2
+        e = _exponent(claim.transfer().first[0])
+        z = float(x / (x + Fraction(4) ** e))
+        largest = max(map(abs, found.values))
+        value = np.array([float(Fraction(c, largest)) for c in found.values])
+        value = value.reshape(found.shape)
+        for t in (z, u, v):
+            d = value.shape[0] - 1
+            basis = [math.comb(d, k) * t**k * (1 - t) ** (d - k) for k in range(d + 1)]
+            value = np.tensordot(basis, value, 1)
+        each.append(wanted * (1 - z) ** 2 / value)
+    assert each[0] == pytest.approx(each[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [0, Fraction(1, 4)])
+def test_a_law_whose_w_is_negative_is_proved_as_one_whose_w_is_positive(step):
+    """K = Z W^-1 does not change; the sign of a(s) does, where the number of poles is odd."""
+    one, zero = [[Fraction(1)]], [[Fraction(0)]]
+    answers = []
+    for sign in (1, -1):
+        law = Law(None, [[[Fraction(sign)]], [[Fraction(2 * sign)]]], [zero, zero], 1)
+        subject = claims.Subject([[[Fraction(-1)]]] * 2, [zero] * 2, [one] * 2, law, BY, "box",
+                                 Fraction(step))  # fmt: skip
+        y = (Output([one] * 2, [zero] * 2, "y"),)
+        variance = 1 / (2 - Fraction(step))
+        levels = [Fraction(float(variance) ** 0.5 * (1 + share)) for share in (CLOSE, -CLOSE)]
+        answers.append([prove(claims.Rms(subject, y, level)).proved for level in levels])
+    assert answers == [[True, False]] * 2
 
 
 # --- what is refused -----------------------------------------------------------------------------

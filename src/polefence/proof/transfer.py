@@ -195,6 +195,14 @@ class Transfer:
         for k in range(count):
             yield a.values[k::count], [[own.values[k::count] for own in row] for row in b]
 
+    @property
+    def positive(self) -> Transfer:
+        """It with a and b times the sign of a's first coefficient at the first node."""
+        if self.a.values[0] >= 0:
+            return self
+        same = [[Fraction(-int(i == j)) for j in range(self.n + 1)] for i in range(self.n + 1)]
+        return self.along(0, same)
+
     @cached_property
     def first(self) -> tuple[Numbers, list[list[Numbers]]]:
         """Multiples of a and b at the first node, of which all coordinates are zero."""
@@ -248,7 +256,7 @@ class Transfer:
         FormatError
             If a disturbance passes straight through.
         """
-        own = self._filtered
+        own = self._filtered.positive
         degrees = [(own.n + 1) * d for d in own.degrees]
         below, above = Numbers(), Numbers()
         for a, b in own.at(degrees):
@@ -256,6 +264,7 @@ class Transfer:
             for each in (x for row in b for x in row):
                 if each[0]:
                     raise FormatError("white noise passes straight into an output")
+                spend(len(each) ** 2, bits([each]), bits([each]))
                 g = list(map(add, g, _even(each[1:])))
             one, other = _minors(_hurwitz(a), g)
             below.append(2 * a[0] * one)
@@ -458,7 +467,7 @@ def _determinant(matrix: Rationals) -> Fraction:
 
 def gain_polynomial(own: Transfer, level: Fraction) -> Tensor:
     """Return the Bernstein coefficients of P, in v = w^2 / (w^2 + u^2) and t."""
-    degrees, n = [2 * d for d in own.degrees], own.n
+    degrees, n = _gain_degrees(own), own.n
     square, e = (level / own.scale) ** 2, _exponent(own.first[0])
     columns = [_difference(a, b, square) for a, b in own.at(degrees)]
     values = [column[k] for k in range(n + 1) for column in columns]
@@ -470,11 +479,21 @@ def gain_polynomial(own: Transfer, level: Fraction) -> Tensor:
     return found
 
 
+def _gain_degrees(own: Transfer) -> list[int]:
+    """Return the degree of P in each parameter.
+
+    P |a|^(2 (r - 1)) = det(g^2 |a|^2 I - b*b) of r = min(p, q) rows; degrees of factors add up.
+    """
+    r = min(len(own.b), len(own.b[0]))
+    return [2 * (r * d - (r - 1) * _degree_along(own.a, k)) for k, d in enumerate(own.degrees, 1)]
+
+
 def passes(own: Transfer, level: Fraction) -> bool:
     """Whether g^2 I - F'F > 0 at the first node."""
     a, b = own.first
     F = [[own.scale * Fraction(x[0], a[0]) for x in row] for row in b]
-    q = len(F[0])
+    q, length = len(F[0]), bits([a]) + max(bits(row) for row in b)
+    spend(RATIONAL * q * q * len(F), length, length)
     rest = [
         [level * level * int(i == j) - sum(row[i] * row[j] for row in F) for j in range(q)]
         for i in range(q)
@@ -527,6 +546,8 @@ def _by_nodes(a: Numbers, b: list[list[Numbers]], square: Fraction) -> Row:
         one, other = _horner(a, s), _horner(a, -s)
         if not one or not other:
             continue
+        length = one.numerator.bit_length() + one.denominator.bit_length()
+        spend(RATIONAL * q * q * len(b), length, length)
         ahead, back = ([[_horner(x, z) for x in row] for row in b] for z in (s, -s))
         H = [
             [
@@ -552,7 +573,8 @@ def _horner(c: Numbers, s: Fraction) -> Fraction:
 def _interpolated(at: Row, values: Row) -> Row:
     """Return the polynomial through points, lowest power first, by divided differences."""
     table, count = list(values), len(at)
-    spend(RATIONAL * count**2, 512, 512)
+    length = max(x.numerator.bit_length() + x.denominator.bit_length() for x in values)
+    spend(RATIONAL * count**2, length, length)
     for order in range(1, count):
         for i in range(count - 1, order - 1, -1):
             table[i] = (table[i] - table[i - 1]) / (at[i] - at[i - order])

@@ -38,7 +38,7 @@ from polefence.design.evidence import certificate_of, evidence_at
 from polefence.design.observer import Observer
 from polefence.design.requirements.specification import claim_of
 from polefence.design.signals.bounds import _dual_evidence, best_bound, kept_bound
-from polefence.lmi.solve.gramians import _each, in_parts
+from polefence.lmi.solve.gramians import DEGREES, _each, in_parts
 from polefence.plant.boxes import Box
 from polefence.plant.delta import delta_form
 from polefence.plant.samples import claim_of_samples
@@ -645,7 +645,9 @@ def divided_in_four(problem, level):
     found = []
     for a, b in product((0.0, 0.5), repeat=2):
         box = Box((a, b), (a + 0.5, b + 0.5))
-        dual = next(own for own in _each(replace(problem, box=box), level) if own.level < level)
+        dual = next(
+            own for own in _each(replace(problem, box=box), level, DEGREES) if own.level < level
+        )
         ends = (tuple(map(Fraction, own)) for own in (box.low, box.high))
         found.append(Piece(*ends, _dual_evidence(dual)))
     return tuple(found)

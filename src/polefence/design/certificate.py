@@ -183,6 +183,10 @@ class Certificate(Short):
         try:
             if not verdict.proved:
                 raise FormatError(verdict.reason)
+            remainder = self.plant.remainder
+            named = self.plant if self.observed is None else self.observed
+            if remainder is not None and remainder.curve and named.sampling is None:
+                return  # what its samples are of is not known here: there is no file of it alone
             self.file((own, *claims)).require_checkable((own, *claims))
         except FormatError as error:
             raise NotProvedError(f"not proved: the file of it is not proved: {error}") from error
@@ -382,9 +386,9 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
     return replace(
         bare_plant(plant),
         name=plant.name,
-        states=plant.states,
-        inputs=plant.inputs,
-        disturbances=plant.disturbances,
+        states=tuple(plant.states),
+        inputs=tuple(plant.inputs),
+        disturbances=tuple(plant.disturbances),
         outputs=tuple(_file_output(plant, own) for own in plant.every_output),
         vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
         noise=plant.noise,

@@ -99,6 +99,7 @@ class _Reader:
     def __init__(self, path: Path, order: str) -> None:
         self.path, self.order = path, order
         self.left, self.count = MAX_INFLATED, 0
+        self.entries = 0  # of all matrices, zeros of sparse ones among them
 
     def elements(self, raw: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield type and content of the elements that follow one another."""
@@ -172,6 +173,9 @@ class _Reader:
             raise _DamagedError("no sizes")
         if prod(sizes) > MAX_ENTRIES:
             return Unread(f"larger than {MAX_ENTRIES} entries")
+        self.entries += prod(sizes)
+        if self.entries > MAX_ENTRIES:
+            raise InputError(f"{self.path}: more than {MAX_ENTRIES} entries in all")
         if kind == CELL:
             return Cells(tuple(self._inner(inside, depth) for _ in range(prod(sizes))))
         if kind == STRUCTURE:
@@ -215,6 +219,8 @@ class _Reader:
             raise _DamagedError(f"text of type {kind}")
         end = {"<": "-le", ">": "-be"}[self.order] if code in ("utf-16", "utf-32") else ""
         text = bytes(content).decode(f"{code}{end}", "replace")
+        if len(text) != prod(sizes):
+            raise _DamagedError(f"{len(text)} letters in the place of {prod(sizes)}")
         if sizes[0] == 1:
             return [text]
         rows = sizes[0]
@@ -225,7 +231,7 @@ class _Reader:
     ) -> Array:
         value = self.numbers(inside, prod(sizes)).astype(kind)
         if marks & COMPLEX:
-            value = value + 1j * self.numbers(inside, prod(sizes)).astype(kind)
+            value = _complex(value, self.numbers(inside, prod(sizes)).astype(kind))
         return value.reshape(sizes, order="F")
 
     def _sparse(
@@ -235,10 +241,11 @@ class _Reader:
         if len(sizes) != 2:
             raise _DamagedError("no sizes")
         rows, columns = sizes
-        row, begin = (self.numbers(inside).astype(np.int64) for _ in range(2))
-        value: Any = self.numbers(inside).astype("f8")
+        row = self.numbers(inside, some=True).astype(np.int64)
+        begin = self.numbers(inside).astype(np.int64)
+        value: Any = self.numbers(inside, some=True).astype("f8")
         if marks & COMPLEX:
-            value = value + 1j * self.numbers(inside, len(value)).astype("f8")
+            value = _complex(value, self.numbers(inside, len(value)).astype("f8"))
         count = int(begin[-1]) if len(begin) == columns + 1 else -1
         right = 0 <= count <= min(len(row), len(value)) and begin[0] == 0
         if not right or np.any(np.diff(begin) < 0):
@@ -247,13 +254,17 @@ class _Reader:
         if np.any((row < 0) | (row >= rows)):
             raise _DamagedError("no rows of a sparse matrix")
         found = np.zeros(sizes, dtype=value.dtype)
-        found[row, np.repeat(np.arange(columns), np.diff(begin))] = value[:count]
+        at = row, np.repeat(np.arange(columns), np.diff(begin))
+        np.add.at(found, at, value[:count])  # as MATLAB adds what stands in one place
         return found
 
     def numbers(
-        self, inside: Iterator[tuple[int, memoryview]], count: int | None = None
+        self,
+        inside: Iterator[tuple[int, memoryview]],
+        count: int | None = None,
+        some: bool = False,
     ) -> np.ndarray[Any, Any]:
-        """Return the numbers of the next element, as many as they must be."""
+        """Return the numbers of the next element, as many as they must be; ``some`` may be none."""
         kind, content = _next(inside)
         if kind not in NUMBERS:
             raise _DamagedError(f"numbers of type {kind}")
@@ -261,9 +272,16 @@ class _Reader:
         if len(content) % own.itemsize:
             raise _DamagedError("half a number")
         found = np.frombuffer(content, dtype=own)
-        if len(found) != count if count is not None else not len(found):
+        if len(found) != count if count is not None else not (len(found) or some):
             raise _DamagedError(f"{len(found)} numbers in the place of {count or 1}")
         return found
+
+
+def _complex(real: Array, imaginary: Array) -> Array:
+    """Return complex numbers of their parts; infinite ones stay apart."""
+    found = np.empty(real.shape, dtype=complex)
+    found.real, found.imag = real, imaginary
+    return found
 
 
 def _next(inside: Iterator[tuple[int, memoryview]]) -> tuple[int, memoryview]:
@@ -295,6 +313,8 @@ def _older(raw: bytes) -> Iterator[tuple[str, Any]]:
         precision, what = kind // 10 % 10, kind % 10
         if precision >= len(OLDER) or what > 2 or min(rows, columns, length - 1) < 0:
             raise _DamagedError("no header of version 4")
+        if max(rows, columns, rows * columns) > MAX_ENTRIES:
+            raise _DamagedError(f"more than {MAX_ENTRIES} entries")
         own = np.dtype(order + OLDER[precision])
         begin = at + 20 + length
         size = rows * columns * own.itemsize
@@ -305,7 +325,7 @@ def _older(raw: bytes) -> Iterator[tuple[str, Any]]:
         value = np.frombuffer(raw[begin : begin + size], own).reshape((rows, columns), order="F")
         if imaginary:
             more = np.frombuffer(raw[begin + size : at], own)
-            value = value + 1j * more.reshape((rows, columns), order="F")
+            value = _complex(value, more.reshape((rows, columns), order="F"))
         if what == 2:
             yield name, Unread("a sparse matrix of MATLAB 4")
         else:

@@ -171,7 +171,7 @@ def _read(table: Table) -> Document:
     claims = list[Claim]()
     for row in table.tables("claims", MAX_CLAIMS):
         claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
-        require_left(getattr(claims[-1], "region", ()))
+        require_left(getattr(claims[-1], "region", ()), plant.sample_time is not None)
     curved = plant.remainder is not None and plant.remainder.curve
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError("plant.curve: a claim of kind samples has to say what the plant is of")

@@ -67,8 +67,8 @@ class Part(Short):
         """Say what besides makes it no region."""
         return ""
 
-    def fault_alone(self) -> str:
-        """Say what makes it no region where no other part keeps the left half-plane."""
+    def fault_alone(self, discrete: bool) -> str:  # noqa: ARG002
+        """Say what makes it no region where no other part keeps it among stable poles."""
         return ""
 
     def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
@@ -94,14 +94,14 @@ class Disk(Part):
     centre: Fraction
     radius: Fraction
 
-    def fault_alone(self) -> str:
-        """Say that it is no disk of continuous nor of discrete time."""
-        if self.centre < 0 or self.centre + self.radius <= 1:
+    def fault_alone(self, discrete: bool) -> str:
+        """Say that it is no disk of continuous, or of discrete time."""
+        if self.centre < 0 or (discrete and self.centre + self.radius <= 1):
             return ""
-        return (
-            f"centre = {_short(self.centre)} must be negative, or the disk in the unit disk, or "
-            "another part in the left half-plane"
-        )
+        where = f"centre = {_short(self.centre)} must be negative"
+        if discrete:
+            return f"{where}, or the disk, or another part, in the unit disk"
+        return f"{where}, or another part in the left half-plane"
 
     @property
     def pairs(self) -> list[Pair]:
@@ -273,7 +273,7 @@ class Ellipse(Part):
     real: Fraction
     imaginary: Fraction
 
-    def fault_alone(self) -> str:
+    def fault_alone(self, discrete: bool) -> str:  # noqa: ARG002
         """Say that its centre is unstable."""
         if self.centre < 0:
             return ""
@@ -353,19 +353,23 @@ def require_region(parts: tuple[Part, ...]) -> None:
     _refuse([part.fault() for part in parts])
 
 
-def require_left(parts: tuple[Part, ...]) -> None:
+def require_left(parts: tuple[Part, ...], discrete: bool) -> None:
     """Refuse a disk or an ellipse about a point that is not in the left half-plane.
 
-    Not where another part lies there, nor a disk in the unit disk. A claim about such a region may
-    be proved, but is none that anybody means: it is a slip of the sign.
+    Not where another part lies there; in discrete time not a disk in the unit disk, nor one beside
+    it. A claim about such a region may be proved, but is none that anybody means: it is a slip of
+    the sign.
 
     Raises
     ------
     FormatError
         Naming the first such part.
     """
-    if not any(part.in_half_plane(ONE, ZERO, ZERO) for part in parts):
-        _refuse([part.fault_alone() for part in parts])
+    kept = (part.in_half_plane(ONE, ZERO, ZERO) for part in parts)
+    if discrete:
+        kept = (isinstance(p, Disk) and abs(p.centre) + p.radius <= 1 for p in parts)
+    if not any(kept):
+        _refuse([part.fault_alone(discrete) for part in parts])
 
 
 def _refuse(faults: list[str]) -> None:

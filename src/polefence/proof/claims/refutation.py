@@ -34,6 +34,7 @@ from polefence.proof.claims.signal import (
     misnamed,
     outputs_text,
     read_outputs,
+    require_scales,
     require_shapes,
     write_outputs,
 )
@@ -233,8 +234,7 @@ def require_driven(
     require_shapes(A, N, n, n, "A")
     require_shapes(B, N, n, m, "B")
     require_shapes(E, N, n, q, "E")
-    if scales and len(scales) != q:
-        raise FormatError(f"disturbances must hold {q} numbers")
+    require_scales(scales, q)
     return N, n, m
 
 

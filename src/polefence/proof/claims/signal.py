@@ -590,9 +590,7 @@ class SignalClaim(Short, Claim):
 
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
-        scales, q = self.scales, self.subject.q
-        if scales and (len(scales) != q or min(scales) < 0 or not any(scales)):
-            raise FormatError(f"disturbances must hold {q} numbers, zero or more, not all zero")
+        require_scales(self.scales, self.subject.q)
         through = any(F[0][k] for own in self.outputs for F in own.F for k in self.acting)
         if through and not self.direct:
             raise FormatError(f"F: a disturbance passes straight into the output of {self.kind}")
@@ -767,6 +765,12 @@ def misnamed(outputs: Sequence[Output], plant: Plant) -> str:
     return ""
 
 
+def require_scales(scales: Sequence[Fraction], q: int) -> None:
+    """Refuse scales of disturbances that do not fit, are negative, or let none act."""
+    if scales and (len(scales) != q or min(scales) < 0 or not any(scales)):
+        raise FormatError(f"disturbances must hold {q} numbers, zero or more, not all zero")
+
+
 def acting_text(
     scales: Sequence[Fraction], plant: Plant, text: Callable[[Fraction], str] = digits_down
 ) -> str:
@@ -778,7 +782,7 @@ def acting_text(
             times = "" if scale == 1 else f" times {text(scale)}"
             said.append(f"{name}w{k + 1}{times}")
     alone = "" if all(scales) else " alone"
-    return f" from {' and '.join(said)}{alone}" if said else ""
+    return f" from {' and '.join(said)}{alone}" if said or scales else ""
 
 
 def _read_filters(table: Table, count: int) -> Filters:

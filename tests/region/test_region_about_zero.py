@@ -74,7 +74,7 @@ def test_another_part_keeps_the_left_half_plane(part, other):
     region = part & other
     assert parse_region(str(region)) == region
     parts = parts_of(region.document())
-    require_left(parts)
+    require_left(parts, discrete=False)
     kinds = [(own.kind, own.numbers) for own in parts]
     assert region_of(kinds) == region
     assert region.stable
@@ -88,7 +88,7 @@ def test_alone_it_is_no_region(part, other):
     with pytest.raises(RegionError, match="not in the left half-plane"):
         parse_region(str(region))
     with pytest.raises(FormatError, match="must be negative"):
-        require_left(parts_of(region.document()))
+        require_left(parts_of(region.document()), discrete=False)
     with pytest.raises(RegionError, match="not in the left half-plane"):
         analyse(axis(), [[-2, -2]], region)
 

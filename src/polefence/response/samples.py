@@ -251,6 +251,7 @@ def _label(name: str, unit: str) -> str:
 def _late(plant: UncertainPlant, output: Output, delay: int) -> Output:
     """Return an output whose part of the inputs is that of those that act."""
     C, D, F = output.exact(plant)
+    F = F if plant.disturbance_count else ()
     m = plant.shape[1]
     zeros = (Fraction(0),) * m
     if not delay:

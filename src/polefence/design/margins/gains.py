@@ -54,6 +54,7 @@ from polefence.law.laws import PolynomialGain
 from polefence.lmi.conditions.performance import Output, Through
 from polefence.lmi.solve.lyapunov import kept_whatever, points_inside
 from polefence.plant.larger import own_states
+from polefence.plant.points import seeded
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.proof.claims.each_gain import EachGain
@@ -62,6 +63,7 @@ from polefence.proof.remainder import SHARE
 from polefence.region.regions import Disk, HalfPlane, Region
 
 MOST = 10.0  # times its size: no larger error is looked for
+BETWEEN = 500  # points between the vertices at which gains are looked at for their sizes
 FORMS, MOST_WORK = ((0, 0), (1, 0)), 6e9  # degree and elevation; of a step [multiplications]
 CORNERS, POINTS, TURNS = 24, 40, 8  # of the family, of the boundary: where responses are taken
 SHARP = (4.0, 16.0, 64.0)  # powers of the mean that stands for the largest, one after the other
@@ -76,7 +78,9 @@ class Gains:
     Attributes
     ----------
     sizes : (m, r) array
-        Of each the largest value at the corners of the family; zero for those that are not off.
+        Of each the largest value of the family: no less than any of a law that is polynomial in
+        the parameters (its Bernstein coefficients), of others that at the vertices and at `BETWEEN`
+        points between. Zero for those that are not off.
     C : (N, r, n) array, optional
         Of what the law measures; None where it feeds back the states.
     """
@@ -87,11 +91,15 @@ class Gains:
     @classmethod
     def of(cls, design: Design, own: bool = False) -> Gains:
         """Return the gains of the inputs; with ``own`` those of the rates of the law's states."""
-        law, N = design.law, len(design.plant.vertices)
+        law, N, C = design.law, len(design.plant.vertices), None
+        gain = law.gain
         if isinstance(law, PolynomialGain) and law.measured:
-            found, C = law.own_gain(np.eye(N)), np.broadcast_to(law.C, (N, *law.C.shape[1:]))
+            gain, C = law.own_gain, np.broadcast_to(law.C, (N, *law.C.shape[1:]))
+        if isinstance(law, PolynomialGain):
+            at = law.domain.nodes(law.degree)
+            found = law.domain.interpolated(gain(at), law.degree)
         else:
-            found, C = law.gain(np.eye(N)), None
+            found = gain(seeded(design.plant, N + BETWEEN))
         sizes = np.abs(found).max(axis=0)
         rates = np.arange(len(sizes)) >= len(sizes) - own_states(design.plant)
         return cls(np.where(rates[:, None] == own, sizes, 0.0), C)

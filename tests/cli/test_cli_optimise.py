@@ -196,8 +196,8 @@ def change(path, keys, value):
 CHANGES = {
     "lower level": (["claims", 1, "level"], 0.05, "rms of 'x' = x1 <= 0.05 at density 2"),
     "more noise": (["claims", 2, "intensity"], 40, "= u1 <= 1.5 at density 80"),
-    "evidence": (["claims", 3, "evidence", "X", 0, 0, 0], -1, "not positive definite"),
-    "asymmetry": (["claims", 3, "evidence", "X", 0, 0, 1], 1e-3, "is not symmetric"),
+    "evidence": (["law", "W", 0, 0, 0], -1, "refuted: claim 1, region: at alpha = "),
+    "asymmetry": (["law", "W", 0, 0, 1], 1e-3, "is not symmetric"),
     "another output": (["claims", 1, "output", "C", 0, 0], "1/2", "output called 'x' is"),
     "another name": (["claims", 2, "name"], "v", "output called 'v' is another"),
     "law": (["law", "Z", 0, 0, 0], 1000.0, "refuted: claim 1, region: at alpha = "),

@@ -267,6 +267,27 @@ def test_a_matrix_is_not_made_larger_than_is_read(tmp_path):
         read_arrays(path)["A"]
 
 
+def test_what_stands_twice_in_a_sparse_matrix_is_added(tmp_path):
+    """As MATLAB and SciPy have it; and one without entries is zero."""
+    path = tmp_path / "w.mat"
+    twice = csc_matrix((np.array([-1.0, -2.0]), np.array([0, 0]), np.array([0, 2])), shape=(1, 1))
+    savemat(path, {"A": twice, "B": csc_matrix((1, 1))})
+    found = read_arrays(path)
+    assert found["A"][0][0][0] == -3
+    assert found["B"][0][0][0] == 0
+
+
+def test_short_files_that_announce_much_are_refused(tmp_path):
+    """Text of two thousand million rows in 22 bytes; many large sparse matrices without entries."""
+    path = tmp_path / "w.mat"
+    path.write_bytes(struct.pack("<5i", 1, 2**31 - 1, 0, 0, 2) + b"A\0")
+    with pytest.raises(InputError, match="more than 2000000 entries"):
+        read_arrays(path)
+    savemat(path, {f"A{k}": csc_matrix((1_000_000, 1)) for k in range(4)})
+    with pytest.raises(InputError, match="more than 2000000 entries in all"):
+        read_arrays(path)
+
+
 def test_a_newer_file_says_how_to_write_one_that_is_read(tmp_path):
     path = tmp_path / "new.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")

@@ -172,3 +172,15 @@ def test_a_handle_in_the_studio_may_be_dragged_over_zero_only_where_another_part
     assert moved(region, handle, 2 + 0j) == HalfPlane(1) & Disk(2, 3)
     with pytest.raises(RegionError, match="not in the left half-plane"):
         moved(Disk(-4, 3), Handle(-4 + 0j, (0,), centre=True), 2 + 0j)
+
+
+def test_a_checked_region_is_one_of_the_plants_own_time():
+    """The unit disk keeps no loop of continuous time, nor the left half-plane one of samples."""
+    unit, large = parts_of(Disk(0, 1).document()), parts_of(Disk(0.5, 2).document())
+    left = parts_of((Disk(0, 500) & HalfPlane(0)).document())
+    require_left(unit, discrete=True)
+    require_left((*unit, *large), discrete=True)
+    require_left(left, discrete=False)
+    for parts, discrete in ((unit, False), (large, True), (left, True)):
+        with pytest.raises(FormatError, match="must be negative"):
+            require_left(parts, discrete=discrete)

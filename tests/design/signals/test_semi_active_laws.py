@@ -292,6 +292,14 @@ def test_each_fault_in_the_evidence_is_found(laws):
     assert prove(level("1.0000001")).proved
 
 
+@pytest.mark.parametrize("scale", [0, -1])
+def test_noise_that_does_not_act_bounds_nothing(laws, scale):
+    claim = laws[4e3].claim
+    q = len(claim.E[0][0])
+    with pytest.raises(FormatError, match="not all zero"):
+        prove(replace(claim, scales=(Fraction(scale),) * q))
+
+
 def test_each_matrix_of_squares_is_needed(laws):
     claim = laws[4e3].claim
     for k, piece in enumerate(claim.pieces):

@@ -68,6 +68,7 @@ def compare_command(options: Any) -> int:
     from polefence.vehicle.vehicle import require_ride
 
     plant, own = read_subject(options.subject)
+    given = _given(plant, options.law or ())
     require_ride(plant)
     check_figure(options.plot)
     check_targets(options.json, options.plot)
@@ -76,7 +77,7 @@ def compare_command(options: Any) -> int:
         plant, own = law_of_spec(plant, options.subject)
         notes = [] if own or options.disk else ["", NOTHING_ASKED.format(options.subject)]
     first = [] if own is None else [own]
-    laws = [*first, *(_law(plant, word, options) for word in _words(options))]
+    laws = [*first, *(given.get(word) or _law(plant, word, options) for word in _words(options))]
     found = compare(
         plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
     )
@@ -97,9 +98,14 @@ def _words(options: Any) -> Sequence[str]:
     return (*WORDS, *(METHODS if options.disk is not None else ()))
 
 
+def _given(plant: UncertainPlant, words: Sequence[str]) -> dict[str, Named]:
+    """Read designs and gains, by what names them: what is no law is none of any plant."""
+    return {word: read_law(plant, word) for word in words if word not in (*WORDS, *METHODS)}
+
+
 def _law(plant: UncertainPlant, word: str, options: Any) -> Named:
     from polefence.vehicle.compare import standard_laws
 
-    if word not in METHODS:
+    if word in WORDS:
         return read_law(plant, word)
     return Named(word, standard_laws(plant, tuple(options.disk or DISK), (word,))[word])

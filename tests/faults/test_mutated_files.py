@@ -40,6 +40,7 @@ KINDS = {
     "gains": ("gains.json", [[*ANALYSE, "--depth", "0"]]),
     "estimate": ("service/estimate-k.json", [CHECK]),
     "gain margin": ("service/gain.json", [CHECK]),
+    "gain error": ("whole/gain.json", [CHECK]),
     "rate": ("service/rate-k.json", [CHECK]),
     "performance": ("performance/design.json", [["check", "FILE", "--spec", "spec.toml"]]),
     "vectors": ("vectors/design.json", [["check", "FILE", "--spec", "two.toml"]]),

@@ -106,6 +106,7 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("vectors/design.json", ("level",), 1e-3),
         ("service/estimate-k.json", ("region", "radius"), 0.5),
         ("service/gain.json", ("error",), 1e4),
+        ("whole/gain.json", ("error",), 1e4),
         ("service/rate-k.json", ("decay",), 1e3),
         ("code/guarantee.json", ("gain", "region", "radius"), 0.5),
         ("table/table.json", ("region", "decay"), 1e3),

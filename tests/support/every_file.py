@@ -7,10 +7,13 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
+
 from polefence.cli.main import main
 from polefence.design.design import Design
 from polefence.design.evidence import Search, certificate_of
 from polefence.design.given import analyse
+from polefence.design.margins.kinds import gain_claim
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
@@ -106,7 +109,7 @@ FILES = (
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
-    "discrete/design.json", "moving/design.json",
+    "discrete/design.json", "moving/design.json", "whole/gain.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -205,6 +208,7 @@ def write_every_file(made: Path) -> None:
     ):
         assert quiet(words)[0] == 0, words
     _write_polynomial(made)
+    _write_gain_error(made)
 
 
 def _write_polynomial(made: Path) -> None:
@@ -225,3 +229,13 @@ def _write_polynomial(made: Path) -> None:
     both = HalfPlane(0.3), Sector(0.1)
     each = [Search(plant, law, part, Deadline()).in_parts() for part in both]
     Design(certificate_of(plant, law, both[0] & both[1], each)).save(made / "cells")
+
+
+def _write_gain_error(made: Path) -> None:
+    """Write a file of an error of the gain as a whole, as `service` once wrote them."""
+    design = Design.load(made / "scheduled")
+    largest, claim = gain_claim(design, np.ones(1), np.ones(2), 0.0)
+    assert claim is not None
+    assert 0 < claim.error < largest
+    (made / "whole").mkdir()
+    (made / "whole" / "gain.json").write_text(design.certificate.file([claim]).dumps())

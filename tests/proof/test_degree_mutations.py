@@ -27,6 +27,7 @@ from polefence.region.regions import (
     Sector,
     VerticalStrip,
     region_of,
+    require_left,
 )
 from support.files import first, poles_in
 
@@ -135,7 +136,7 @@ def is_region(found):
     parts = first(found)["region"].get("parts", [first(found)["region"]])
     try:
         names = {kind: part.names() for kind, part in regions.KINDS.items()}
-        region_of([(p["kind"], [p[key] for key in names[p["kind"]]]) for p in parts])
+        require_left(region_of([(p["kind"], [p[key] for key in names[p["kind"]]]) for p in parts]))
     except RegionError:
         return False
     return True

@@ -28,8 +28,9 @@ from polefence.proof import regions, work
 from polefence.proof.__main__ import main as alone
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.poles import Poles
-from polefence.proof.document import loads
+from polefence.proof.document import Document, loads
 from polefence.proof.laws import Evidence, Law
+from polefence.proof.plant import Plant
 from polefence.region.regions import HalfPlane, Sector
 from support.files import poles_in
 
@@ -385,9 +386,8 @@ def test_claims_whose_numbers_are_wrong_are_not_proved(claim):
 
 
 NO_REGIONS = [
-    regions.Disk(Fraction(5), Fraction(3)),
     regions.Disk(Fraction(-3), Fraction(-3)),
-    regions.Ellipse(Fraction(1, 2), Fraction(3), Fraction(1)),
+    regions.Ellipse(Fraction(1, 2), Fraction(3), Fraction(0)),
     regions.Sector(Fraction(1, 2), Fraction(1)),
     regions.Sector(Fraction(1, 10**9), Fraction(1)),
     regions.HalfPlane(Fraction(1, 10**200)),
@@ -403,8 +403,31 @@ def test_numbers_that_make_no_region_are_neither_proved_nor_refuted(part):
             check_claim,
             lambda c: c.poles_inside([Fraction(1)]),
         ):
-            with pytest.raises(work.FormatError, match=r"region\.(centre|radius|slope|d)"):
+            with pytest.raises(work.FormatError, match=r"region\.(radius|imaginary|slope|d)"):
                 decide(claim)
+
+
+# Of the right half-plane, and whether -1 lies in it.
+SLIPS = [
+    (regions.Disk(Fraction(5), Fraction(3)), False),
+    (regions.Disk(Fraction(3), Fraction(60)), True),
+    (regions.Ellipse(Fraction(1, 2), Fraction(3), Fraction(1)), True),
+]
+
+
+@pytest.mark.parametrize(("part", "inside"), SLIPS)
+def test_slips_of_the_sign_are_refused_in_a_file(part, inside):
+    """A claim of one alone is a true statement or none; a file of it is refused as a whole."""
+    for W in (1, -1):
+        claim = certified(part, W)
+        assert prove(claim).proved is (inside and W > 0)
+        assert check_claim(claim).proved is (inside and W > 0)
+        assert claim.poles_inside([Fraction(1)]) is inside
+        document = Document(Plant(claim.A, claim.B, []), claim.law, (claim,))
+        with pytest.raises(work.FormatError, match=r"region\.centre = \S+ must be negative"):
+            loads(document.dumps())
+        kept = replace(claim, region=(part, regions.HalfPlane(Fraction(0))))
+        assert loads(replace(document, claims=(kept,)).dumps()).claims == (kept,)
 
 
 def certified(part, W):

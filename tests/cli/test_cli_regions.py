@@ -161,7 +161,14 @@ def test_what_lies_beyond_the_tightest_is_not_proved(stage, tmp_path, capsys):
 
 def test_speed_without_a_bound_is_noted(stage, capsys):
     assert main(["tightest", stage, "--of", "half_plane", "--method", "quadratic"]) == 0
-    assert "note: a disk bounds the poles' speed" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "note: a disk was added, or the gain would grow without bound" in said
+    own = said.split("for example '")[1].split("'")[0]
+    words = ["tightest", stage, "--of", "half_plane", "--method", "quadratic", "--within", own]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert f"within {own}," in said
+    assert "note: a disk" not in said
 
 
 def test_limits_names_degrees_and_resumes_by_them(tmp_path, capsys, monkeypatch):

@@ -266,7 +266,7 @@ def test_a_decay_is_rounded_down(here, capsys):
     assert status == 0
     assert "decay rate 0.2499 1/s" in out
     _, out = said_by(capsys, "service", "law", "--decay", "0.249999999")
-    assert "decay rate 0.249999999 1/s" in out
+    assert "with a decay rate of 0.249999999 1/s" in out
 
 
 def test_ranges_are_told_inwards(here, capsys):

@@ -110,7 +110,7 @@ def test_sampled_rows_are_said_to_be_that(results, capsys, tmp_path):
     assert f"compare passive: 2 sampled; {polefence.region.text.digits_up(min(worst))} to" in said
     assert "compare" not in said.split("ours disk(-40, 3): ")[1]  # among what is not proved
     html = page.read_text()
-    assert "Worst samples, of which nothing is proved" in html
+    assert "Worst samples (not proved)" in html
     assert html.count("<td>2 sampled</td>") == 2
     assert main(["study", str(out), "--best", "compare passive"]) == 0
     head, first, *_ = capsys.readouterr().out.splitlines()

@@ -368,7 +368,7 @@ def test_samples_are_of_parameters_at_rest():
         return [[0, 1], [-k, -1]], [[0], [1]]
 
     plant = UncertainPlant.from_function(matrices, [Parameter("k", 1, 2, rate=(-1, 1))])
-    with pytest.raises(InputError, match="parameter k: rate: samples are of parameters that do"):
+    with pytest.raises(InputError, match="k: rate: samples are for constant parameters only"):
         at_sample_time(plant, 0.01)
     still = at_sample_time(replace(plant, parameters=(Parameter("k", 1, 2),)), 0.01)
     with pytest.raises(InputError, match="rate: samples of a plant"):

@@ -469,6 +469,9 @@ class Search:
                 return
         kept = self._halved(task, self._ones)
         self.kept = kept if own else self.kept
+        if own and task is not self.task:
+            # what kept a limit within the whole region may lose it within a share
+            self._halved(self.task, self._ones)
 
     def _loosened(self, task: Task, point: Point) -> Task:
         """Return the task without limits that its law is far from, or with wider ones.

@@ -143,3 +143,24 @@ def test_samples_of_another_plant_are_seen(documents):
     document["claims"][-1]["vertices"][0]["A"][1][0] = -2.5
     assert false(document)
     assert not proved(document)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_region_about_the_right_half_plane_is_refused(documents, name):
+    """Wherever a claim has it: a slip of the sign, be it true or not."""
+    document = copy.deepcopy(documents[name])
+
+    def slip(node):
+        """Put a large disk in place of every region; return how many there were."""
+        nodes = list(node.values()) if isinstance(node, dict) else node
+        count = sum(slip(each) for each in nodes if isinstance(each, dict | list))
+        if isinstance(node, dict) and isinstance(node.get("region"), dict):
+            node["region"] = {"kind": "disk", "centre": 40.0, "radius": 1e3}
+            count += 1
+        return count
+
+    if slip(document["claims"]):
+        with pytest.raises(FormatError, match="centre = 40"):
+            from_plain(document)
+    else:
+        assert name.startswith("damper/")

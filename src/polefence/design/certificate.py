@@ -131,7 +131,7 @@ class Certificate(Short):
             law, on = read_law(Table.of(self._law(), "law"), plant)
             own = {"region": self.region.document(), "method": self.method}
             table = Table.of(own | {"evidence": _plain_data(self.evidence)})
-            claim = Poles.read(table, plant, law, plant.domain(on) if on else "")
+            claim = Poles.read_part(table, plant, law, plant.domain(on) if on else "")
             table.done()
             return claim
         except FormatError as error:

@@ -35,7 +35,6 @@ from polefence.proof.claims.saturation import Saturation
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
-from polefence.proof.regions import require_left
 from polefence.proof.short import Short
 from polefence.proof.work import FULL, MAX_FILE, FormatError, counted
 
@@ -171,7 +170,6 @@ def _read(table: Table) -> Document:
     claims = list[Claim]()
     for row in table.tables("claims", MAX_CLAIMS):
         claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
-        require_left(getattr(claims[-1], "region", ()), plant.sample_time is not None)
     curved = plant.remainder is not None and plant.remainder.curve
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError("plant.curve: a claim of kind samples has to say what the plant is of")

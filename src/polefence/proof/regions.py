@@ -397,6 +397,13 @@ def read_region(table: Table) -> Region:
     return found
 
 
+def read_whole(table: Table, discrete: bool) -> Region:
+    """Read the region of a claim, as a whole: see `require_left`."""
+    found = read_region(table)
+    require_left(found, discrete)
+    return found
+
+
 def parts_of(document: dict[str, Any]) -> Region:
     """Return the parts of a region from plain data."""
     return read_region(Table.of(document, "region"))

@@ -22,7 +22,7 @@ from polefence.proof.laws import Evidence, Law, read_evidence
 from polefence.proof.matrices import Rationals, least_work, mix, quotient
 from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import Table, as_list, as_number, plain
-from polefence.proof.regions import MAX_PARTS, Part, read_region, write_region
+from polefence.proof.regions import MAX_PARTS, Part, read_whole, write_region
 from polefence.proof.roots import Outside, all_inside, inside_work, is_outside
 from polefence.proof.short import Short
 from polefence.proof.text import (
@@ -208,7 +208,11 @@ class Cells(Short, Claim):
         plant.require_exact(table.where)
         if not isinstance(law, Interpolated):
             raise FormatError("law: cells are of a law of kind table")
-        region, count, n = read_region(table.table("region")), len(law.axes), plant.n
+        region, count, n = (
+            read_whole(table.table("region"), plant.sample_time is not None),
+            len(law.axes),
+            plant.n,
+        )
         rows = table.tables("cells", MAX_CELLS)
         return cls(law, region, tuple(_read_cell(row, count, n) for row in rows))
 

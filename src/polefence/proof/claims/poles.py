@@ -88,6 +88,7 @@ from polefence.proof.regions import (
     factors,
     lyapunov,
     read_region,
+    read_whole,
     require_region,
     write_region,
 )
@@ -140,7 +141,13 @@ class Poles(Short, Claim):
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
-        """Read region, method and evidence."""
+        """Read region, method and evidence; the region is one of the plant's time, as a whole."""
+        read_whole(table.table("region"), plant.sample_time is not None)
+        return cls.read_part(table, plant, law, on)
+
+    @classmethod
+    def read_part(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read a claim about a part of a region, which alone may be none of a file."""
         law, region = require_law(law, cls.kind), read_region(table.table("region"))
         method, below = table.word("method", METHODS), table.table("evidence")
         allowed = {"scheduled": law.scheduled, "lyapunov": True}.get(method, law.fixed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -159,6 +160,12 @@ def test_the_ride_is_proved_beside_each_sensor(page):
     assert all(not own.object for own in texts.values())  # they were of another law
 
 
+def proved_force(page):
+    """The bound on the force that the badge says is proved; an error where it says none."""
+    assert "proved: all poles" in page.badge.object
+    return float(re.search(r"actuator force &lt;= ([^;<]*)", page.badge.object)[1])
+
+
 def test_the_dot_is_dragged_to_a_law(page):
     page.draw.clicks += 1
     assert until(lambda: len(page.front.points.data["x"]) == COUNT, patience=60)
@@ -167,8 +174,8 @@ def test_the_dot_is_dragged_to_a_law(page):
     page.front.picked.data = {"number": [1]}
     limit = page.front.rows[1]["law_of"]
     assert page.history.now.question.limit == limit
-    assert until(lambda: f"actuator force &lt;= {limit:g}" in page.badge.object)
-    assert "proved" in page.badge.object
+    # what is proved of the law that was found, next to the limit or a little inside it
+    assert until(lambda: 0.998 * limit < proved_force(page) <= limit)
     assert len(page.front.points.data["x"]) == COUNT  # it is the same trade-off
     assert page.limit.value == limit
     page.limit.value = 0.0

@@ -324,6 +324,12 @@ def test_work_is_bounded(document, monkeypatch):
         summary(document)
 
 
+def work_of(call):
+    with work.counted() as count:
+        call()
+    return count.spent
+
+
 def test_many_cells_are_compared_in_reasonable_time():
     """2000 cells: overlap is looked for along one side, not in all pairs."""
     sides = [Fraction(k, 40) for k in range(41)]
@@ -333,5 +339,6 @@ def test_many_cells_are_compared_in_reasonable_time():
         for j in range(40)
     ]
     assert not untiled(tiles, 1)
+    assert work_of(lambda: untiled(tiles, 1)) > 1600 * work.CALL
     wide = Cell(tiles[5].low, (sides[3], tiles[5].high[1]), "undecided")
     assert untiled([*tiles[:5], wide, *tiles[6:]], 1) == "two cells overlap"

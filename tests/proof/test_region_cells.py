@@ -65,6 +65,17 @@ def test_files_keep_the_cells(certificate, claim):
     assert again.in_parts
 
 
+def test_the_work_is_that_of_each_part_alone(claim):
+    """Each inequality is counted once: cells of one part are none of another."""
+    each = [
+        replace(claim, region=(part,), evidence=(own,))
+        for part, own in zip(claim.region, claim.evidence, strict=True)
+    ]
+    of_regions = [place for place, _ in claim.blocks() if place.inequality != "of X"]
+    assert claim.count == len(of_regions) == sum(own.count for own in each)
+    assert claim.least == sum(own.least for own in each)
+
+
 def test_the_coefficients_are_those_of_the_loop_there(claim):
     """At a point of each cell, from numpy's own A + B K and X."""
     random = np.random.default_rng(1)

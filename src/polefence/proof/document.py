@@ -158,7 +158,7 @@ def loads(text: str) -> Document:
 def from_plain(data: Any, parsed: bool = False) -> Document:
     """Read a file from plain data; see `loads`."""
     _require_format(data)
-    with counted():
+    with counted(MAX_FILE):
         return _read(Table.of(data if parsed else require_shallow(data)))
 
 
@@ -169,7 +169,10 @@ def _read(table: Table) -> Document:
     law, on = _read_law(table.table("law"), plant) if "law" in table else (None, "")
     claims = list[Claim]()
     for row in table.tables("claims", MAX_CLAIMS):
-        claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
+        with counted():  # what reading one may take
+            claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
+    if law is not None and not any(claim.of_law for claim in claims):
+        raise FormatError("law: none of the claims is about it; take it out")
     curved = plant.remainder is not None and plant.remainder.curve
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError("plant.curve: a claim of kind samples has to say what the plant is of")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
@@ -252,6 +253,17 @@ def test_a_file_that_was_changed_proves_nothing(laws, tmp_path):
         assert text.count(old) == 1
         wrong.write_text(text.replace(old, new))
         assert main([str(wrong)]) == status, old
+
+
+def test_a_law_that_no_claim_is_about_is_refused(car, laws, tmp_path, capsys):
+    """A reader would take the file's law for the one that is proved."""
+    data = laws[4e3].file().write()
+    m, n = car.shape[::-1]
+    data["law"] = {"kind": "fixed", "K": [["0"] * n] * m}
+    path = tmp_path / "law.json"
+    path.write_text(json.dumps(data))
+    assert main([str(path)]) == 2
+    assert "law: none of the claims is about it" in capsys.readouterr().err
 
 
 # --- faults --------------------------------------------------------------------------------------

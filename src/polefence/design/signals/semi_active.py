@@ -129,7 +129,9 @@ def semi_active(
 ) -> SemiActiveLaw:
     """Return a law for controllable dampers, with a proved bound on an rms.
 
-    It costs on average no more than the best dampers that stay as they are, one for each force.
+    The bound is of the worst values of the parameters, and for every choice of the dampers' states
+    it is stable. It may be no lower than that of the best dampers that stay as they are, one for
+    each force: ``passive`` of what is returned, to compare with.
 
     Parameters
     ----------

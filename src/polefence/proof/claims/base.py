@@ -14,7 +14,7 @@ from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
 from polefence.proof.short import Short
-from polefence.proof.work import MAX_WORK, FormatError, WorkError, counted, tell
+from polefence.proof.work import MAX_WORK, RATIONAL, FormatError, WorkError, counted, spend, tell
 
 MAX_BLOCKS = 200_000  # inequalities of one claim
 
@@ -142,6 +142,7 @@ def untiled(cells: Sequence[Box], total: Fraction | int) -> str:
     active: list[Box] = []
     for cell in sorted(cells, key=lambda c: c.low):
         active = [c for c in active if c.high[0] > cell.low[0]]
+        spend(RATIONAL * len(active) * len(cell.low), 64, 64)
         if any(_overlap(cell, other) for other in active):
             return "two cells overlap"
         active.append(cell)
@@ -186,6 +187,7 @@ class Claim:
     letters: ClassVar[str] = "AB"  # the matrices of the plant that it is about
     moves: ClassVar[bool] = False  # whether it holds while parameters move
     motion_note: ClassVar[str] = ""  # what it asks of these motions
+    of_law: ClassVar[bool] = True  # whether it is about the file's law
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:

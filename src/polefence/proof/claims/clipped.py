@@ -102,6 +102,7 @@ class Clipped(Short, Claim):
 
     kind: ClassVar[str] = "clipped"
     letters: ClassVar[str] = "ABE"
+    of_law: ClassVar[bool] = False
 
     A: list[Rationals]
     B: list[Rationals]

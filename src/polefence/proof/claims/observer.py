@@ -31,6 +31,7 @@ class Observer(Short, Claim):
 
     kind: ClassVar[str] = "observer"
     letters: ClassVar[str] = "A"
+    of_law: ClassVar[bool] = False
 
     dual: Poles
     measured: tuple[str, ...] = ()

@@ -327,13 +327,15 @@ class Poles(Short, Claim):
     def least(self) -> int:
         """The least that it takes to prove, whatever its numbers."""
         sides = 2 * len(self.A[0]) * (2 if self.method == "slack" else 1)
-        return least_work(self.count * len(self.region), sides)
+        return least_work(self.count, sides)
 
     @property
     def count(self) -> int:
-        """Number of coefficients of the inequalities of a part of the region."""
+        """Number of coefficients of the inequalities of all parts of the region."""
         return sum(
-            count_of(self.sizes, self.degree(own)) * math.prod(own.pieces) for own in self._each
+            count_of(self.sizes, self.degree(own)) * math.prod(own.pieces) * len(parts)
+            for evidence, parts in self._each_with_parts
+            for own in evidence.each
         )
 
     @property

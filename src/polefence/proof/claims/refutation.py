@@ -98,6 +98,7 @@ class RmsRefutation(Short, Claim):
 
     kind: ClassVar[str] = "conflict"
     letters: ClassVar[str] = "ABE"
+    of_law: ClassVar[bool] = False
 
     A: list[Rationals]
     B: list[Rationals]

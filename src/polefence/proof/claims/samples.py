@@ -44,6 +44,7 @@ class Samples(Short, Claim):
 
     kind: ClassVar[str] = "samples"
     letters: ClassVar[str] = ""
+    of_law: ClassVar[bool] = False
 
     plant: Plant
     A: list[Rationals]

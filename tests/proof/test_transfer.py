@@ -18,8 +18,18 @@ from polefence.proof import claims
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.plant import Output
+from polefence.proof.polynomials import constant, form
 from polefence.proof.remainder import Remainder
-from polefence.proof.transfer import Tensor, _exponent, gain_polynomial, positive, to_bernstein
+from polefence.proof.transfer import (
+    Tensor,
+    _degrees,
+    _exponent,
+    _value,
+    gain_polynomial,
+    positive,
+    to_bernstein,
+    transfer,
+)
 from polefence.proof.work import FormatError, counted
 
 BY = Evidence([], transfer=True)
@@ -403,3 +413,57 @@ def test_ill_conditioned_coordinates_change_nothing():
     claim = claims.Gain(subject, (replace(y, C=C),), Fraction(worst * (1 + CLOSE)))
     assert prove(claim).proved
     assert not prove(replace(claim, level=Fraction(worst * (1 - CLOSE)))).proved
+
+
+# --- degrees -------------------------------------------------------------------------------------
+
+
+def drawn(random, shape, ranks, sizes):
+    """A polynomial on a box: the coefficient of t^k of a parameter has rank ranks[axis][k - 1]."""
+    total = constant(rationals(random.integers(-5, 6, shape)), sizes)
+    for axis, each in enumerate(ranks):
+        t = form(axis, (0, 1), sizes)
+        for k, rank in enumerate(each, 1):
+            M = random.integers(-3, 4, (shape[0], rank)) @ random.integers(-3, 4, (rank, shape[1]))
+            own = constant(rationals(M), sizes)
+            for _ in range(k):
+                own = t * own
+            total = total + own
+    return total
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_degrees_are_bounded_by_the_ranks_of_coefficients(seed):
+    """The bound is what values on a finer grid show: never below it, and here as a rule equal."""
+    random, sizes = np.random.default_rng(seed), (2, 2)
+    n, p, q = 4, 1 + seed % 2, 1 + seed // 3
+    ranks = [((1,), (2, 1)), ((1, 1), (0, 1)), ((2,), (1,))][seed % 3]
+    N = drawn(random, (n, n), ranks, sizes)
+    Y, E = drawn(random, (p, n), [(), ()], sizes), drawn(random, (n, q), [(), ()], sizes)
+    W = constant(rationals(np.eye(n)), sizes)
+    bound = _degrees(W, N, Y, E, None)
+    assert bound == tuple(sum(sum(each[k:]) for k in range(len(each))) for each in ranks)
+    own = transfer(W, N, Y, E, None)
+    assert own.degrees == bound
+    # exactly what the matrices give at a point that is no node
+    t = Fraction(3, 7), Fraction(5, 11)
+    value, whole = _value(N, t)
+    A = np.array([[Fraction(x, whole) for x in row] for row in value], dtype=float)
+    a = [float(x) for x in own.inside(t).first[0]]
+    unit = [float(own.unit) ** k for k in range(n + 1)]
+    poly = np.poly(A)
+    assert np.allclose(np.array(a) / unit / a[0], poly, rtol=1e-9, atol=1e-9)
+
+
+def test_what_is_too_much_is_refused_before_it_is_computed():
+    """Eleven states and degree 18: a variance has degree 198 in the parameter."""
+    random, sizes = np.random.default_rng(1), (2,)
+    W = constant(rationals(np.eye(10)), sizes)
+    N = drawn(random, (10, 10), ((9, 9),), sizes)
+    Y, E = drawn(random, (1, 10), [()], sizes), drawn(random, (10, 1), [()], sizes)
+    with counted() as count, pytest.raises(FormatError, match="more coefficients"):
+        transfer(W, N, Y, E, None, 11)
+    spent = count.spent
+    with counted() as count:
+        transfer(W, N, Y, E, None)
+    assert spent < count.spent / 4

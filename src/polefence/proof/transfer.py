@@ -42,15 +42,18 @@ from typing import NamedTuple
 from polefence.proof.matrices import (
     LONGEST,
     MAX_BITS,
+    Integers,
     Rationals,
     bits,
     common_denominator,
     is_positive_definite,
     multiplied,
+    plus,
     right_divide,
+    times,
     whole_numbers,
 )
-from polefence.proof.polynomials import Polynomial
+from polefence.proof.polynomials import Exponent, Polynomial, Terms, joint
 from polefence.proof.regions import HalfPlane
 from polefence.proof.roots import roots_inside
 from polefence.proof.work import RATIONAL, FormatError, spend
@@ -286,23 +289,33 @@ class Transfer:
 
 
 def transfer(
-    W: Polynomial, N: Polynomial, Y: Polynomial, E: Polynomial, F: Polynomial | None
+    W: Polynomial,
+    N: Polynomial,
+    Y: Polynomial,
+    E: Polynomial,
+    F: Polynomial | None,
+    power: int = 1,
 ) -> Transfer:
     """Return Y (s W - N)^-1 E + F for polynomials on a box, or constants.
+
+    Parameters
+    ----------
+    power : int
+        Degree, in the coefficients of a and b, of what is to be positive.
 
     Raises
     ------
     FormatError
         If W is singular at a node, or there are too many nodes.
     """
-    count = len(W.sizes) if W.sizes != (1,) else 0
-    degrees = _degrees([W, N, Y, E] + ([] if F is None else [F]), count, F is not None)
+    degrees = _degrees(W, N, Y, E, F)
     n, p, q = W.shape[0], Y.shape[0], E.shape[1]
     require_few(degrees, n + 1)
+    require_few([power * d for d in degrees])  # before any is computed
     found = []
     for t in product(*map(nodes, degrees)):
-        at = [_value(own, t) for own in (W, N, Y, E)]
-        found.append(_resolved(at[0], at[1], at[2], at[3], None if F is None else _value(F, t)))
+        w, m, y, e = (_value(own, t) for own in (W, N, Y, E))
+        found.append(_resolved(w, m, y, e, None if F is None else _value(F, t)))
     shape, unit = (n + 1, *(d + 1 for d in degrees)), math.lcm(*(own[2] for own in found))
     if unit.bit_length() > MAX_BITS:
         unit = 1
@@ -340,89 +353,138 @@ def _degree_along(own: Tensor, axis: int) -> int:
     return most
 
 
-def _degrees(polynomials: list[Polynomial], count: int, direct: bool) -> tuple[int, ...]:
+def _degrees(
+    W: Polynomial, N: Polynomial, Y: Polynomial, E: Polynomial, F: Polynomial | None
+) -> tuple[int, ...]:
     """Return a bound on the degree of a and b in each parameter.
 
-    They are determinants of [ s W - N, E_j; Y_i, F_ij ]: of the sum over its rows of the degree of
-    each, and of that over its columns.
+    They are determinants of M(t) = [ s W - N, E_j; Y_i, F_ij ], and a minor. With V_k the span of
+    all columns of the coefficients of t^k and higher powers, constant steps of elimination leave
+    dim V_k rows of degree k or more: the degree of det M is at most dim V_1 + dim V_2 + ..., and
+    likewise with rows in place of columns.
     """
-    W, N, Y, E = (_entry_degrees(own, count) for own in polynomials[:4])
-    F = _entry_degrees(polynomials[4], count) if direct else None
-    n, found = len(W), []
-    for k in range(count):
-        core = [
-            [max(w[k], m[k]) for w, m in zip(*rows, strict=True)] for rows in zip(W, N, strict=True)
+    n, p, q, found = W.shape[0], Y.shape[0], E.shape[1], list[int]()
+    both, degrees = _bordered(W, N, Y, E, F)
+    for axis, degree in enumerate(degrees):
+        powers = [_coefficients(both, axis, k) for k in range(degree, 0, -1)]
+        columns = [
+            [
+                [list(column) for M in own for column in zip(*M[:n], M[n + i], strict=True)]
+                for own in powers
+            ]
+            for i in range(p)
         ]
-        right = [max(x[k] for x in row) for row in E]
-        below = [max(Y[i][j][k] for i in range(len(Y))) for j in range(n)]
-        corner = max((x[k] for row in F for x in row), default=0) if F is not None else 0
-        by_rows = sum(max(*row, e) for row, e in zip(core, right, strict=True)) + max(
-            *below, corner
-        )
-        by_columns = sum(max(*(row[j] for row in core), below[j]) for j in range(n)) + max(
-            *right, corner
-        )
-        found.append(min(by_rows, by_columns))
+        rows = [
+            [[[*row[:n], row[n + j]] for M in own for row in M] for own in powers] for j in range(q)
+        ]
+        found.append(min(max(map(_dimensions, columns)), max(map(_dimensions, rows))))
     return tuple(found)
 
 
-def _entry_degrees(own: Polynomial, count: int) -> list[list[tuple[int, ...]]]:
-    """Return the degree of each entry in each parameter."""
-    rows, columns = own.shape
-    grid = [list(nodes(own.degrees[k])) for k in range(count)]
-    values = [_value(own, t) for t in product(*grid)]
-    shape = tuple(len(axis) for axis in grid)
-    return [
-        [
-            tuple(
-                _degree_along(Tensor.of([v[i][j] for v in values], shape), k) for k in range(count)
-            )
-            for j in range(columns)
-        ]
-        for i in range(rows)
-    ]
+def _bordered(
+    W: Polynomial, N: Polynomial, Y: Polynomial, E: Polynomial, F: Polynomial | None
+) -> tuple[list[Terms], tuple[int, ...]]:
+    """Return the terms of [ W, 0; 0, 0 ] and of [ -N, E; Y, F ] over one whole, and their degrees.
+
+    None of constants.
+    """
+    every = [W, N, Y, E] + ([] if F is None else [F])
+    degrees, whole = joint(every), math.lcm(*(own.whole for own in every))
+    w, m, y, x, *f = (own.raised(degrees).over(whole) for own in every)
+    n, p, q = W.shape[0], Y.shape[0], E.shape[1]
+
+    def entries(own: Terms, e: Exponent, rows: int, columns: int) -> Integers:
+        return own.get(e) or [[0] * columns for _ in range(rows)]
+
+    first = {e: [*([*row, *(0,) * q] for row in M), *([0] * (n + q),) * p] for e, M in w.items()}
+    second: Terms = {}
+    for e in dict.fromkeys((*m, *y, *x, *(f[0] if f else ()))):
+        above = zip(entries(m, e, n, n), entries(x, e, n, q), strict=True)
+        below = zip(entries(y, e, p, n), entries(f[0] if f else {}, e, p, q), strict=True)
+        second[e] = [[*(-z for z in left), *right] for left, right in above]
+        second[e] += [[*left, *right] for left, right in below]
+    return [first, second], degrees if W.sizes != (1,) else ()
 
 
-def _value(own: Polynomial, t: Sequence[Fraction]) -> Rationals:
-    """Return a polynomial's value at coordinates of a box."""
-    at = [x for u in t for x in (1 - u, u)] if t else [Fraction(1)] * len(next(iter(own.terms)))
-    length = sum(x.denominator.bit_length() for x in at) * max(own.degrees, default=1)
-    entries = own.shape[0] * own.shape[1]
-    spend(RATIONAL * len(own.terms) * (len(at) + entries), own.bits, length)
-    total: Rationals = [[Fraction(0)] * own.shape[1] for _ in range(own.shape[0])]
-    for e, matrix in own.terms.items():
-        weight = (
-            math.prod((x**p for x, p in zip(at, e, strict=True)), start=Fraction(1)) / own.whole
-        )
-        if weight:
-            total = [
-                [s + weight * x if x else s for s, x in zip(*rows, strict=True)]
-                for rows in zip(total, matrix, strict=True)
-            ]
+def _coefficients(each: list[Terms], axis: int, power: int) -> list[Integers]:
+    """Return the coefficients of t^power of one parameter: one for each monomial of the others.
+
+    Terms are in powers of 1 - t and t.
+    """
+    found: dict[tuple[int, Exponent], Integers] = {}
+    for k, terms in enumerate(each):
+        for e, M in terms.items():
+            low, high = e[2 * axis], power - e[2 * axis + 1]
+            if 0 <= high <= low:
+                own = times((-1) ** high * math.comb(low, high), M)
+                others = (k, (*e[: 2 * axis], *e[2 * axis + 2 :]))
+                found[others] = plus(found[others], own) if others in found else own
+    return list(found.values())
+
+
+def _dimensions(each: list[list[Numbers]]) -> int:
+    """Return the sum of the dimensions of what the first, the first two, ... lists span."""
+    basis, total = dict[int, Numbers](), 0
+    for vectors in each:
+        for vector in vectors:
+            if len(basis) == len(vector):
+                break
+            own = vector
+            for pivot, other in basis.items():
+                if own[pivot]:
+                    spend(3 * len(own), bits([own]), bits([other]))
+                    one, two = other[pivot], own[pivot]
+                    own = [one * x - two * y for x, y in zip(own, other, strict=True)]
+            if any(own):
+                common = math.gcd(*own)
+                own = [x // common for x in own]
+                basis[next(k for k, x in enumerate(own) if x)] = own
+        total += len(basis)
     return total
 
 
+def _value(own: Polynomial, t: Sequence[Fraction]) -> tuple[Integers, int]:
+    """Return a polynomial at coordinates of a box, times the second."""
+    at = [x for u in t for x in (u.denominator - u.numerator, u.numerator)]
+    powers = zip(t, own.degrees, strict=False)
+    whole = own.whole * math.prod(u.denominator**d for u, d in powers)
+    length = sum(u.denominator.bit_length() for u in t) * max(own.degrees, default=1)
+    rows, columns = own.shape
+    spend(len(own.terms) * (len(at) + rows * columns), own.bits, length)
+    total = [[0] * columns for _ in range(rows)]
+    for e, matrix in own.terms.items():
+        weight = math.prod(x**p for x, p in zip(at, e, strict=True)) if at else 1
+        if weight:
+            total = plus(total, times(weight, matrix))
+    common = math.gcd(whole, *(x for row in total for x in row))
+    return [[x // common for x in row] for row in total], whole // common
+
+
 def _resolved(
-    W: Rationals, N: Rationals, Y: Rationals, E: Rationals, F: Rationals | None
+    W: tuple[Integers, int],
+    N: tuple[Integers, int],
+    Y: tuple[Integers, int],
+    E: tuple[Integers, int],
+    F: tuple[Integers, int] | None,
 ) -> tuple[Row, list[list[Row]], int]:
     """Return a and b at one point, by Faddeev and LeVerrier's recursion; and N's denominator."""
-    n = len(W)
-    plain = all(W[i][j] == (i == j) for i in range(n) for j in range(n))
-    scale = Fraction(1)
-    if not plain:
-        both = right_divide(N + Y, W)
+    n, scale = len(W[0]), Fraction(1)
+    if any(W[0][i][j] != W[1] * (i == j) for i in range(n) for j in range(n)):
+        own = _over(W)
+        both = right_divide(_over(N) + _over(Y), own)
         if both is None:
             raise FormatError("W is singular")
-        N, Y, scale = both[:n], both[n:], _determinant(W)
-    units = [common_denominator([M], LONGEST) for M in (N, Y, E)]
-    M, left, right = (whole_numbers(own, unit) for own, unit in zip((N, Y, E), units, strict=True))
+        units = [common_denominator([M], LONGEST) for M in (both[:n], both[n:])]
+        N = whole_numbers(both[:n], units[0]), units[0]
+        Y, scale = (whole_numbers(both[n:], units[1]), units[1]), _determinant(own)
+    (M, whole), (left, below), (right, beside) = N, Y, E
     length = n * bits(M)
     spend(n**4, length // 2 + 1, bits(M))
     power = [[int(i == j) for j in range(n)] for i in range(n)]
     a = [scale]
     moved: list[list[Row]] = [[[Fraction(0)] for _ in right[0]] for _ in left]
     for k in range(1, n + 1):
-        unit = units[0] ** (k - 1) * units[1] * units[2]
+        unit = whole ** (k - 1) * below * beside
         for i, row in enumerate(multiplied(multiplied(left, power), right)):
             for j, x in enumerate(row):
                 moved[i][j].append(scale * Fraction(x, unit))
@@ -430,14 +492,19 @@ def _resolved(
         trace = -sum(power[i][i] for i in range(n)) // k  # divides exactly
         for i in range(n):
             power[i][i] += trace
-        a.append(scale * Fraction(trace, units[0] ** k))
+        a.append(scale * Fraction(trace, whole**k))
     if F is not None:
-        spend(RATIONAL * len(F) * len(F[0]) * n, length, 64)
-        for i, through in enumerate(F):
+        spend(RATIONAL * len(F[0]) * len(F[0][0]) * n, length, 64)
+        for i, through in enumerate(_over(F)):
             for j, f in enumerate(through):
                 if f:
                     moved[i][j] = [x + f * y for x, y in zip(moved[i][j], a, strict=True)]
-    return a, moved, units[0]
+    return a, moved, whole
+
+
+def _over(own: tuple[Integers, int]) -> Rationals:
+    """Return whole numbers over their denominator."""
+    return [[Fraction(x, own[1]) for x in row] for row in own[0]]
 
 
 def _determinant(matrix: Rationals) -> Fraction:

@@ -98,6 +98,11 @@ class Gain(SignalClaim):
         lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
         return {"of the gain": lemma} | below_kappa(Q, spread)
 
+    @property
+    def power(self) -> int:
+        """Of det(g^2 I - G*G) |a|^2, for one channel; no less for more."""
+        return 2
+
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield det(g^2 I - G*G) |a|^2 over the frequency and the parameters."""
         if passes(own, self.level):

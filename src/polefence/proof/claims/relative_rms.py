@@ -199,7 +199,7 @@ class RelativeRms(SignalClaim):
         none = [[Fraction(0)] for _ in range(n)]
         law, y = Law([[[Fraction(0)] * n]]), Output(base.C, [[[Fraction(0)]]] * count)
         loop = Subject(base.A, [none] * count, base.E, law, own.evidence, own.on, own.step)
-        return replace(super().transfer(), beside=loop.transfer((y,), self.scales))
+        return replace(super().transfer(), beside=loop.transfer((y,), self.scales, self.power))
 
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D and D0 of both loops, and g^2 N0 D - N D0: the variances are N / D, N0 / D0."""

@@ -271,7 +271,9 @@ class Subject(Short):
             raise FormatError("a proof by the transfer function is for parameters on a box")
         return Evidence([identity(self.n)])
 
-    def transfer(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Transfer:
+    def transfer(
+        self, outputs: Sequence[Output], scales: Sequence[Fraction], power: int
+    ) -> Transfer:
         """Return the transfer function from the disturbances, times their scales, to outputs."""
         n, form = self.n, self.law.form(self.sizes)
         both = self._plant(outputs) * form
@@ -280,7 +282,7 @@ class Subject(Short):
         F = None
         if any(own.F for own in outputs):
             F = scaled(stacked([own.F or none for own in outputs]), scales, self.sizes)
-        found = transfer(W, N, Y, self.driving(scales, self.sizes), F)
+        found = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
         return found.bilinear(self.step)
 
     def _require_motion(self, own: Evidence) -> None:
@@ -388,7 +390,12 @@ class SignalClaim(Short, Claim):
 
     def transfer(self) -> Transfer:
         """Return the transfer function from the disturbances as they are scaled to the outputs."""
-        return self.subject.transfer(self.outputs, self.scales)
+        return self.subject.transfer(self.outputs, self.scales, self.power)
+
+    @property
+    def power(self) -> int:
+        """Degree of what is to be positive in the coefficients of the transfer function."""
+        return self.subject.n + 1 + bool(self.subject.step)  # of a variance
 
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield what is to be positive of the transfer function, with its name."""

@@ -38,10 +38,10 @@ WORSE = 0.02  # than the best of its search, a law that proofs are still looked 
 
 def tuned_candidates(
     task: Task, structure: Structure, starts: Sequence[Law] = (), known: Sequence[Tuned] = ()
-) -> Iterator[tuple[Candidate, Tuned]]:
+) -> Iterator[tuple[Candidate, Tuned, float]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
-    With each comes what its search says of it.
+    With each comes what its search says of it, and the least level that its search found.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def tuned_candidates(
             proved = candidate(task, own.law, task.region, estimate=own.level)
             if proved is not None:
                 some = True
-                yield proved, own
+                yield proved, own, found[0].level
         starts = (*starts, *(own.law for own in found[:1]))
 
 

@@ -33,6 +33,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
+from polefence.fleet.claimed import bounds, fault_of
 from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name
@@ -46,9 +47,8 @@ from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
-from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
-from polefence.proof.regions import Disk, Part, write_region
+from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import load_region, parse_region
@@ -145,6 +145,13 @@ class Question(Short):
         own = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
         return ", ".join([self.kind, *own])
 
+    def plant(self, spec: str, states: int) -> UncertainPlant:  # noqa: ARG002
+        """Return the plant of a variant that a file of so many states has to be about.
+
+        States beyond the variant's own are those of the law, where the question allows any.
+        """
+        return loads(spec, "variant")
+
     def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
         """Say how a file of claims answers another question of a variant; empty if it does not."""
         return ""
@@ -154,8 +161,8 @@ class Question(Short):
         """Whether a bound is the better the larger it is."""
         return False
 
-    def proves(self, document: Document, bound: float) -> bool:  # noqa: ARG002
-        """Whether a file of claims that answers it has this bound."""
+    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
+        """Whether a file of claims that answers it of a variant has this bound."""
         return False
 
     @small_matrices()  # as workers have it, whose rows are the same to the last bit
@@ -215,15 +222,12 @@ class Place(_OfMethod):
             raise InputError('region is missing; write region = "disk(-40, 31)"')
         parse_region(self.region)
 
-    @property
-    def _asked(self) -> dict[str, Any]:
-        return parse_region(self.region).document()
+    def _asked(self, spec: str) -> Region:
+        return in_time_of(loads(spec), parse_region(self.region))
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+    def fault(self, document: Document, spec: str) -> str:
         """Say that it is about another region."""
-        own = document.first(Poles)
-        same = own is not None and write_region(own.region) == self._asked
-        return "" if same else f"its file is not about {self.region}"
+        return fault_of(document, loads(spec), self._asked(spec), ())
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         found = many.place(plants, parse_region(self.region), self.options)
@@ -260,12 +264,20 @@ class Tightest(_OfMethod):
         return self.of != "disk"
 
     def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Say that it is about no such region."""
-        return "" if self._parts(document) else f"its file has no such {self.of}"
+        """Say that it is about no such region, or one that is not within what was asked."""
+        if not self._parts(document):
+            return f"its file has no such {self.of}"
+        own, within = document.first(Poles), self._within
+        kept = within is None or set(parts_of(within.document())) <= set(own.region)
+        return "" if kept else f"its file is not about poles within {self.within}"
 
-    def proves(self, document: Document, bound: float) -> bool:
+    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether that is the size of the region."""
         return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
+
+    @property
+    def _within(self) -> Region | None:
+        return parse_region(self.within, alone=False) if self.within else None
 
     def _parts(self, document: Document) -> list[Part]:
         own = document.first(Poles)
@@ -276,8 +288,8 @@ class Tightest(_OfMethod):
         ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
-        within = parse_region(self.within, alone=False) if self.within else None
-        found = many.tightest(plants, self.centre, self.options, of=self.of, within=within)
+        kind, within = self.of, self._within
+        found = many.tightest(plants, self.centre, self.options, of=kind, within=within)
         return [
             _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)
             for own in found
@@ -302,17 +314,18 @@ class Service(Place):
         """Margins are."""
         return True
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+    def fault(self, document: Document, spec: str) -> str:
         """Say that it is about another margin, or another region: of rates there is none."""
         own = document.first(MarginClaim)
         if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
             return f"its file is about no {self.margin}"
         if isinstance(own, EachGain) and any(own.sizes[0]) != (self.margin == "gain"):
             return "its file is about other gains of the law"
-        same = isinstance(own, Rate) or write_region(own.subject.design.region) == self._asked
+        asked = self._asked(spec).document()
+        same = isinstance(own, Rate) or write_region(own.subject.design.region) == asked
         return "" if same else f"its file is not about {self.region}"
 
-    def proves(self, document: Document, bound: float) -> bool:
+    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether no more is said than that."""
         own = document.first(MarginClaim)
         if isinstance(own, EachGain):
@@ -376,16 +389,44 @@ class Optimise(Question):
 
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
+        plant = self.plant(spec, document.plant.n)
         with _as_file(spec) as path:
-            plant = loads(spec)
-            _, limits = self._wanted(plant, path)
             region = self._region(path)
         region = stable_region(plant) if region is None else in_time_of(plant, region)
-        return _fault(document, region, limits)
+        least, limits = self._extended(plant, spec)
+        if least is not None and not bounds(document, plant, least):
+            return f"its file has no bound on {least.title}"
+        return fault_of(document, plant, region, limits)
 
-    def proves(self, document: Document, bound: float) -> bool:
-        """Whether a signal has this bound."""
-        return any(own.level == bound for own in document.claims if isinstance(own, SignalClaim))
+    def proves(self, document: Document, spec: str, bound: float) -> bool:
+        """Whether what is minimised has this bound."""
+        plant = self.plant(spec, document.plant.n)
+        least, _ = self._extended(plant, spec)
+        found = [] if least is None else bounds(document, plant, least)
+        return any(own.level == bound for own in found)
+
+    def plant(self, spec: str, states: int) -> UncertainPlant:
+        """Return the plant of a variant with the states of a law of the structure behind it."""
+        plant = super().plant(spec, states)
+        with _as_file(spec) as path:
+            own = self._structure(path, plant)
+        if own is None:
+            return plant
+        if own.order:  # a law of a lower order may be as good
+            own = replace(own, order=min(max(states - plant.shape[0], 0), own.order))
+        return own.extended(plant)[0]
+
+    def _extended(
+        self, plant: UncertainPlant, spec: str
+    ) -> tuple[Specification | None, tuple[Specification, ...]]:
+        """Return what is asked of a variant, of the plant with the states of its law."""
+        own = super().plant(spec, 0)
+        with _as_file(spec) as path:
+            least, limits = self._wanted(own, path)
+        n, more = own.shape[0], plant.shape[0] - own.shape[0]
+        if not more:
+            return least, limits
+        return least and least.extended(n, more), tuple(own.extended(n, more) for own in limits)
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
@@ -449,7 +490,7 @@ class Cover(Question):
 
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
-        return _fault(document, *self.kept(spec))
+        return fault_of(document, loads(spec), *self.kept(spec))
 
     @small_matrices()
     def proved(self, K: Any, spec: str) -> Answer:
@@ -619,28 +660,6 @@ def _proved(
 ) -> Answer:
     claim = "; ".join(own.said(document.plant) for own in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
-
-
-def _fault(document: Document, region: Region, limits: Sequence[Specification]) -> str:
-    """Say which limit a file of claims does not have, or that it is about another region."""
-    own = document.first(Poles)
-    if own is None or write_region(own.region) != region.document():
-        return f"its file is not about {region}"
-    for limit in limits:
-        if not any(_keeps(claim, limit) for claim in document.claims):
-            return f"its file has no bound {limit.at_most:g} on {limit.title}"
-    return ""
-
-
-def _keeps(claim: Any, limit: Specification) -> bool:
-    """Whether a claim is a limit, or a lower one on the same."""
-    if claim.kind != limit.kind or claim.level > limit.at_most:
-        return False
-    names = [own if isinstance(own, str) else own.name for own in limit.entries]
-    if not isinstance(claim, SignalClaim):
-        return True
-    filters = tuple(own and own.name for own in claim.filters) or (None,) * len(names)
-    return [own.name for own in claim.outputs] == names and filters == limit.filters
 
 
 @contextmanager

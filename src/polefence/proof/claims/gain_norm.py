@@ -69,6 +69,11 @@ class GainNorm(Short, Claim):
             "evidence": evidence | ({"on": self.subject.on} if self.subject.law.fixed else {}),
         }
 
+    @property
+    def bare(self) -> Self:
+        """What is claimed, without what proves it."""
+        return replace(self, subject=replace(self.subject, evidence=Evidence([])))
+
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say how large the gain is at most, in which units."""
         return f"{self.kind} of {LAW} <= {digits_up(self.level)}{self._units}"

@@ -81,6 +81,26 @@ ask = "optimise"
 method = "quadratic"
 region = "disk(-4, 3.9)"
 [[question]]
+ask = "service"
+name = "gain"
+region = "disk(-4, 3.9)"
+[[question]]
+ask = "service"
+name = "estimate-m1"
+margin = "estimate-m1"
+region = "disk(-4, 3.9)"
+[[question]]
+ask = "service"
+name = "estimate-k"
+margin = "estimate-k"
+region = "disk(-4, 3.9)"
+[[question]]
+ask = "service"
+name = "rate"
+margin = "rate"
+decay = 0.05
+region = "disk(-4, 3.9)"
+[[question]]
 ask = "tightest"
 name = "decay"
 of = "half_plane"
@@ -317,6 +337,74 @@ def test_each_number_of_a_plant_counts():
     others = list(moved(document.plant))
     assert len(others) > 50
     assert not any(is_about(replace(document, plant=other), plant) for other in others)
+
+
+# --- margins -------------------------------------------------------------------------------------
+
+
+def test_a_law_that_leaves_its_first_input_alone_is_of_the_question(results, tmp_path, capsys):
+    """And its margins are proved by `service`, files and all."""
+    rows = {row["question"]: row for row in Store(results).rows()}
+    document = read(Store(results).proof(rows["gain"]["proof"]).read_text())
+    (own,) = document.claims
+    assert not any(own.sizes[0])
+    assert all(own.sizes[1])
+    folder = place(loads(PLANT), Disk(-4, 3.9)).save(tmp_path / "law").parent
+    assert main(["service", str(folder), "-o", str(tmp_path / "margins")]) == 0
+    said = capsys.readouterr().out
+    assert "error of each gain" in said
+    files = sorted(own.name for own in (tmp_path / "margins").iterdir())
+    assert "gain.json" in files
+    for file in files:
+        assert main(["check", str(tmp_path / "margins" / file)]) == 0
+
+
+def _smaller_errors(document):
+    (own,) = document["claims"]
+    own["sizes"] = times(own["sizes"], "1/2")
+
+
+def _one_gain_exact(document):
+    (own,) = document["claims"]
+    assert own["sizes"][1][0]
+    own["sizes"][1][0] = 0
+
+
+def test_errors_of_another_size_are_another_bound(results):
+    with_file(results, "gain", _smaller_errors)
+    assert faults(results) == {"gain": "its bound is none of its file"}
+    row = next(row for row in Store(results).rows() if row["question"] == "gain")
+    half = row["bound"] / 2
+
+    def lower(rows):
+        rows["gain"]["bound"] = half
+
+    written(results, lower)
+    assert faults(results) == {}
+
+
+def test_a_gain_that_is_taken_as_exact_is_found(results):
+    with_file(results, "gain", _one_gain_exact)
+    assert faults(results) == {"gain": "its file is about other gains of the law"}
+
+
+def test_an_error_of_another_parameter_is_found(results):
+    def swap(rows):
+        for key in ("proof", "law", "claim", "bound", "unit"):
+            one, other = rows["estimate-m1"], rows["estimate-k"]
+            one[key], other[key] = other[key], one[key]
+
+    written(results, swap)
+    none = "its bound is none of its file"
+    assert faults(results) == {"estimate-m1": none, "estimate-k": none}
+
+
+def test_a_rate_at_a_lower_decay_is_found(results):
+    def change(document):
+        document["claims"][0]["decay"] = 0
+
+    with_file(results, "rate", change)
+    assert faults(results) == {"rate": "its file is about a decay rate below 0.05"}
 
 
 def test_a_decay_rate_outside_what_was_asked_is_found(results):

@@ -23,10 +23,12 @@ from polefence.base.errors import (
 )
 from polefence.base.processors import small_matrices
 from polefence.design import many
+from polefence.design.certificate import Certificate
 from polefence.design.checks import in_time_of, stable_region
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
+from polefence.design.margins.gains import Gains
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
@@ -63,6 +65,7 @@ SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
 FEW = 200  # points at which a law is sampled
+AGREED = 1 - 1e-9  # share of a size of a gain at which two machines, each in floats, agree on it
 
 
 @dataclass(frozen=True)
@@ -315,31 +318,38 @@ class Service(Place):
         return True
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say that it is about another margin, or another region: of rates there is none."""
+        """Say that it is about another margin or region; of rates, about a lower decay rate."""
         own = document.first(MarginClaim)
         if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
             return f"its file is about no {self.margin}"
-        if isinstance(own, EachGain) and any(own.sizes[0]) != (self.margin == "gain"):
+        if isinstance(own, Rate):
+            slower = own.decay < self.decay
+            return f"its file is about a decay rate below {self.decay:g}" if slower else ""
+        if isinstance(own, EachGain) and not _error_of_gains(document, own, self.margin):
             return "its file is about other gains of the law"
-        asked = self._asked(spec).document()
-        same = isinstance(own, Rate) or write_region(own.subject.design.region) == asked
+        same = write_region(own.subject.design.region) == self._asked(spec).document()
         return "" if same else f"its file is not about {self.region}"
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether no more is said than that."""
         own = document.first(MarginClaim)
         if isinstance(own, EachGain):
-            return bound <= own.error
-        values: tuple[Fraction, ...] | None = None
+            return bound <= _error_of_gains(document, own, self.margin)
         if isinstance(own, Estimate):
-            values = own.errors
-        elif isinstance(own, Rate):
-            values = own.rates
-        if own is None or values is None:
-            return isinstance(own, Rate)  # any rate
-        ranges = [r.high - r.low for r in own.subject.ranges] or [Fraction(1)]
-        least = min(v / r for v, r in zip(values, ranges, strict=True))
-        return bound <= (max(values) if "-" in self.margin else least)
+            return bound <= self._of_parameters(own, own.errors)
+        if isinstance(own, Rate):
+            return own.rates is None or bound <= self._of_parameters(own, own.rates)
+        return False
+
+    def _of_parameters(self, own: MarginClaim, values: tuple[Fraction, ...]) -> Fraction:
+        """Return the value of the parameter that is asked about, or the least share of a range."""
+        name, ranges = self.margin.partition("-")[2], own.subject.ranges
+        if name:
+            pairs = zip(values, ranges, strict=True)
+            named = (value for value, each in pairs if each.name.replace(" ", "-") == name)
+            return next(named, Fraction(-1))
+        spans = [each.high - each.low for each in ranges] or [Fraction(1)]
+        return min(value / span for value, span in zip(values, spans, strict=True))
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         found = many.place(plants, parse_region(self.region), self.options)
@@ -660,6 +670,20 @@ def _proved(
 ) -> Answer:
     claim = "; ".join(own.said(document.plant) for own in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
+
+
+def _error_of_gains(document: Document, own: EachGain, margin: str) -> Fraction:
+    """Return by what share of its size each gain of a law may be off; zero of another claim."""
+    law = replace(document, claims=(own.subject.design,))
+    sizes = Gains.of(Design(Certificate.of(law)), own=margin != "gain").sizes
+    shares = [
+        claimed / Fraction(size)
+        for claims, row in zip(own.sizes, sizes.tolist(), strict=True)
+        for claimed, size in zip(claims, row, strict=True)
+        if size
+    ]
+    least = min(shares, default=Fraction(0))
+    return own.error * (1 if least >= AGREED else least)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 from dataclasses import fields, is_dataclass, replace
 from fractions import Fraction
@@ -415,3 +416,68 @@ def test_a_decay_rate_outside_what_was_asked_is_found(results):
 
     with_file(results, "decay", change)
     assert faults(results) == {"decay": "its file is not about poles within disk(-4, 3.9)"}
+
+
+# --- discrete time -------------------------------------------------------------------------------
+
+SAMPLED = """
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+sample_time = 0.05
+constants = {c = 1}
+[parameter.m1]
+range = [2, 3]
+through = "1/m1"
+[matrices]
+A = [[1, 0.05], [-0.05, "1 - c/20"]]
+B = [[0], ["0.05/m1"]]
+"""
+IN_TIME = """
+base = "plant.toml"
+[variants]
+grid = {c = [1]}
+[[question]]
+ask = "design"
+region = "half_plane(0.5)"
+[[question]]
+ask = "service"
+region = "half_plane(0.5)"
+[[question]]
+ask = "tightest"
+name = "decay"
+of = "half_plane"
+[[question]]
+ask = "tightest"
+name = "damping"
+of = "sector"
+"""
+
+
+def test_regions_of_continuous_time_are_kept_by_their_images(tmp_path):
+    """A decay rate a by a disk of radius exp(-a T), a damping ratio by its polygon."""
+    (tmp_path / "plant.toml").write_text(SAMPLED)
+    (tmp_path / "study.toml").write_text(IN_TIME)
+    out = tmp_path / "out"
+    assert main(["study", str(tmp_path / "study.toml"), "-o", str(out), "--jobs", "1"]) == 0
+    assert faults(out) == {}
+    rows = {row["question"]: row for row in Store(out).rows()}
+    document = json.loads(Store(out).proof(rows["decay"]["proof"]).read_text())
+    radius = float(as_number(document["claims"][0]["region"]["radius"], ""))
+    assert rows["decay"]["bound"] == pytest.approx(-math.log(radius) / 0.05, rel=1e-6)
+    assert rows["damping"]["bound"] > 0.7
+    assert rows["decay"]["unit"] == "1/s"
+
+    def larger(rows):
+        rows["decay"]["bound"] *= 1.01
+        rows["damping"]["bound"] *= 1.001
+
+    written(out, larger)
+    none = "its bound is none of its file"
+    assert faults(out) == {"decay": none, "damping": none}
+
+    def impossible(rows):
+        rows["decay"]["bound"] = math.nan
+        rows["damping"]["bound"] = 7.0
+
+    written(out, impossible)
+    assert faults(out) == {"decay": none, "damping": none}

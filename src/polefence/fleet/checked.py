@@ -19,6 +19,7 @@ from polefence.fleet.study import Study
 from polefence.fleet.workers import Workers
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.short import Short
+from polefence.proof.work import FormatError
 
 TOGETHER = 8  # rows that one task has
 
@@ -106,26 +107,28 @@ def _faults(own: _Rows) -> list[str]:
 
 def _fault(store: Store, own: _Fresh) -> str:
     """Say what is wrong with a row's proof."""
-    row, path = own.row, store.proof(own.row["proof"])
     try:
-        content = read_bytes(path, MAX_BYTES, DesignFileError)
-        if hashlib.sha256(content).hexdigest() != row["proof"]:
-            return "its file of claims is not as it was written"
-        document = read_document(path)
-        if law_of(content) != row["law"]:
-            return "names another law than its file"
-        answer = check_document(document, path)
-        plant = own.question.plant(own.spec, document.plant.n)
-    except PolefenceError as error:
+        return _fault_of_proof(store.proof(own.row["proof"]), own)
+    except (PolefenceError, FormatError) as error:
         return str(error)
+
+
+def _fault_of_proof(path: Path, own: _Fresh) -> str:
+    row, question, spec = own.row, own.question, own.spec
+    content = read_bytes(path, MAX_BYTES, DesignFileError)
+    if hashlib.sha256(content).hexdigest() != row["proof"]:
+        return "its file of claims is not as it was written"
+    document = read_document(path)
+    if law_of(content) != row["law"]:
+        return "names another law than its file"
+    answer = check_document(document, path)
     if not answer.proved:
         return f"its claims are {answer.answer}: {answer.reason}"
     if "; ".join(answer.claims) != row["claim"]:
         return "claims another thing than its file"
-    if not is_about(document, plant):
+    if not is_about(document, question.plant(spec, document.plant.n)):
         return "its file is about another plant"
-    fault = own.question.fault(document, own.spec)
-    bound = row["bound"]
-    if not fault and bound is not None and not own.question.proves(document, own.spec, bound):
+    fault, bound = question.fault(document, spec), row["bound"]
+    if not fault and bound is not None and not question.proves(document, spec, bound):
         return "its bound is none of its file"
     return fault

@@ -11,7 +11,7 @@ from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence
-from polefence.proof.regions import write_region
+from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.region.regions import Region
 
 NONE = Evidence([], transfer=True)  # for which no claim looks for more of its own
@@ -35,6 +35,17 @@ def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> l
             if claim_of(plant, law, on, asked, NONE, own.level).bare == own.bare:
                 found.append(own)
     return found
+
+
+def is_inside(parts: Sequence[Part], region: Region) -> bool:
+    """Whether each part of a region is one of these, or a disk that has one of these inside."""
+
+    def covers(whole: Part, own: Part) -> bool:
+        if isinstance(own, Disk) and isinstance(whole, Disk):
+            return own.centre == whole.centre and own.radius <= whole.radius
+        return own == whole
+
+    return all(any(covers(whole, own) for own in parts) for whole in parts_of(region.document()))
 
 
 def fault_of(

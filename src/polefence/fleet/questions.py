@@ -7,7 +7,7 @@ import math
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -35,7 +35,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
-from polefence.fleet.claimed import bounds, fault_of
+from polefence.fleet.claimed import bounds, fault_of, is_inside
 from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name
@@ -52,7 +52,7 @@ from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
 from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.proof.short import Short
-from polefence.region.regions import Region
+from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.text import load_region, parse_region
 from polefence.response.stationary import velocity_density
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
@@ -266,17 +266,27 @@ class Tightest(_OfMethod):
         """Whether that is a decay rate or a damping ratio."""
         return self.of != "disk"
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+    def fault(self, document: Document, spec: str) -> str:
         """Say that it is about no such region, or one that is not within what was asked."""
-        if not self._parts(document):
+        if not self._parts(document) and not self._by_image(spec):
             return f"its file has no such {self.of}"
         own, within = document.first(Poles), self._within
         kept = within is None or set(parts_of(within.document())) <= set(own.region)
         return "" if kept else f"its file is not about poles within {self.within}"
 
-    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
-        """Whether that is the size of the region."""
+    def proves(self, document: Document, spec: str, bound: float) -> bool:
+        """Whether that is the size of the region, in discrete time of one that has it inside."""
+        if self._by_image(spec):
+            own = document.first(Poles)
+            with suppress(PolefenceError):  # of a bound that no region has
+                asked = HalfPlane(bound) if self.of == "half_plane" else Sector(bound)
+                return own is not None and is_inside(own.region, in_time_of(loads(spec), asked))
+            return False
         return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
+
+    def _by_image(self, spec: str) -> bool:
+        """Whether a file has an image in the z-plane in place of what is asked."""
+        return self.largest and loads(spec).sample_time is not None
 
     @property
     def _within(self) -> Region | None:
@@ -644,7 +654,7 @@ def _failed(error: PolefenceError) -> Answer:
 def _of_design(own: Design, of: str = "") -> Answer:
     """Return what a design answers: what is smallest of its region, if anything was."""
     bound, unit = None, ""
-    for part in own.region.parts:
+    for part in (own.region if own.asked is None else own.asked).parts:
         if of and part.kind == of:
             bound, unit = getattr(part, SIZES[of]), "" if of == "sector" else "1/s"
     return _proved(own.certificate.file(), bound, own.lower, None, unit)

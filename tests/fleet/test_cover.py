@@ -240,6 +240,21 @@ limits = ["rms of sprung-mass acceleration <= 1.2"]
     assert main(["study", str(out), "--check", "--jobs", "1"]) == 0
 
 
+@pytest.mark.parametrize("region", ["", "half_plane(1)", "disk(0, 0.9)"])
+def test_few_laws_are_found_in_discrete_time(region, tmp_path, capsys):
+    """z = 1 + (a + b K) / 20, a from 0.5 to 1.5: one K for b = 1 and 2, another for b = -1."""
+    base = BASE.replace("constants", "sample_time = 0.05\nconstants")
+    base = base.replace('["a"]', '["1 + a/20"]').replace('["b"]', '["b/20"]')
+    asked = f'region = "{region}"' if region else ""
+    text = STUDY.replace('region = "disk(-5, 4)"', asked).replace("VALUES", "1, 2, -1")
+    (tmp_path / "plant.toml").write_text(base)
+    (tmp_path / "study.toml").write_text(text)
+    out = tmp_path / "out"
+    assert main(["study", str(tmp_path / "study.toml"), "-o", str(out), "--jobs", "1"]) == 0
+    assert "3 proved; by 2 laws: of 2, 1 variants" in capsys.readouterr().out
+    assert main(["study", str(out), "--check", "--jobs", "1"]) == 0
+
+
 def test_joined_plants_have_the_vertices_and_outputs_of_each():
     y = [Output("y", "m", [k, 0]) for k in (1, 2)]
     plants = [

@@ -11,17 +11,15 @@ from typing import Any
 from polefence.base.errors import DesignFileError, PolefenceError
 from polefence.base.explained import explained
 from polefence.base.files import read_bytes
-from polefence.design.certificate import plant_of
 from polefence.design.design import check_document, read_document
+from polefence.fleet.claimed import is_about
 from polefence.fleet.questions import Question
 from polefence.fleet.store import Row, Store, digest_of, law_of
 from polefence.fleet.study import Study
 from polefence.fleet.workers import Workers
-from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import loads
-from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.short import Short
+from polefence.proof.work import FormatError
 
 TOGETHER = 8  # rows that one task has
 
@@ -109,40 +107,28 @@ def _faults(own: _Rows) -> list[str]:
 
 def _fault(store: Store, own: _Fresh) -> str:
     """Say what is wrong with a row's proof."""
-    row, path = own.row, store.proof(own.row["proof"])
     try:
-        content = read_bytes(path, MAX_BYTES, DesignFileError)
-        if hashlib.sha256(content).hexdigest() != row["proof"]:
-            return "its file of claims is not as it was written"
-        document = read_document(path)
-        if law_of(content) != row["law"]:
-            return "names another law than its file"
-        answer = check_document(document, path)
-        plant = loads(own.spec)
-    except PolefenceError as error:
+        return _fault_of_proof(store.proof(own.row["proof"]), own)
+    except (PolefenceError, FormatError) as error:
         return str(error)
+
+
+def _fault_of_proof(path: Path, own: _Fresh) -> str:
+    row, question, spec = own.row, own.question, own.spec
+    content = read_bytes(path, MAX_BYTES, DesignFileError)
+    if hashlib.sha256(content).hexdigest() != row["proof"]:
+        return "its file of claims is not as it was written"
+    document = read_document(path)
+    if law_of(content) != row["law"]:
+        return "names another law than its file"
+    answer = check_document(document, path)
     if not answer.proved:
         return f"its claims are {answer.answer}: {answer.reason}"
     if "; ".join(answer.claims) != row["claim"]:
         return "claims another thing than its file"
-    if not _is_about(document, plant):
+    if not is_about(document, question.plant(spec, document.plant.n)):
         return "its file is about another plant"
-    fault = own.question.fault(document, own.spec)
-    if not fault and row["bound"] is not None and not own.question.proves(document, row["bound"]):
+    fault, bound = question.fault(document, spec), row["bound"]
+    if not fault and bound is not None and not question.proves(document, spec, bound):
         return "its bound is none of its file"
     return fault
-
-
-def _is_about(document: Document, plant: UncertainPlant) -> bool:
-    """Whether a file is about this plant, behind which a law may have states of its own."""
-    found = plant_of(document.plant)
-    (n, m), wide = plant.shape, found.shape
-    if len(found.vertices) != len(plant.vertices) or wide[0] < n or wide[1] < m:
-        return False
-    for mine, own in zip(found.vertices, plant.vertices, strict=True):
-        A, B = (tuple(row[:k] for row in M[:n]) for M, k in ((mine.exact_A, n), (mine.exact_B, m)))
-        if (own.exact_A, own.exact_B) != (A, B):
-            return False
-        if mine.exact_E is not None and mine.exact_E[:n] != own.exact_E:
-            return False
-    return True

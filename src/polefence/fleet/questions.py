@@ -7,7 +7,7 @@ import math
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -23,16 +23,19 @@ from polefence.base.errors import (
 )
 from polefence.base.processors import small_matrices
 from polefence.design import many
+from polefence.design.certificate import Certificate
 from polefence.design.checks import in_time_of, stable_region
 from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
+from polefence.design.margins.gains import Gains
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
 from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
+from polefence.fleet.claimed import bounds, fault_of, is_inside
 from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name
@@ -46,11 +49,10 @@ from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
-from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
-from polefence.proof.regions import Disk, Part, write_region
+from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.proof.short import Short
-from polefence.region.regions import Region
+from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.text import load_region, parse_region
 from polefence.response.stationary import velocity_density
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
@@ -63,6 +65,7 @@ SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
 FEW = 200  # points at which a law is sampled
+AGREED = 1 - 1e-9  # share of a size of a gain at which two machines, each in floats, agree on it
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,13 @@ class Question(Short):
         own = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
         return ", ".join([self.kind, *own])
 
+    def plant(self, spec: str, states: int) -> UncertainPlant:  # noqa: ARG002
+        """Return the plant of a variant that a file of so many states has to be about.
+
+        States beyond the variant's own are those of the law, where the question allows any.
+        """
+        return loads(spec, "variant")
+
     def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
         """Say how a file of claims answers another question of a variant; empty if it does not."""
         return ""
@@ -154,8 +164,8 @@ class Question(Short):
         """Whether a bound is the better the larger it is."""
         return False
 
-    def proves(self, document: Document, bound: float) -> bool:  # noqa: ARG002
-        """Whether a file of claims that answers it has this bound."""
+    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
+        """Whether a file of claims that answers it of a variant has this bound."""
         return False
 
     @small_matrices()  # as workers have it, whose rows are the same to the last bit
@@ -215,15 +225,12 @@ class Place(_OfMethod):
             raise InputError('region is missing; write region = "disk(-40, 31)"')
         parse_region(self.region)
 
-    @property
-    def _asked(self) -> dict[str, Any]:
-        return parse_region(self.region).document()
+    def _asked(self, spec: str) -> Region:
+        return in_time_of(loads(spec), parse_region(self.region))
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
+    def fault(self, document: Document, spec: str) -> str:
         """Say that it is about another region."""
-        own = document.first(Poles)
-        same = own is not None and write_region(own.region) == self._asked
-        return "" if same else f"its file is not about {self.region}"
+        return fault_of(document, loads(spec), self._asked(spec), ())
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         found = many.place(plants, parse_region(self.region), self.options)
@@ -259,13 +266,31 @@ class Tightest(_OfMethod):
         """Whether that is a decay rate or a damping ratio."""
         return self.of != "disk"
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Say that it is about no such region."""
-        return "" if self._parts(document) else f"its file has no such {self.of}"
+    def fault(self, document: Document, spec: str) -> str:
+        """Say that it is about no such region, or one that is not within what was asked."""
+        if not self._parts(document) and not self._by_image(spec):
+            return f"its file has no such {self.of}"
+        own, within = document.first(Poles), self._within
+        kept = within is None or set(parts_of(within.document())) <= set(own.region)
+        return "" if kept else f"its file is not about poles within {self.within}"
 
-    def proves(self, document: Document, bound: float) -> bool:
-        """Whether that is the size of the region."""
+    def proves(self, document: Document, spec: str, bound: float) -> bool:
+        """Whether that is the size of the region, in discrete time of one that has it inside."""
+        if self._by_image(spec):
+            own = document.first(Poles)
+            with suppress(PolefenceError):  # of a bound that no region has
+                asked = HalfPlane(bound) if self.of == "half_plane" else Sector(bound)
+                return own is not None and is_inside(own.region, in_time_of(loads(spec), asked))
+            return False
         return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
+
+    def _by_image(self, spec: str) -> bool:
+        """Whether a file has an image in the z-plane in place of what is asked."""
+        return self.largest and loads(spec).sample_time is not None
+
+    @property
+    def _within(self) -> Region | None:
+        return parse_region(self.within, alone=False) if self.within else None
 
     def _parts(self, document: Document) -> list[Part]:
         own = document.first(Poles)
@@ -276,8 +301,8 @@ class Tightest(_OfMethod):
         ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
-        within = parse_region(self.within, alone=False) if self.within else None
-        found = many.tightest(plants, self.centre, self.options, of=self.of, within=within)
+        kind, within = self.of, self._within
+        found = many.tightest(plants, self.centre, self.options, of=kind, within=within)
         return [
             _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)
             for own in found
@@ -302,31 +327,39 @@ class Service(Place):
         """Margins are."""
         return True
 
-    def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Say that it is about another margin, or another region: of rates there is none."""
+    def fault(self, document: Document, spec: str) -> str:
+        """Say that it is about another margin or region; of rates, about a lower decay rate."""
         own = document.first(MarginClaim)
         if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
             return f"its file is about no {self.margin}"
-        if isinstance(own, EachGain) and any(own.sizes[0]) != (self.margin == "gain"):
+        if isinstance(own, Rate):
+            slower = own.decay < self.decay
+            return f"its file is about a decay rate below {self.decay:g}" if slower else ""
+        if isinstance(own, EachGain) and not _error_of_gains(document, own, self.margin):
             return "its file is about other gains of the law"
-        same = isinstance(own, Rate) or write_region(own.subject.design.region) == self._asked
+        same = write_region(own.subject.design.region) == self._asked(spec).document()
         return "" if same else f"its file is not about {self.region}"
 
-    def proves(self, document: Document, bound: float) -> bool:
+    def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether no more is said than that."""
         own = document.first(MarginClaim)
         if isinstance(own, EachGain):
-            return bound <= own.error
-        values: tuple[Fraction, ...] | None = None
+            return bound <= _error_of_gains(document, own, self.margin)
         if isinstance(own, Estimate):
-            values = own.errors
-        elif isinstance(own, Rate):
-            values = own.rates
-        if own is None or values is None:
-            return isinstance(own, Rate)  # any rate
-        ranges = [r.high - r.low for r in own.subject.ranges] or [Fraction(1)]
-        least = min(v / r for v, r in zip(values, ranges, strict=True))
-        return bound <= (max(values) if "-" in self.margin else least)
+            return bound <= self._of_parameters(own, own.errors)
+        if isinstance(own, Rate):
+            return own.rates is None or bound <= self._of_parameters(own, own.rates)
+        return False
+
+    def _of_parameters(self, own: MarginClaim, values: tuple[Fraction, ...]) -> Fraction:
+        """Return the value of the parameter that is asked about, or the least share of a range."""
+        name, ranges = self.margin.partition("-")[2], own.subject.ranges
+        if name:
+            pairs = zip(values, ranges, strict=True)
+            named = (value for value, each in pairs if each.name.replace(" ", "-") == name)
+            return next(named, Fraction(-1))
+        spans = [each.high - each.low for each in ranges] or [Fraction(1)]
+        return min(value / span for value, span in zip(values, spans, strict=True))
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         found = many.place(plants, parse_region(self.region), self.options)
@@ -376,16 +409,44 @@ class Optimise(Question):
 
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
+        plant = self.plant(spec, document.plant.n)
         with _as_file(spec) as path:
-            plant = loads(spec)
-            _, limits = self._wanted(plant, path)
             region = self._region(path)
         region = stable_region(plant) if region is None else in_time_of(plant, region)
-        return _fault(document, region, limits)
+        least, limits = self._extended(plant, spec)
+        if least is not None and not bounds(document, plant, least):
+            return f"its file has no bound on {least.title}"
+        return fault_of(document, plant, region, limits)
 
-    def proves(self, document: Document, bound: float) -> bool:
-        """Whether a signal has this bound."""
-        return any(own.level == bound for own in document.claims if isinstance(own, SignalClaim))
+    def proves(self, document: Document, spec: str, bound: float) -> bool:
+        """Whether what is minimised has this bound."""
+        plant = self.plant(spec, document.plant.n)
+        least, _ = self._extended(plant, spec)
+        found = [] if least is None else bounds(document, plant, least)
+        return any(own.level == bound for own in found)
+
+    def plant(self, spec: str, states: int) -> UncertainPlant:
+        """Return the plant of a variant with the states of a law of the structure behind it."""
+        plant = super().plant(spec, states)
+        with _as_file(spec) as path:
+            own = self._structure(path, plant)
+        if own is None:
+            return plant
+        if own.order:  # a law of a lower order may be as good
+            own = replace(own, order=min(max(states - plant.shape[0], 0), own.order))
+        return own.extended(plant)[0]
+
+    def _extended(
+        self, plant: UncertainPlant, spec: str
+    ) -> tuple[Specification | None, tuple[Specification, ...]]:
+        """Return what is asked of a variant, of the plant with the states of its law."""
+        own = super().plant(spec, 0)
+        with _as_file(spec) as path:
+            least, limits = self._wanted(own, path)
+        n, more = own.shape[0], plant.shape[0] - own.shape[0]
+        if not more:
+            return least, limits
+        return least and least.extended(n, more), tuple(own.extended(n, more) for own in limits)
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
@@ -449,7 +510,7 @@ class Cover(Question):
 
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
-        return _fault(document, *self.kept(spec))
+        return fault_of(document, loads(spec), *self.kept(spec))
 
     @small_matrices()
     def proved(self, K: Any, spec: str) -> Answer:
@@ -593,7 +654,7 @@ def _failed(error: PolefenceError) -> Answer:
 def _of_design(own: Design, of: str = "") -> Answer:
     """Return what a design answers: what is smallest of its region, if anything was."""
     bound, unit = None, ""
-    for part in own.region.parts:
+    for part in (own.region if own.asked is None else own.asked).parts:
         if of and part.kind == of:
             bound, unit = getattr(part, SIZES[of]), "" if of == "sector" else "1/s"
     return _proved(own.certificate.file(), bound, own.lower, None, unit)
@@ -621,26 +682,18 @@ def _proved(
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
 
 
-def _fault(document: Document, region: Region, limits: Sequence[Specification]) -> str:
-    """Say which limit a file of claims does not have, or that it is about another region."""
-    own = document.first(Poles)
-    if own is None or write_region(own.region) != region.document():
-        return f"its file is not about {region}"
-    for limit in limits:
-        if not any(_keeps(claim, limit) for claim in document.claims):
-            return f"its file has no bound {limit.at_most:g} on {limit.title}"
-    return ""
-
-
-def _keeps(claim: Any, limit: Specification) -> bool:
-    """Whether a claim is a limit, or a lower one on the same."""
-    if claim.kind != limit.kind or claim.level > limit.at_most:
-        return False
-    names = [own if isinstance(own, str) else own.name for own in limit.entries]
-    if not isinstance(claim, SignalClaim):
-        return True
-    filters = tuple(own and own.name for own in claim.filters) or (None,) * len(names)
-    return [own.name for own in claim.outputs] == names and filters == limit.filters
+def _error_of_gains(document: Document, own: EachGain, margin: str) -> Fraction:
+    """Return by what share of its size each gain of a law may be off; zero of another claim."""
+    law = replace(document, claims=(own.subject.design,))
+    sizes = Gains.of(Design(Certificate.of(law)), own=margin != "gain").sizes
+    shares = [
+        claimed / Fraction(size)
+        for claims, row in zip(own.sizes, sizes.tolist(), strict=True)
+        for claimed, size in zip(claims, row, strict=True)
+        if size
+    ]
+    least = min(shares, default=Fraction(0))
+    return own.error * (1 if least >= AGREED else least)
 
 
 @contextmanager

@@ -23,11 +23,13 @@ from polefence.design.tune.search import at_vertices
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Around
+from polefence.plant.delta import delta_form
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.joined import joined
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
-from polefence.region.regions import Region
+from polefence.region.regions import Region, stable
+from polefence.region.z_plane import delta_plane
 
 POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
@@ -160,8 +162,11 @@ class Fleet:
         ]
         names = [name for own in limits for name in _signals(own)]
         with suppress(PolefenceError):
-            plant = joined([self.plants[k] for k in few], names)
-            asked = Around(tighter(self.region, INSIDE))
+            plant, region = joined([self.plants[k] for k in few], names), self.region
+            if plant.sample_time is not None:  # what is searched is in differences
+                region = delta_plane(region, plant.sample_time)
+            plant = delta_form(plant)
+            asked = Around(tighter(region, INSIDE, stable(float(plant.step))))
             own = at_vertices(plant, Structure(schedule=()), asked, limits, start)
             if own is not None:
                 law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0])

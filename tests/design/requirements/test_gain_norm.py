@@ -20,6 +20,7 @@ from polefence import (
     Scheduled,
     ScheduledGain,
     UncertainPlant,
+    at_sample_time,
     load,
 )
 from polefence.base.errors import SpecError
@@ -46,6 +47,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
+from polefence.region.text import digits_up
 from support.files import bounds_in
 from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
@@ -378,6 +380,27 @@ def test_one_gain_is_written_with_its_domain(one, tmp_path):
     assert poles.startswith("poles in half_plane(0), of A + B K with one gain K, on the ")
     assert rms_of_x.startswith("rms of 'x' = x1 <= 0.40")
     assert norm == "gain norm of the law <= 5"
+
+
+STEPWISE = ONE_STATE.replace('[["a"]]', '[["1 + a/20"]]').replace("[[1]]", "[[0.05]]")
+PLANTS = {
+    "in discrete time": lambda: loads("sample_time = 0.05" + STEPWISE),
+    "at a sample time": lambda: at_sample_time(loads(ONE_STATE), 0.05),
+    "a sample late": lambda: at_sample_time(loads(ONE_STATE), 0.05, delay=1),
+    "moving": lambda: loads(ONE_STATE.replace("[0.5, 2]", "[0.5, 2]\nrate = [-0.1, 0.1]")),
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_its_file_is_proved_whatever_the_plant(name, tmp_path):
+    plant = PLANTS[name]()
+    done = optimise(plant, GainNorm(), [rms("x", 0.5)], method="quadratic")
+    size = np.linalg.norm(done.law.K, 2)
+    assert size <= done.bounds[0].level <= size * (1 + 1e-3)
+    answer = check(done.save(tmp_path))
+    assert answer.proved
+    said = f"gain norm of the law <= {digits_up(done.bounds[0].level)}"
+    assert any(claim.startswith(said) for claim in answer.claims)
 
 
 def test_tables_and_lines(tmp_path):

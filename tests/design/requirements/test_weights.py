@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from decimal import Decimal, localcontext
 from fractions import Fraction
+from operator import add, mul
 
 import numpy as np
 import pytest
@@ -18,7 +20,13 @@ from polefence.design.given import analyse
 from polefence.design.requirements.relative_rms import RelativeRms
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.text import parse_specification
-from polefence.design.requirements.weights import WEIGHTS, behind, wider, with_weights
+from polefence.design.requirements.weights import (
+    WEIGHTS,
+    behind,
+    filter_of,
+    wider,
+    with_weights,
+)
 from polefence.design.signals.bounds import best_bound, bounds_file, kept_bound, sampled
 from polefence.design.signals.tradeoff import tradeoff
 from polefence.design.tune.search import tune
@@ -289,6 +297,31 @@ def behind_filter(plant):
 
     (own,) = filters_of(plant, Rms("v", weight="Wk"))
     return own
+
+
+@pytest.mark.parametrize(("name", "T"), [("Wk", "1/20"), ("Wk", "1/200"), ("Wf", "1/3")])
+def test_a_held_filter_has_the_doubles_nearest_to_its_exponential(name, T):
+    """By the series as it is, in 150 decimal digits: so the same on every machine."""
+    T = Fraction(T)
+    A, B, C, _ = WEIGHTS[name].state_space()
+    n = len(A)
+    with localcontext(prec=150):
+        step = Decimal(T.numerator) / T.denominator
+        rows = [[Decimal(float(x)) * step for x in row] for row in np.hstack([A, B])]
+        rows.append([Decimal(0)] * (n + 1))
+        found = term = [[Decimal(int(i == j)) for j in range(n + 1)] for i in range(n + 1)]
+        for k in range(1, 700):
+            columns = list(zip(*rows, strict=True))
+            term = [[sum(map(mul, row, own)) / k for own in columns] for row in term]
+            found = [list(map(add, row, own)) for row, own in zip(found, term, strict=True)]
+        assert max(abs(x) for row in term for x in row) < Decimal("1e-100")
+    own = filter_of(name, T)
+    for i in range(n):
+        assert [float(x * T + (i == j)) for j, x in enumerate(own.a[i])] == [
+            float(x) for x in found[i][:n]
+        ]
+        assert float(own.b[i][0] * T) == float(found[i][n])
+    assert np.array_equal(np.array(own.c, dtype=float), C)
 
 
 def test_parameters_may_move():

@@ -137,7 +137,8 @@ class GainNorm(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the gain's norm."""
         rows, columns = (tuple(map(Fraction, own)) for own in self.units(plant))
-        return proof.GainNorm(subject, level, rows, columns)
+        alone = replace(subject, step=Fraction(0), remainder=None, motion=(), change=None)
+        return proof.GainNorm(alone, level, rows, columns)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the norm by the singular values of the gains."""

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from operator import mul
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -22,13 +23,13 @@ from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import Output, padded
 from polefence.plant.system import Exact
 from polefence.proof.filters import Filter, Filters
-from polefence.proof.matrices import Rationals
-from polefence.response.discrete import zero_order_hold
+from polefence.proof.matrices import Integers, Rationals, plus, transposed
 from polefence.response.weighting import WD, WE, WF, WK, Weighting
 
 if TYPE_CHECKING:
     from polefence.design.requirements.specification import Specification
 
+BITS, TERMS = 192, 42  # of the exponential of a norm of 1/2: (1/2)^42 / 42! is below 2^-192
 WEIGHTS: Mapping[str, Weighting] = MappingProxyType({"Wk": WK, "Wd": WD, "We": WE, "Wf": WF})
 
 
@@ -113,9 +114,36 @@ def filter_of(name: str, T: Fraction | None) -> Filter:
     A, B, C, _ = WEIGHTS[name].state_space()  # the low-pass leaves no direct way through
     if not T:
         return Filter(_exact(A), _exact(B), _exact(C), name)
-    a, b = map(_exact, zero_order_hold(A, B, float(T)))
-    a = [[(x - (i == j)) / T for j, x in enumerate(row)] for i, row in enumerate(a)]
-    return Filter(a, [[x / T for x in row] for row in b], _exact(C), name)
+    rows = _held(_exact(A), _exact(B), T)
+    a = [[(x - (i == j)) / T for j, x in enumerate(row[:-1])] for i, row in enumerate(rows)]
+    return Filter(a, [[row[-1] / T] for row in rows], _exact(C), name)
+
+
+def _held(a: Rationals, b: Rationals, T: Fraction) -> Rationals:
+    """Return [Phi, Gamma] of a filter whose one input is held for T, rounded to doubles.
+
+    In whole numbers, for files claim these numbers: floats differ in last bits by the machine.
+    """
+    M = [[T * x for x in (*row, *own)] for row, own in zip(a, b, strict=True)]
+    M.append([Fraction(0)] * len(M[0]))
+    norm, halvings = max(sum(map(abs, row), Fraction(0)) for row in M), 0
+    while norm > Fraction(1, 2):
+        norm, halvings = norm / 2, halvings + 1
+    unit = 1 << BITS
+    X = [[round(x * unit / 2**halvings) for x in row] for row in M]
+    term = found = [[unit * (i == j) for j in range(len(M))] for i in range(len(M))]
+    for k in range(1, TERMS):
+        term = _shortened(term, X, unit * k)
+        found = plus(found, term)
+    for _ in range(halvings):
+        found = _shortened(found, found, unit)
+    return [[Fraction(x / unit) for x in row] for row in found[:-1]]
+
+
+def _shortened(P: Integers, Q: Integers, unit: int) -> Integers:
+    """Return the product of two matrices over a number."""
+    columns = transposed(Q)
+    return [[sum(map(mul, row, column)) // unit for column in columns] for row in P]
 
 
 def _with_filter(plant: UncertainPlant, signal: Output, name: str) -> tuple[UncertainPlant, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -131,24 +131,23 @@ def _place(
     require_structure_alone(method, allow_unproved)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-    region = in_time_of(plant, region)
-    original, (plant, gain) = delta_form(plant), _extended(plant, structure, region)
-    asked, region = region, _in_differences(plant, region)
-    plant = delta_form(plant)
-    starts = list[Law](observers(original, structure, (), region))
+    asked = region = in_time_of(plant, region)
+    sought = _Sought.of(plant, structure, region)
+    if plant.sample_time is not None:
+        region = delta_plane(region, plant.sample_time)
+    starts = sought.starts(region)
     for share in TIGHTER:
-        inside = tighter(region, share, stable(float(plant.step)))
-        found = tune(plant, gain, None, (), inside, starts)
+        inside = tighter(region, share, stable(float(sought.plant.step)))
+        found = tune(sought.plant, sought.gain, None, (), inside, starts)
         for own in (own for own in found if own.kept):
-            answer = analyse(plant, own.law, region)
+            answer = analyse(sought.plant, own.law, region)
             if answer.certificate is not None and answer.proved:
                 return as_sampled(Design(answer.certificate), asked)
         starts += [own.law for own in found[:1]]
         if effort.ended():
             break
     raise NotProvedError(
-        f"no {gain.words(plant)} was found that is proved to keep all poles in {asked}"
-        f"{effort.stopped()}"
+        f"no {sought} was found that is proved to keep all poles in {asked}{effort.stopped()}"
     )
 
 
@@ -253,28 +252,25 @@ def _tightest(
     lmi.require_kind(of)
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
-    original, (plant, gain) = delta_form(plant), _extended(plant, structure, within)
+    sought, T = _Sought.of(plant, structure, within), plant.sample_time
     if of != "disk":
-        within = bounded(within, lmi.SPEED * typical_rate(plant.A))
-    T, plant = plant.sample_time, delta_form(plant)
+        within = bounded(within, lmi.SPEED * typical_rate(sought.plant.A))
     if centre is not None and T is not None:
-        centre = (usable_centre(sampled_form(plant), centre) - 1) / float(T)
-    starts = list[Law](observers(original, structure, (), within))
+        centre = (usable_centre(sampled_form(sought.plant), centre) - 1) / float(T)
+    starts = sought.starts(within)
     for share in (0.0, *TIGHTER) if within is not None else (0.0,):
         asked = None if within is None else tighter(within, share)
-        goal = _goal(of, centre, asked, float(plant.step))
-        tuned = tune_region(plant, gain, goal, (), starts)
+        goal = _goal(of, centre, asked, float(sought.plant.step))
+        tuned = tune_region(sought.plant, sought.gain, goal, (), starts)
         kept = [own.law for own in tuned if own.kept]
         for law in kept:
-            design = _proved(plant, law, of, centre, within)
+            design = _proved(sought.plant, law, of, centre, within)
             if design is not None:
                 return design if T is None else _of_samples(design, float(T))
         if not kept or effort.ended():
             break
         starts += kept[:1]
-    raise NotProvedError(
-        f"no {gain.words(plant)} was found of which a {of} is proved{effort.stopped()}"
-    )
+    raise NotProvedError(f"no {sought} was found of which a {of} is proved{effort.stopped()}")
 
 
 def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure | None) -> Design:
@@ -352,21 +348,43 @@ def _tightest_nearby(
     return best
 
 
-def _extended(
-    plant: UncertainPlant, structure: Structure, region: Region | None
-) -> tuple[UncertainPlant, Structure]:
-    """Return the plant of which the law is a gain, and that gain's structure; refuse misfits."""
-    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-    structure.require_fit(plant)
-    require_region(plant, stable_region(plant) if region is None else region)
-    require_movable(plant, region)
-    require_detectable(plant, structure.outputs(plant), region)
-    return structure.extended(plant)
+@dataclass(frozen=True, eq=False)
+class _Sought:
+    """A law of a structure that is sought, of a plant in its delta form.
 
+    Attributes
+    ----------
+    bare : UncertainPlant
+        Without the law's own states.
+    structure : Structure
+    plant : UncertainPlant
+        With them: the law is a gain of it.
+    gain : Structure
+        That gain's.
+    """
 
-def _in_differences(plant: UncertainPlant, region: Region) -> Region:
-    """Return a region of this plant's poles as that of its delta form's."""
-    return region if plant.sample_time is None else delta_plane(region, plant.sample_time)
+    bare: UncertainPlant
+    structure: Structure
+    plant: UncertainPlant
+    gain: Structure
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, structure: Structure, region: Region | None) -> _Sought:
+        """Return it; refuse a plant, a structure and a region that do not fit."""
+        require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+        structure.require_fit(plant)
+        require_region(plant, stable_region(plant) if region is None else region)
+        require_movable(plant, region)
+        require_detectable(plant, structure.outputs(plant), region)
+        larger, gain = structure.extended(plant)
+        return cls(delta_form(plant), structure, delta_form(larger), gain)
+
+    def __str__(self) -> str:
+        return self.gain.words(self.plant)
+
+    def starts(self, region: Region | None) -> list[Law]:
+        """Return laws from which a search for a region of the delta form begins."""
+        return list(observers(self.bare, self.structure, (), region))
 
 
 def as_sampled(design: Design, region: Region) -> Design:

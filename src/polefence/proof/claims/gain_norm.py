@@ -30,7 +30,7 @@ class GainNorm(Short, Claim):
     """The spectral norm of diag(rows)^-1 K(alpha) diag(columns) is less than ``level``.
 
     ``rows`` holds one positive number an input, ``columns`` one a state. Of the subject's evidence
-    only the elevation counts.
+    only the elevation counts. The subject has no step, remainder or motion: the law has none.
     """
 
     kind: ClassVar[str] = "gain norm"
@@ -54,6 +54,7 @@ class GainNorm(Short, Claim):
         evidence = Evidence([], elevation=below.whole("elevation", 0))
         table.text("name", "")
         rows, columns = table.numbers("rows", plant.m), table.numbers("columns", plant.n)
+        plant = plant.in_differences  # as all bounds have it
         subject = Subject(plant.A, plant.B, plant.E, law, evidence, on)
         return cls(subject, table.number("level"), rows, columns)
 
@@ -68,6 +69,11 @@ class GainNorm(Short, Claim):
             "columns": plain(self.columns),
             "evidence": evidence | ({"on": self.subject.on} if self.subject.law.fixed else {}),
         }
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed, without what proves it."""
+        return replace(self, subject=replace(self.subject, evidence=Evidence([])))
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say how large the gain is at most, in which units."""

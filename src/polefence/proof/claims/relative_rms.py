@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Inequality
 from polefence.proof.claims.signal import (
@@ -114,6 +114,13 @@ class RelativeRms(SignalClaim):
             return {"intensity": plain(self.intensity), "baseline": {}}
         table = {"stability": own.stability.write("X"), "covariance": own.covariance.write("P")}
         return {"intensity": plain(self.intensity), "baseline": table}
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed, without what proves it."""
+        none = Evidence([])
+        baseline = replace(self.baseline, stability=none, covariance=none)
+        return replace(super().bare, baseline=baseline)
 
     @property
     def without_control(self) -> bool:

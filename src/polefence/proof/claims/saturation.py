@@ -12,10 +12,10 @@ norm in L2. A remainder of the plant asks for an Omega that is enough for every 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.signal import Rows, Subject, moving, outputs_text
@@ -96,6 +96,11 @@ class Saturation(InitialPeak):
             raise FormatError("norms: they are for loops that begin at rest")
         elif len(self.norms) != self.subject.q or min(self.norms) < 0 or not any(self.norms):
             raise FormatError(f"norms must hold {self.subject.q} numbers, zero or more, not all 0")
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed, without what proves it."""
+        return replace(super().bare, held=(), held_degree=0)
 
     @property
     def _inputs(self) -> list[int]:

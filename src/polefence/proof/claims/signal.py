@@ -646,6 +646,11 @@ class SignalClaim(Short, Claim):
         note = f"polynomials of the transfer function positive in {parts} parts, exactly"
         return Verdict("proved", note, parts, note=note)
 
+    @property
+    def bare(self) -> Self:
+        """What is claimed, without what proves it."""
+        return replace(self, subject=replace(self.subject, evidence=Evidence([])))
+
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
         own, low, high = self.subject, piece.low, piece.high

@@ -1,0 +1,63 @@
+"""What a file of claims says, against what a question asks: number by number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from polefence.design.certificate import file_plant
+from polefence.design.requirements.specification import Specification, claim_of
+from polefence.plant.family import UncertainPlant
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.claims.poles import Poles
+from polefence.proof.document import Document
+from polefence.proof.laws import Evidence
+from polefence.proof.regions import Disk, Part, parts_of, write_region
+from polefence.region.regions import Region
+
+NONE = Evidence([], transfer=True)  # for which no claim looks for more of its own
+
+
+def is_about(document: Document, plant: UncertainPlant) -> bool:
+    """Whether a file is about this plant: its numbers, its time, its parameters and its names."""
+    return document.plant == file_plant(plant)
+
+
+def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> list[BoundClaim]:
+    """Return the claims of a file about just what a specification asks, whatever their levels.
+
+    Signal, filters, disturbances and whatever else the kind has are those that are claimed of this
+    plant: the same numbers, not the same names.
+    """
+    found = list[BoundClaim]()
+    for own in document.claims:
+        if isinstance(own, BoundClaim) and own.kind == asked.kind:
+            law, on = own.subject.law, own.subject.on
+            if claim_of(plant, law, on, asked, NONE, own.level).bare == own.bare:
+                found.append(own)
+    return found
+
+
+def is_inside(parts: Sequence[Part], region: Region) -> bool:
+    """Whether each part of a region is one of these, or a disk that has one of these inside."""
+
+    def covers(whole: Part, own: Part) -> bool:
+        if isinstance(own, Disk) and isinstance(whole, Disk):
+            return own.centre == whole.centre and own.radius <= whole.radius
+        return own == whole
+
+    return all(any(covers(whole, own) for own in parts) for whole in parts_of(region.document()))
+
+
+def fault_of(
+    document: Document, plant: UncertainPlant, region: Region, limits: Sequence[Specification]
+) -> str:
+    """Say that a file is about another region, or which limit it does not have; else nothing."""
+    own = document.first(Poles)
+    if own is None or write_region(own.region) != region.document():
+        return f"its file is not about {region}"
+    for limit in limits:
+        most = limit.at_most
+        if most is None or not any(own.level <= most for own in bounds(document, plant, limit)):
+            text = "" if most is None else f" {most:g}"
+            return f"its file has no bound{text} on {limit.title}"
+    return ""

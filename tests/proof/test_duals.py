@@ -45,6 +45,21 @@ def test_thresholds_from_both_sides_and_files(kind, form):
     ).proved
 
 
+@pytest.mark.parametrize(("kind", "form"), ALL)
+def test_the_least_square_is_where_a_proof_begins(kind, form):
+    """Of what depends on the level in the noise alone: proved just above, and not at it."""
+    case = Case(kind, form)
+    claim = case.claim(case.worst * (1 + ABOVE))
+    assert prove(claim).proved
+    square = claim.least_square
+    assert (square is None) == (kind == "gain")
+    if square is not None:
+        level = Fraction(float(square) ** 0.5)
+        assert prove(replace(claim, level=level * (1 + Fraction(1, 10**12)))).proved
+        assert not prove(replace(claim, level=level * (1 - Fraction(1, 10**12)))).proved
+        assert prove(replace(claim, level=level * 9)).proved
+
+
 @pytest.mark.parametrize("through", [False, True])
 @pytest.mark.parametrize(("kind", "form"), ALL)
 def test_the_coefficients_are_those_of_the_inequalities(kind, form, through):

@@ -342,9 +342,27 @@ def _stepped(
     level: float,
 ) -> Bound | None:
     """Return the first step above a level at which evidence is a proof, None if it is at none."""
+    square = _least_square(plant, law, specification, evidence)
+    if square is not None:
+        enough = (own for s in STEPS if Fraction(own := level * (1 + s)) ** 2 > square)
+        least = next(enough, None)
+        return None if least is None else _proved(plant, law, specification, evidence, least)
     farthest = _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))
     nearer = (_proved(plant, law, specification, evidence, level * (1 + s)) for s in STEPS[:-1])
     return None if farthest is None else first(nearer) or farthest
+
+
+def _least_square(
+    plant: UncertainPlant, law: Law, specification: Specification, evidence: Evidence
+) -> Fraction | None:
+    """Return what the square of a level must exceed, where evidence proves all else or nothing."""
+    if not evidence.dual:
+        return None
+    on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    with suppress(FormatError), counted():
+        claim = claim_of(plant, exact_law(law), on, specification, evidence, Fraction(1))
+        return claim.least_square if isinstance(claim, SignalClaim) else None
+    return None
 
 
 def raised(bound: Bound, level: float) -> Bound | None:

@@ -10,7 +10,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject, dual_of_noise, moving
+from polefence.proof.claims.signal import (
+    Rows,
+    SignalClaim,
+    Subject,
+    dual_of_noise,
+    most_noise,
+    moving,
+)
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
@@ -54,6 +61,11 @@ class EnergyPeak(SignalClaim):
         """Return what bounds the observability Gramian, and the disturbances in it."""
         square = number(self.level**2, self.subject.sizes)
         return dual_of_noise(self, square, self.norm**2)
+
+    @property
+    def least_square(self) -> Fraction | None:
+        """Of the dual form: the largest coefficient of norm^2 tr E'QE."""
+        return most_noise(self, self.norm**2)
 
     @property
     def under(self) -> str:

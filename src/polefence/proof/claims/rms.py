@@ -24,6 +24,7 @@ from polefence.proof.claims.signal import (
     Subject,
     bounded,
     dual_of_noise,
+    most_noise,
     moving,
 )
 from polefence.proof.plant import Output
@@ -78,6 +79,11 @@ class Rms(SignalClaim):
         """Return what bounds the observability Gramian, and the noise in it."""
         square = number(self.level**2, self.subject.sizes)
         return dual_of_noise(self, square, self.intensity)
+
+    @property
+    def least_square(self) -> Fraction | None:
+        """Of the dual form: the largest coefficient of intensity tr E'QE."""
+        return most_noise(self, self.intensity)
 
     def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D, and g^2 D - S N, where the variance is S N / D."""

@@ -63,6 +63,7 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
+    multinomial,
     number,
 )
 from polefence.proof.reading import Table, plain, plain_rows
@@ -387,6 +388,11 @@ class SignalClaim(Short, Claim):
         vector v, v'Q A v would be zero, and v'A'Q A v not negative.
         """
         raise NotImplementedError
+
+    @property
+    def least_square(self) -> Fraction | None:
+        """What the square of the level must exceed, where nothing else depends on the level."""
+        return None
 
     def transfer(self) -> Transfer:
         """Return the transfer function from the disturbances as they are scaled to the outputs."""
@@ -855,22 +861,43 @@ def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -
     """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
     Q, WQ, M, Y = claim.subject.dual_loop(claim.outputs)
     both = claim.subject.dual_falling(Q, WQ, M)
-    E, left = claim.subject.driving(claim.scales, Q.sizes), square
     inner, spread = -(both + Y.T * Y), claim.subject.evidence.spread
+    noise: Rows = {"of the noise": [[square - _driven(claim, Q, intensity)]]}
+    if spread is None:
+        return {"of the output": [[inner]]} | noise
+    loss, PH = claim.subject.dual_loss(Q, WQ, M, spread)
+    eye = constant(identity(claim.subject.n), Q.sizes)
+    bordered = [[inner - loss, PH], [eye]]
+    return {"of the output": bordered} | noise | below_kappa(Q, spread)
+
+
+def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomial:
+    """Return intensity tr E'QE, or more where E is only near that of the vertices."""
+    E, spread = claim.subject.driving(claim.scales, Q.sizes), claim.subject.evidence.spread
     driving = spread.driving(claim.scales, claim.subject.q) if spread else ()
+    total = number(0, Q.sizes)
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))
         moved = (column.T * Q * column).times(intensity)
         if spread is not None and driving[k]:
             more = (1 + 1 / SHARE) * intensity * spread.kappa * driving[k] ** 2
             moved = moved.times(1 + SHARE) + number(more, Q.sizes)
-        left = left - moved
-    if spread is None:
-        return {"of the output": [[inner]], "of the noise": [[left]]}
-    loss, PH = claim.subject.dual_loss(Q, WQ, M, spread)
-    eye = constant(identity(claim.subject.n), Q.sizes)
-    bordered = [[inner - loss, PH], [eye]]
-    return {"of the output": bordered, "of the noise": [[left]]} | below_kappa(Q, spread)
+        total = total + moved
+    return total
+
+
+def most_noise(claim: SignalClaim, intensity: Fraction) -> Fraction | None:
+    """Return what the square of the level must exceed in `dual_of_noise`; None of other forms."""
+    own = claim.series
+    evidence, sizes = own.subject.evidence, own.subject.sizes
+    if not evidence.dual or evidence.cells:
+        return None
+    Q = bernstein(evidence.X, sizes, evidence.degree)
+    driven = _driven(own, Q, intensity).elevated(evidence.elevation)
+    each = (
+        Fraction(M[0][0], driven.whole * multinomial(e, sizes)) for e, M in driven.terms.items()
+    )
+    return max(Fraction(0), *each)
 
 
 def below_kappa(Q: Polynomial, spread: Spread) -> Rows:

@@ -24,6 +24,7 @@ from polefence.design.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, P
 from polefence.design.tune.meeting import met
 from polefence.design.tune.starts import regulators, typical
 from polefence.design.tune.unknowns import Unknowns
+from polefence.design.tune.worth import NEAR, taken
 from polefence.law.laws import Law, ScheduledGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Goal, Side
@@ -46,7 +47,6 @@ HALVINGS = 7  # of the steps of a search for the worst point
 KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
 FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
 ALIKE = 1e-3  # of laws that count as one
-NEAR = 1e-3  # above the best level, laws that are as good: the smallest comes first
 FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
@@ -284,15 +284,13 @@ class _Search:
         found = [self._tuned(self._finished(own)) for own in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         found += [own for own in given if own.kept]
-        lowest = min((own.level for own in found if own.kept), default=np.inf)
-        of_signal = isinstance(self.task.minimise, Specification)
-        near = lowest + NEAR * abs(lowest) if of_signal else -np.inf
-
-        def rank(own: Tuned) -> tuple[bool, float, float]:
-            as_good = own.level <= near
-            return not own.kept, -np.inf if as_good else own.level, own.size if as_good else 0.0
-
-        return sorted(found, key=rank)
+        found.sort(key=lambda own: (not own.kept, own.level))
+        kept = [own for own in found if own.kept]
+        if kept and isinstance(self.task.minimise, Specification):
+            near = kept[0].level + NEAR * abs(kept[0].level)
+            k = taken([own.level for own in kept], [own.size for own in kept], near)
+            found.insert(0, found.pop(k))
+        return found
 
     def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
         """Return what the best start leads to at the corners, None where it does not keep them.

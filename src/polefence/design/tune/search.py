@@ -39,8 +39,11 @@ MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
 CLOSER = 10.0, 1e2, 1e3, 1e4, 1e5, 1e6  # kappa, for poles that come to meet
 RANDOM, SEED = 4, 20261122  # starts at random
+# The same beside laws that are given: those of an order start near one another. Three masses, one
+# velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.
+BESIDE = 8
 STRICT = 1e5  # of what is not quite kept at the end
-ENOUGH = 4  # laws that are given, beside which the search has no starts of its own
+ENOUGH = 4  # laws that are given, beside which the search has no regulators of its own
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 HALVINGS = 7  # of the steps of a search for the worst point
@@ -364,14 +367,15 @@ class _Search:
 
     def _starts(self, laws: Sequence[Law]) -> list[Array]:
         found = self._given_starts(laws)
+        random = np.random.default_rng(SEED)
         if len(found) >= ENOUGH:
-            return found
+            size = self.task.unknowns.size
+            return [*found, *(random.normal(size=size) for _ in range(BESIDE))]
         task, own, alpha = self.task, self.task.unknowns, self._few
         few, root = own.at(alpha), _root(task.sizes.covariance)
         some = regulators(task.plant, task.sizes, task.region, task.requirements)
         found += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
         found.append(np.zeros(own.size))
-        random = np.random.default_rng(SEED)
         found += [random.normal(size=own.size) for _ in range(RANDOM)]
         # none is exactly where poles coincide
         return [theta + NUDGE * random.normal(size=own.size) for theta in found]

@@ -481,13 +481,13 @@ def _best_tuned(
             every.append(simpler)
             if task.minimise is None:
                 return simpler
-    for own, tuned, least in tuned_candidates(task, structure, starts, known):
+    for own, tuned, lowest in tuned_candidates(task, structure, starts, known):
         found = _bounded(task, own)
         if found is not None:
             found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
             every.append(replace(found, closer=_closer(found, tuned)))
         # where a better law of the search has no proof, one within tighter limits may have one
-        if every and (task.minimise is None or min(map(_level, every)) <= least * (1 + ENOUGH)):
+        if every and (task.minimise is None or min(map(_level, every)) <= lowest * (1 + ENOUGH)):
             break
     return _least(*every, most=most) if every else None
 

@@ -17,6 +17,7 @@ from polefence import (
     FixedGain,
     InputError,
     NotProvedError,
+    Parameter,
     Scheduled,
     ScheduledGain,
     UncertainPlant,
@@ -235,7 +236,7 @@ def test_one_fault_at_a_time(kind):
     for change, message in (
         ({"elevation": 17}, "degrees must be"),
         ({"X": [[[Fraction(1)]]]}, "nothing but an elevation"),
-        ({"multiple": (Fraction(1),)}, "nothing but an elevation"),
+        ({"multiple": (Fraction(1),)}, "one number for each W"),
     ):
         evidence = replace(claim.subject.evidence, **change)
         with pytest.raises(FormatError, match=message):
@@ -248,6 +249,92 @@ def test_one_fault_at_a_time(kind):
         uneven[0][0][1] += Fraction(1, 10**6)
         wrong = replace(claim.subject, law=replace(law, W=uneven))
         assert "not symmetric" in prove(replace(claim, subject=wrong)).reason
+
+
+# --- of a W that varies much: numbers s below W ---------------------------------------------------
+
+
+def varying(sizes=(2, 2)):
+    """W from 100 to 0.01, turned from vertex to vertex: H'H has coefficients that are not > 0."""
+    random = np.random.default_rng(7)
+    turns = [np.linalg.qr(M)[0] for M in random.normal(size=(4, 3, 3))]
+    sizes_of_W = [(100.0, 10.0, 1.0), (50.0, 2.0, 0.3), (1.0, 0.1, 0.01), (90.0, 5.0, 0.2)]
+    W = np.array([q @ np.diag(d) @ q.T for q, d in zip(turns, sizes_of_W, strict=True)])
+    W = (W + W.swapaxes(1, 2)) / 2
+    return ScheduledGain(W, random.normal(size=(4, 2, 3)) @ W, (), 1, sizes)
+
+
+@pytest.mark.parametrize("sizes", [(4,), (2, 2)])
+def test_a_law_whose_w_varies_much_keeps_a_wide_limit(sizes):
+    plant, law, own = a_plant(), varying(sizes), GainNorm(None, ROWS, COLUMNS)
+    alpha = np.vstack([np.eye(4), *(a for _, a in points(Domain(sizes), 400))])
+    K = law.gain(alpha) * np.array(COLUMNS) / np.array(ROWS)[:, None]
+    worst = np.linalg.norm(K, 2, axis=(1, 2)).max()
+    assert not any(np.isfinite(level) for level, _ in levels(plant, law, own))
+    best = best_bound(plant, law, own)
+    spread = max(
+        np.linalg.cond(W / np.outer(COLUMNS, COLUMNS)) for W in (np.array(w) for w in law.W)
+    )
+    assert worst < best.level < 2 * math.sqrt(spread) * worst
+    assert kept_bound(plant, law, replace(own, at_most=1e9)).level == 1e9
+    claim = best.claim
+    assert prove(claim).proved
+    assert not prove(replace(claim, level=claim.level * Fraction(99, 100))).proved
+    for k, times, where in ((0, 1.01, "less a multiple"), (1, 0, "gain's norm")):
+        s = [*claim.subject.evidence.multiple]
+        s[k] *= Fraction(times)
+        for other, _ in enumerate(s):
+            s[other] *= Fraction(times)
+        evidence = replace(claim.subject.evidence, multiple=tuple(s))
+        verdict = prove(replace(claim, subject=replace(claim.subject, evidence=evidence)))
+        assert not verdict.proved
+        assert where in verdict.reason
+
+
+def test_both_inequalities_are_those_of_the_page():
+    plant, law, own = a_plant(), varying(), GainNorm(1e6, ROWS, COLUMNS)
+    claim = kept_bound(plant, law, own).claim
+    s = np.array(claim.subject.evidence.multiple, dtype=float)
+    first, second = claim.inequalities()
+    domain, R, C2 = Domain((2, 2)), np.array(ROWS), np.diag(np.square(COLUMNS))
+    order = domain.monomials(1)
+    for inequality, expected in (
+        (first, lambda W, _, t: W - t * C2),
+        (second, lambda W, V, t: np.block([[W, V.T], [V, 1e12 * t * np.eye(2)]])),
+    ):
+        found = [np.array(M, dtype=object) for _, M in inequality.blocks()]
+        for coordinates, alpha in points(domain):
+            W, Z, t = (np.tensordot(domain.basis(alpha, 1), M, 1) for M in (law.W, law.Z, s))
+            weights = [np.prod(coordinates ** np.array(e)) for e in order]
+            value = sum(w * (M / 2**400).astype(float) for w, M in zip(weights, found, strict=True))
+            other = expected(W, Z / R[:, None], t)
+            assert np.allclose(value / np.linalg.norm(value), other / np.linalg.norm(other), 1e-9)
+
+
+def test_a_limit_that_does_not_bind_costs_nothing():
+    """Of a lightly damped plant, whose scheduled law has a W that varies much."""
+    plant = UncertainPlant.from_expressions(
+        [Parameter("p", -1, 1), Parameter("q", -1, 1)],
+        [
+            ["-0.62 - 0.14*p - 0.36*q", "0.0925 + 0.23*p + 0.075*q"],
+            ["-0.0625 - 0.155*p - 0.17*q", "-0.61 + 0.205*p - 0.345*q"],
+        ],
+        [[-1.1], [1.3]],
+        [[-0.8], [-1.52]],
+        states=("x1", "x2"),
+        inputs=("u1",),
+    )
+    limits = [Rms("u1", 1.85, density=2.0), Rms("x2", 4.875, density=2.0)]
+    free, wide = (
+        optimise(plant, Rms("x1", density=2.0), each, method="scheduled")
+        for each in (limits, [*limits, GainNorm(1e9)])
+    )
+    assert wide.bounds[0].level == pytest.approx(free.bounds[0].level, rel=1e-6)
+    claims = [own.claim for own in wide.bounds]
+    text = bounds_file(wide.design.certificate, claims).dumps()
+    assert bounds_in(text) == claims
+    # it is proved by the numbers s alone
+    assert claims[-1].subject.evidence.multiple
 
 
 # --- designs --------------------------------------------------------------------------------------
@@ -319,20 +406,16 @@ def test_the_study_is_as_the_page_says():
     free = optimise(plant, least, limits, method="quadratic")
     norm = np.linalg.norm(free.law.K * units[1] / units[0], 2)
     assert f"The one gain has a norm of {norm:.3f}" in page.replace("the one", "The one")
-    asked = (("quadratic", 0.297, 1.299, None, 0.02), (None, 0.397, 1.0294, 1.0284, 0.06))
-    for method, limit, cost, best, inside in asked:
+    asked = (("quadratic", 0.297, 1.299, 0.02), (None, 0.397, 1.0284, 0.01))
+    for method, limit, cost, inside in asked:
         assert f"at most {limit} costs {cost}" in page or f"at most {limit} {cost}" in page
         done = optimise(plant, least, (*limits, GainNorm(limit, *units)), method=method)
         assert done.bounds[0].level == pytest.approx(cost, rel=5e-4)
         worst = sampled(plant, done.law, done.bounds[-1].specification).worst
         assert f"its limit to {inside} %" in page or f"a scheduled law to {inside} %" in page
         assert 1 - worst / limit == pytest.approx(inside / 100, abs=1e-4)
-        # the law of the least gain is as good as the best one to a thousandth
-        assert (best is None) == (done.closer is None)
-        if best is not None:
-            assert f"found, which have 1.0207, {best} and" in page
-            assert done.closer.level == pytest.approx(best, rel=5e-4)
-            assert done.bounds[0].level <= done.closer.level * 1.001
+        # no law of a smaller gain by a fifth is as good to a thousandth
+        assert done.closer is None
 
 
 # --- the file, the text, the command --------------------------------------------------------------

@@ -1,6 +1,8 @@
-"""Of laws as good as the best to a thousandth the one of least gain is returned."""
+"""Of laws as good as the best to a thousandth one is returned whose gain is smaller by a fifth."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +27,29 @@ def test_the_least_gain_is_taken_among_those_as_good():
     # a level that is not to be exceeded, and a best law that is known from elsewhere
     assert least(each, (), most=1.0002) == (0, None)
     assert least(each[1:], [Closer(0.9999, 20.0, 0.0)]) == (0, Closer(0.9999, 20.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("gains", "chosen"),
+    [
+        ((1.0, 0.81), 0),  # a fall of less than a fifth is not worth its level
+        ((1.0, 0.8), 1),
+        ((1.0, 0.79, 0.7), 1),  # nor is one from a law that was worth it
+        ((1.0, 0.9, 0.6), 2),
+        ((1.0, 0.85, 0.75), 2),
+        ((0.0, 0.0), 0),
+    ],
+)
+def test_a_law_that_is_worse_has_a_gain_smaller_by_a_fifth(gains, chosen):
+    each = [Closer(1 + 3e-4 * k, gain, gain) for k, gain in enumerate(gains)]
+    for turn in (1, -1):  # whatever came first
+        k, best = least(each[::turn], ())
+        assert each[::turn][k] is each[chosen]
+        assert best == (replace(each[0], own=gains[chosen]) if chosen else None)
+    # of the same level the smaller one
+    assert least([Closer(1.0, 3.0, 3.0), Closer(1.0, 2.9, 2.9)], ()) == (1, None)
+    # beyond a thousandth none is taken, whatever its gain
+    assert least([each[0], Closer(1.0011, 0.0, 0.0)], ()) == (0, None)
 
 
 def gain_by_frequencies(K):

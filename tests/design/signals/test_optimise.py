@@ -373,6 +373,27 @@ def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
     assert (len(asked) < 6 + 3) == (not most)
 
 
+@pytest.mark.parametrize(("most", "loosened"), [((2.0, 50.0), True), ((1.0, 0.3), False)])
+def test_shares_are_searched_for_the_limits_as_asked(two, most, loosened, monkeypatch):
+    limits = (rms("force", most[0]), rms("v", most[1]))
+    task = Task(two, rms("x"), limits, HalfPlane("0.4") & Sector("0.8"), "quadratic")
+    search, searched = Search(task, Deadline(None)), list[Task]()
+    halved = Search._halved
+
+    def noted(own, within, kept, again=()):
+        searched.append(within)
+        return halved(own, within, kept, again)
+
+    monkeypatch.setattr(Search, "_halved", noted)
+    search._shares(task)
+    assert (search.design is not task) == loosened
+    if loosened:
+        assert search.design.limits == limits[:1]
+    assert searched == [search.design, task][: 1 + loosened]
+    assert searched[-1].limits == limits
+    assert search.candidates
+
+
 @pytest.mark.parametrize("refused", [False, True])
 def test_only_the_best_of_the_laws_for_shares_needs_a_proof(two, refused, monkeypatch):
     region = HalfPlane("0.4") & Sector("0.8")

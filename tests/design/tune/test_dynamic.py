@@ -7,10 +7,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
-from polefence import Disk, HalfPlane, InitialPeak, Structure, UncertainPlant
+from polefence import Disk, HalfPlane, InitialPeak, Rms, Structure, UncertainPlant, optimise
 from polefence.design.tune.dynamic import filtered, observers
 from polefence.design.tune.search import tune
+from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 from support.specs import TWO_STATES, rms
 
@@ -123,3 +125,57 @@ def test_an_observer_of_the_middle_is_stable_there_and_reduced_to_the_order():
 
 def test_there_are_no_observers_without_states():
     assert observers(masses(), Structure(("x2",), ())) == ()
+
+
+# --- three masses between springs, a force and a velocity -----------------------------------------
+
+MASSES, SPRINGS = np.array([0.66, 1.0, 1.63]), np.array([2.3, 1.06, 2.77, 2.94])
+LIGHTLY, SMALL_FORCE, DENSITY_OF_FORCE = 0.0264, 0.46, 2.0
+
+
+def three_masses():
+    """Damping ratios of 1 to 3 %, the last spring uncertain by 20 %."""
+    each = []
+    for last in (0.8, 1.2):
+        k = SPRINGS * (1, 1, 1, last)
+        K = np.diag(k[:3] + k[1:]) - np.diag(k[1:3], 1) - np.diag(k[1:3], -1)
+        K = K / MASSES[:, None]
+        each.append(np.block([[np.zeros((3, 3)), np.eye(3)], [-K, -LIGHTLY * K]]))
+    push = np.eye(6)[:, [4]]
+    outputs = (Output("z", "", C=[[1.0] + [0.0] * 5]), Output("w", "", D=[[SMALL_FORCE]]))
+    names = tuple(f"x{k + 1}" for k in range(6))
+    return UncertainPlant.from_vertices(
+        each, [push] * 2, [push] * 2, states=names, inputs=("u",), outputs=outputs
+    )
+
+
+def worst_by_lyapunov(plant, D, C, B, A):
+    """The worst rms of [z, w] with a law u = D y + C x_c, x_c' = B y + A x_c, y the velocity."""
+    k, y = len(A), np.eye(6)[3]
+    found = []
+    for share in np.linspace(0, 1, 21):
+        own = (1 - share) * plant.A[0] + share * plant.A[1]
+        push = np.eye(6)[:, [4]]
+        loop = np.block([[own + push * D * y, push @ C], [B[:, None] * y, A]])
+        assert np.linalg.eigvals(loop).real.max() < 0
+        Z = np.zeros((2, 6 + k))
+        Z[0, 0], Z[1, :6], Z[1, 6:] = 1.0, SMALL_FORCE * D * y, SMALL_FORCE * C[0]
+        E = np.append(push[:, 0], np.zeros(k))
+        X = solve_continuous_lyapunov(loop, -np.outer(E, E) * DENSITY_OF_FORCE / 2)
+        found.append(np.sqrt(np.trace(Z @ X @ Z.T)))
+    return max(found)
+
+
+@pytest.mark.parametrize(
+    ("order", "law"),
+    [
+        (1, (-54.26, [[54.02]], [210.0], [[-210.0]])),
+        (2, (-2548.9, [[-360.1, 2906.5]], [26.8, 214.4], [[-26.8, 0.0], [0.0, -214.4]])),
+    ],
+)
+def test_a_law_of_an_order_differentiates_where_that_is_best(order, law):
+    plant = three_masses()
+    best = worst_by_lyapunov(plant, *(np.array(part) for part in law))
+    structure = Structure(measured=("x4",), schedule=(), order=order)
+    found = optimise(plant, Rms(("z", "w"), density=DENSITY_OF_FORCE), structure=structure)
+    assert found.bounds[0].level < best * 1.01

@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, SpecError, shown
 from polefence.base.explained import explained_fields
 from polefence.design.requirements.slopes import Channel, Loops, Slopes
 from polefence.design.requirements.specification import Row, Specification, is_number, number
-from polefence.law.laws import FixedGain, Law, PolynomialGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.plant.family import UncertainPlant
@@ -27,6 +27,7 @@ from polefence.response.closed import gains
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
 # The design keeps this share of the limit, so that its proof has something to spare.
 KEPT = 1 - 1e-4
+ABOVE = 1e-3  # of a multiple that W is above: room for the proof
 NEAR = 0.8  # singular values that have slopes, of the largest
 
 
@@ -185,6 +186,23 @@ def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[flo
         raised, below = elevated(square, domain, elevation), elevated(Q, domain, total - degree)
         worst = max(_least(raised[e], below[e], binomial(domain.sizes, e)) for e in raised)
         yield float(np.sqrt(worst)), elevation
+
+
+def by_multiples(plant: UncertainPlant, law: Law, own: GainNorm) -> tuple[float, Array] | None:
+    """Return what numbers s prove of a scheduled law in floats, and these; None where they do not.
+
+    W is above s diag(columns)^2. That costs up to the root of how far W is from a multiple of it,
+    and asks for no more of a W that varies much.
+    """
+    if not isinstance(law, ScheduledGain):
+        return None
+    rows, columns = (np.array(each) for each in own.units(plant))
+    W, V = law.W / columns[:, None] / columns, law.Z / rows[:, None] / columns
+    s = (1 - ABOVE) * np.linalg.eigvalsh(W).min(axis=1)
+    if not s.min() > 0:
+        return None
+    square = V @ np.linalg.solve(W, np.swapaxes(V, 1, 2))
+    return float(np.sqrt((np.linalg.norm(square, 2, axis=(1, 2)) / s).max())), s
 
 
 def _least(square: Array, below: Array, weight: int) -> float:

@@ -26,7 +26,7 @@ from polefence.design.certificate import Certificate, exact_law
 from polefence.design.design import FILE_NAME
 from polefence.design.evidence import finer, loop_with, pieces_of, spread_of, with_inputs
 from polefence.design.lyapunov import lyapunov_matrix, weights_at
-from polefence.design.requirements.gain_norm import GainNorm, levels
+from polefence.design.requirements.gain_norm import GainNorm, by_multiples, levels
 from polefence.design.requirements.rms import Rms, of_one_noise
 from polefence.design.requirements.specification import Specification, claim_of
 from polefence.design.requirements.weights import behind
@@ -496,6 +496,11 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
         for level, elevation in levels(plant, law, specification):
             if np.isfinite(level):
                 yield [Evidence([], elevation=elevation)], (level / unit) ** 2
+        found = by_multiples(plant, law, specification)
+        if found is not None:
+            level, multiples = found
+            own = Evidence([], multiple=tuple(map(Fraction, multiples.tolist())))
+            yield [own], (level / unit) ** 2
 
 
 def _points(

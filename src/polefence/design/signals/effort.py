@@ -1,8 +1,8 @@
-"""Laws without needless effort: of those as good as the best to a thousandth, the smallest gain.
+"""Laws without needless effort: of those as good as the best to a thousandth, one of small gain.
 
 Near its optimum what is minimised hardly changes along some directions of the gain, and a search
-ends far out along them. There the gain is the only thing left to choose, so the least is taken, in
-units in which states and inputs have typical sizes.
+ends far out along them. There the gain is the only thing left to choose, so a smaller one is taken
+where it falls by a fifth, in units in which states and inputs have typical sizes.
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ from polefence.design.requirements.gain_norm import GainNorm
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import GAP, Candidate, Origin, Task, candidate, level_of
 from polefence.design.tune.starts import typical
+from polefence.design.tune.worth import NEAR, SMALLER, taken
 from polefence.law.laws import Law
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 
-NEAR = 1e-3  # laws that are as good as the best, as a share of its level
 SHARES = (8e-4, 3e-4, 1e-4)  # of the level that a smaller law may cost, one after the other
-SMALLER = 0.8  # of the gain: one that falls by less is worth no other proof
 SAMPLES = 50
 
 
@@ -62,7 +61,7 @@ def gain_of(plant: UncertainPlant, law: Any) -> float:
 def least(
     every: Sequence[Closer], better: Sequence[Closer], most: float = np.inf
 ) -> tuple[int, Closer | None]:
-    """Return which of some laws has the least gain of those as good as the best, and that one.
+    """Return which of some laws is `taken`, and the best where that is another.
 
     Parameters
     ----------
@@ -74,8 +73,7 @@ def least(
     lowest = min(own.level for own in every)
     best = min((*every, *better), key=lambda own: own.level)
     limit = max(min(best.level + NEAR * abs(best.level), max(most, lowest)), lowest)
-    near = [k for k, own in enumerate(every) if own.level <= limit]
-    k = min(near, key=lambda k: every[k].gain)
+    k = taken([own.level for own in every], [own.gain for own in every], limit)
     own = every[k]
     return k, replace(best, own=own.gain) if best.level < own.level else None
 

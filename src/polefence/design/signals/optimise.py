@@ -36,7 +36,7 @@ from polefence.design.requirements.specification import Specification
 from polefence.design.search import Deadline
 from polefence.design.signals import nearby
 from polefence.design.signals.bounds import Bound, agreed_bound, best_bound, save
-from polefence.design.signals.effort import NEAR, Closer, gain_of, least, smaller
+from polefence.design.signals.effort import Closer, gain_of, least, smaller
 from polefence.design.signals.placed import as_sampled
 from polefence.design.signals.refutation import refusal, refuted
 from polefence.design.signals.search import (
@@ -59,6 +59,7 @@ from polefence.design.signals.search import (
 )
 from polefence.design.signals.tuned import Orders, orders_below, tuned_candidates
 from polefence.design.tune.search import Tuned
+from polefence.design.tune.worth import NEAR
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -697,7 +698,7 @@ def _calmed(task: Task, best: Optimised, law: Candidate) -> Optimised:
 
 
 def _least(*every: Optimised, most: float = np.inf) -> Optimised:
-    """Return of the laws as good as the best that of the least gain; the only one if alone.
+    """Return of the laws as good as the best the one that is taken; the only one if alone.
 
     Parameters
     ----------

@@ -18,7 +18,8 @@ from polefence.base.errors import RegionError
 from polefence.design.requirements.specification import Specification
 from polefence.design.signals.search import Candidate, Task, candidate
 from polefence.design.tune.dynamic import beside_filters, filtered, observers
-from polefence.design.tune.search import NEAR, Tuned, rough, tune
+from polefence.design.tune.search import Tuned, rough, tune
+from polefence.design.tune.worth import NEAR
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant

@@ -3,7 +3,7 @@
 All numbers of such a law at once are a hard search: most starts end where a state is of little use.
 A regulator with an observer of the middle of the family, reduced to the law's order, uses them all.
 With a filter that stays as it is, a slow one of an acceleration or a quick one of a position, the
-law is a plain gain of one signal more, and a good one is found.
+law is a plain gain of one signal more, and a good one is found. A very quick one gives its rate.
 """
 
 from __future__ import annotations
@@ -42,6 +42,9 @@ NEAREST = 6  # observers to the region, at the vertices
 SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
 TINY = 1e-30
 SPEEDS = 0.3, 4.0  # a filter's pole, beside the slowest of the plant
+# The same beside the fastest: a signal less itself through so quick a filter is its derivative. A
+# velocity of three masses, order 1: 0.684 without, 0.649, 0.632 and 0.627 with 10, 30 and 80.
+QUICK = 80.0
 TRIED, FACTOR = 40, 1.3  # of poles, until one is in the region
 MOST = 4  # signals that are filtered, one after the other
 
@@ -253,7 +256,8 @@ def filtered(
     if not structure.order:
         return ()
     region = region or stable(float(plant.step))
-    poles = dict.fromkeys(_pole(plant, region, speed) for speed in SPEEDS)
+    quick = QUICK * float(np.abs(np.linalg.eigvals(plant.A)).max()) / _slowest(plant)
+    poles = dict.fromkeys(_pole(plant, region, speed) for speed in (*SPEEDS, quick))
     found = list[tuple[float, PolynomialGain]]()
     for (i, own), pole in product(enumerate(structure.outputs(plant)[:MOST]), poles):
         if pole is None:

@@ -2,6 +2,13 @@
 
 [ H' H, V' ; V, g^2 I ] > 0 with H = diag(columns)^-1 W, V = diag(rows)^-1 Z, W = I and Z = K of a
 fixed gain: V H^-1 = diag(rows)^-1 K diag(columns).
+
+H' H of a law whose W varies much has coefficients that are not positive. With numbers s(alpha) > 0
+
+    W - s diag(columns)^2 > 0   and   [ W, V' ; V, s g^2 I ] > 0
+
+prove it too, though of a larger g: W^-1 diag(columns)^2 W^-1 < W^-1 / s, so V H^-1 H^-1' V' is less
+than V W^-1 V' / s < g^2 I. Both are linear in W, Z and s.
 """
 
 from __future__ import annotations
@@ -16,7 +23,7 @@ from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.laws import DOMAINS, Evidence
 from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.plant import Output, Plant
-from polefence.proof.polynomials import count_of, diagonal
+from polefence.proof.polynomials import bernstein, count_of, diagonal
 from polefence.proof.reading import Table, plain
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up
@@ -30,7 +37,8 @@ class GainNorm(Short, Claim):
     """The spectral norm of diag(rows)^-1 K(alpha) diag(columns) is less than ``level``.
 
     ``rows`` holds one positive number an input, ``columns`` one a state. Of the subject's evidence
-    only the elevation counts. The subject has no step, remainder or motion: the law has none.
+    only the elevation counts, and ``multiple``: the Bernstein coefficients of s, of the degree of a
+    scheduled law. The subject has no step, remainder or motion: the law has none.
     """
 
     kind: ClassVar[str] = "gain norm"
@@ -52,6 +60,9 @@ class GainNorm(Short, Claim):
         law, below = require_law(law, cls.kind), table.table("evidence")
         on = plant.domain(below.word("on", DOMAINS, "simplex") if law.fixed else on)
         evidence = Evidence([], elevation=below.whole("elevation", 0))
+        if "multiple" in below:
+            multiple = below.numbers("multiple", most=len(law.W or law.K or []))
+            evidence = replace(evidence, multiple=multiple)
         table.text("name", "")
         rows, columns = table.numbers("rows", plant.m), table.numbers("columns", plant.n)
         plant = plant.in_differences  # as all bounds have it
@@ -60,7 +71,9 @@ class GainNorm(Short, Claim):
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        evidence = {"elevation": self.subject.evidence.elevation}
+        evidence: dict[str, Any] = {"elevation": self.subject.evidence.elevation}
+        if self.subject.evidence.multiple:
+            evidence["multiple"] = plain(self.subject.evidence.multiple)
         return {
             "kind": self.kind,
             "name": LAW,
@@ -96,8 +109,11 @@ class GainNorm(Short, Claim):
         """Refuse units that are none, evidence that does not belong here, too much work."""
         subject = self.subject
         evidence, law = subject.evidence, subject.law
-        if replace(evidence, elevation=0) != Evidence([]):
-            raise FormatError("a gain's norm is proved with nothing but an elevation")
+        if replace(evidence, elevation=0, multiple=()) != Evidence([]):
+            raise FormatError("a gain's norm is proved with nothing but an elevation and numbers s")
+        if evidence.multiple and len(evidence.multiple) != len(law.W or []):
+            raise FormatError("multiple must hold one number for each W of a scheduled law")
+        evidence = replace(evidence, multiple=())
         if not subject.A or not subject.A[0] or not subject.B or not subject.B[0]:
             raise FormatError("vertices are missing")
         n, m = subject.n, subject.m
@@ -111,7 +127,7 @@ class GainNorm(Short, Claim):
                 raise FormatError(f"{key} must hold {count} positive numbers")
         degree = 2 * law.form_degree
         count = count_of(subject.sizes, degree + subject.evidence.elevation)
-        require_work(least_work(count, n + m))
+        require_work(least_work(count, n + m) * (2 if subject.evidence.multiple else 1))
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield W."""
@@ -119,14 +135,21 @@ class GainNorm(Short, Claim):
             yield f"W {k + 1}", W
 
     def inequalities(self) -> Iterator[Inequality]:
-        """Yield the one inequality."""
+        """Yield the one inequality, or both."""
         n, m, sizes = len(self.columns), len(self.rows), self.subject.sizes
         form = self.subject.law.form(sizes)
         columns, rows = ([1 / unit for unit in units] for units in (self.columns, self.rows))
-        H = diagonal(columns, sizes) * form.part(slice(n))
         V = diagonal(rows, sizes) * form.part(slice(n, n + m))
-        square, corner = H.T * H, diagonal([self.level**2] * m, sizes)
-        by = self.subject.evidence.elevation
+        corner, by = diagonal([self.level**2] * m, sizes), self.subject.evidence.elevation
+        if self.subject.evidence.multiple:
+            numbers = [[[own]] for own in self.subject.evidence.multiple]
+            W, s = form.part(slice(n)), bernstein(numbers, sizes, self.subject.law.degree)
+            less = W - s * diagonal([unit**2 for unit in self.columns], sizes)
+            yield Inequality.raised("of W less a multiple", [[less]], by)
+            yield Inequality.raised("of the gain's norm", [[W, V.T], [s * corner]], by)
+            return
+        H = diagonal(columns, sizes) * form.part(slice(n))
+        square = H.T * H
         yield Inequality.raised("of the gain's norm", [[square, V.T], [corner]], by)
 
 

@@ -7,7 +7,7 @@ it would have otherwise, to less and less. What is proved are limits and region 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -38,7 +38,11 @@ WORSE = 0.02  # than the best of its search, a law that proofs are still looked 
 
 
 def tuned_candidates(
-    task: Task, structure: Structure, starts: Sequence[Law] = (), known: Sequence[Tuned] = ()
+    task: Task,
+    structure: Structure,
+    starts: Sequence[Law] = (),
+    known: Sequence[Tuned] = (),
+    proved: Callable[[], float] = lambda: np.inf,
 ) -> Iterator[tuple[Candidate, Tuned, float]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
@@ -48,6 +52,8 @@ def tuned_candidates(
     ----------
     known : sequence of Tuned
         What the first search has found, where it is done.
+    proved : callable
+        The least level that was proved of a law: one that is no better at rest is not looked at.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
@@ -63,10 +69,14 @@ def tuned_candidates(
         for number, own in enumerate(_promising(found)):
             if number and ended():  # the best is looked at whatever it took to find
                 return
-            proved = candidate(task, own.law, task.region, estimate=own.level)
-            if proved is not None:
+            if task.minimise is not None and own.level >= proved():
+                if number or cut_off:
+                    break
+                return  # nor is one for tighter limits
+            law = candidate(task, own.law, task.region, estimate=own.level)
+            if law is not None:
                 some = True
-                yield proved, own, found[0].level
+                yield law, own, found[0].level
         starts = (*starts, *(own.law for own in found[:1]))
 
 

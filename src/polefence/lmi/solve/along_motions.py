@@ -2,10 +2,11 @@
 
 At rest the least X of A X + X A' + E E' <= 0 is the covariance of the state. The polynomial that
 has its values at nodes misses the inequality, by what interpolation misses and by dX/dt while
-parameters move. A constant R, added to E E', makes up for both: it grows until no
-coefficient is negative, at any extreme of the rates. Of parameters that move slowly beside the loop
-the bound exceeds the truth by little. An LMI finds the least bound, but takes minutes where this
-takes a second: it has a number for each entry of each coefficient of X.
+parameters move. A constant R, added to E E', makes up for both: it grows until no coefficient is
+negative, at any extreme of the rates. Of parameters that move slowly beside the loop the bound
+exceeds the truth by little. An LMI finds the least bound, with a number for each entry of each
+coefficient of X: of 8 states and three parameters it takes 7 s for one of degree 1, where this
+takes 0.1 s for one of degree 4.
 """
 
 from __future__ import annotations

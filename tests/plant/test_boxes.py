@@ -65,4 +65,16 @@ def test_it_is_halved_along_what_changes_the_loop_most(k):
         rate = 1 + t[:, k] + 0.1 * t[:, 1 - k]
         return -rate[:, None, None] * np.eye(2)
 
-    assert widest(DOMAIN, loops) == k
+    assert widest(DOMAIN, loops, lambda poles: -poles.real) == k
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_a_slow_pole_that_comes_near_the_edge_counts_more_than_a_fast_one_that_moves(k):
+    """From -0.1 to -0.01 beside one from -1000 to -600: what a Lyapunov matrix follows."""
+
+    def loops(alpha):
+        t = DOMAIN.coordinates(alpha)[:, 1::2]
+        poles = np.stack([-0.1 + 0.09 * t[:, k], -1000 + 400 * t[:, 1 - k]], axis=-1)
+        return poles[:, :, None] * np.eye(2)
+
+    assert widest(DOMAIN, loops, lambda poles: -poles.real) == k

@@ -384,7 +384,7 @@ class _Inside:
             A, B = self.plant.at(alpha)
             return np.asarray(A + B @ self.law.gain(alpha))
 
-        return widest(domain, loops)
+        return widest(domain, loops, lambda poles: -self.part.distance(poles))
 
     @staticmethod
     def piece(box: Box, own: Evidence) -> Piece:

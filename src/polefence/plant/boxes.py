@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -115,14 +115,32 @@ def divided(
     return done
 
 
-def widest(domain: Domain, loops: Callable[[Array], Array]) -> int:
-    """Return the number of the parameter along which closed loops at alpha change most."""
+def widest(domain: Domain, loops: Callable[[Array], Array], inside: Callable[[Any], Array]) -> int:
+    """Return the number of the parameter along which closed loops at alpha change most.
+
+    Each pole is moved beside how far it is inside: a slow one that comes near the edge changes a
+    Lyapunov matrix more than a fast one that moves far.
+
+    Parameters
+    ----------
+    loops : callable
+        From points alpha to the loops there.
+    inside : callable
+        From poles to how far each is inside of a region.
+    """
     count = len(domain.sizes)
     ends = np.full((2 * count, count), 0.5)
     for k in range(count):
         ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
     poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
-    # as sets: eigenvalues come in no order
-    apart = np.abs(poles[::2, :, None] - poles[1::2, None, :])
-    moved = np.maximum(apart.min(axis=1).max(axis=-1), apart.min(axis=2).max(axis=-1))
-    return int(moved.argmax())
+    depth = np.maximum(inside(poles), NIL * np.abs(poles) + np.finfo(float).tiny)
+    low, high = (poles[::2], depth[::2]), (poles[1::2], depth[1::2])
+    return int(np.maximum(_moved(low, high), _moved(high, low)).argmax())
+
+
+def _moved(one: tuple[Any, Array], other: tuple[Any, Array]) -> Array:
+    """Return how far poles are from the nearest ones of other loops, the most of each loop."""
+    apart = np.abs(one[0][:, :, None] - other[0][:, None, :])
+    nearest = apart.argmin(axis=-1)  # as sets: eigenvalues come in no order
+    depth = np.minimum(one[1], np.take_along_axis(other[1], nearest, axis=-1))
+    return np.asarray((apart.min(axis=-1) / depth).max(axis=-1))

@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, NotProvedError
 from polefence.cli.main import main
 from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import sampled
-from polefence.design.signals.tuned import tighter
+from polefence.design.signals.tuned import _faster, tighter
 from polefence.examples import spec_path
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.points import seeded
@@ -171,3 +171,22 @@ def test_the_command_writes_what_check_proves(tmp_path, capsys, monkeypatch):
     assert main(["optimise", "car.toml", "--schedule", "load"]) == 2
     assert "no parameter 'load'" in capsys.readouterr().err
     assert main(["optimise", "car.toml", "--elevation", "1"]) == 2
+
+
+def test_where_parameters_move_poles_are_searched_for_that_are_faster():
+    """Across its range of 2 in half a second; where no law is faster another one is proved."""
+    load = pf.Parameter("k", 1, 3, rate=(-1, 4))
+    fast = pf.UncertainPlant.from_expressions([load], [["-k", 0], [0, -1]], [[1], [1]], [[1], [1]])
+    still = replace(fast, parameters=(replace(load, rate=None),))
+    assert _faster(fast, HalfPlane(0.5)) == HalfPlane(0.5) & HalfPlane(2)
+    assert _faster(still, HalfPlane(0.5)) is None
+    slow = pf.UncertainPlant.from_expressions(
+        [load], [["-k", 0], [1, -0.2]], [[1], [0]], [[1], [1]], states=("x", "y")
+    )
+    one = pf.Structure(measured=("x",), schedule=())
+    asked = pf.Rms("x", density=1), [pf.Rms("u1", density=1, at_most=2)]
+    done = pf.optimise(slow, *asked, structure=one)
+    assert done.design.poles(np.eye(2)).real.max() == pytest.approx(-0.2)
+    assert all(own.claim.subject.motion for own in done.bounds)
+    assert sampled(slow, done.law, asked[0]).worst <= done.bounds[0].level
+    assert done.design.certificate.prove().proved

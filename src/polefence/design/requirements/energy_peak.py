@@ -52,6 +52,11 @@ class EnergyPeak(Specification):
         E, degree = self.driving(plant)
         return conditions.noise(f"energy{self.scales(plant) or ''}", domain, E, 1.0, degree)
 
+    @property
+    def driven_by(self) -> float:
+        """The norm: X of its claim is of disturbances of norm one."""
+        return self.norm
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
         return self._dual(plant, law, self.norm)

@@ -317,6 +317,11 @@ class Specification(Short):
         level = 1.0 if level is None else level
         return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
 
+    @property
+    def driven_by(self) -> float:
+        """How many times the disturbances of X in its claim those of `dual` are."""
+        return 1.0
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:  # noqa: ARG002
         """Return the closed loops as the dual form of the bound has them; None where it has none.
 

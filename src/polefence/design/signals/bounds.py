@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import product
 from pathlib import Path
@@ -36,6 +36,8 @@ from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
+from polefence.lmi.solve import gramians
+from polefence.lmi.solve.along_motions import Along, along_motions
 from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
@@ -177,7 +179,7 @@ def _best_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
 ) -> Bound | None:
     question = _Question.of(plant, law, specification)
-    climbs = [_dual_bounds, _in_parts, _climbed]
+    climbs = [_dual_bounds, _in_parts, _along_motions, _climbed]
     best: Bound | None = None
     for climb in (_by_transfer, *(reversed(climbs) if question.by_lmi else climbs)):
         for own in climb(question):
@@ -205,6 +207,10 @@ class _Question:
         The worst value at a few points; zero where doubles find none.
     by_transfer : ByTransfer, optional
         Its proof by the transfer function, where there is one.
+    moved : DualProblem, optional
+        What it is where parameters move.
+    known_parts : dict
+        What was found on parts of the box, for one level after the other.
     """
 
     plant: UncertainPlant
@@ -213,6 +219,8 @@ class _Question:
     problem: DualProblem | None = None
     worst: float = 0.0
     by_transfer: ByTransfer | None = None
+    moved: DualProblem | None = None
+    known_parts: gramians.Known = field(default_factory=dict)
 
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
@@ -222,10 +230,11 @@ class _Question:
             own = ByTransfer.of(plant, law, specification)
         with suppress(InputError, np.linalg.LinAlgError):
             worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
-            # along a motion a dual form would bound means over time only
             wide = behind(plant, law, specification)
-            dual = None if plant.moving else wide.specification.dual(wide.plant, wide.law)
-        return cls(plant, law, specification, dual, worst, own)
+            dual = wide.specification.dual(wide.plant, wide.law)
+        # along a motion a dual form would bound means over time only
+        still, moved = (None, dual) if plant.moving else (dual, None)
+        return cls(plant, law, specification, still, worst, own, moved)
 
     @property
     def by_lmi(self) -> bool:
@@ -237,6 +246,16 @@ class _Question:
     def duals(self) -> Iterator[Dual]:
         """Dual polynomials of rising degree."""
         return iter(()) if self.problem is None else duals(self.problem, self.worst, NEAREST)
+
+    @property
+    def along_motions(self) -> Iterator[Along]:
+        """Interpolated polynomials of rising degree, where parameters move."""
+        return iter(()) if self.moved is None else along_motions(self.moved, self.worst, NEAREST)
+
+    def along(self, own: Along) -> Evidence:
+        """Return the evidence that one is."""
+        size = self.specification.driven_by
+        return Evidence([_rationals(X / size**2) for X in own.X], own.degree)
 
     def stepped(self, evidence: Evidence, level: float) -> Bound | None:
         """Return the first step above a level at which evidence is a proof."""
@@ -260,7 +279,7 @@ class _Question:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
         parts = None
         if self.problem is not None:
-            parts = in_parts(self.problem, level)
+            parts = in_parts(self.problem, level, known=self.known_parts)
         if parts is None:
             return None
         pieces = (
@@ -312,6 +331,14 @@ def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
     levels = (question.worst * (1 + share) for share in IN_PARTS)
     found = first(map(question.in_parts, levels))
+    if found is not None:
+        yield found
+
+
+def _along_motions(question: _Question) -> Iterator[Bound]:
+    """Yield the least bound of polynomials that are interpolated, where parameters move."""
+    every = sorted(question.along_motions, key=lambda own: own.level)
+    found = first(question.stepped(question.along(own), own.level) for own in every)
     if found is not None:
         yield found
 
@@ -412,6 +439,11 @@ def _kept_bound(
     own = question.in_parts(limit)
     if own is not None:
         return own
+    for along in question.along_motions:
+        if along.level < limit:
+            own = question.proved(question.along(along), limit)
+            if own is not None:
+                return own
     for points in _climb(plant, law, specification, limit):
         for number, (evidences, r) in enumerate(points):
             if r < 1:

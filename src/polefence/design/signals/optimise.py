@@ -438,7 +438,10 @@ def _best_order(orders: Orders) -> Optimised | None:
     every = list[Optimised]()
     for k in orders.promising:
         known = orders.found(k)
-        found = _best_tuned(*orders.each[k], orders.starts(k), known)
+        below = min(map(_level, every), default=np.inf) * (1 + NEAR)
+        if known and known[0].level >= below:  # at rest and in samples: no proof is lower
+            continue
+        found = _best_tuned(*orders.each[k], orders.starts(k), known, below)
         every += [] if found is None else [found]
         enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
         if found is not None and (orders.each[k][0].minimise is None or _level(found) <= enough):
@@ -462,7 +465,11 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
 
 
 def _best_tuned(
-    task: Task, structure: Structure, starts: Sequence[Law], known: Sequence[Tuned] = ()
+    task: Task,
+    structure: Structure,
+    starts: Sequence[Law],
+    known: Sequence[Tuned] = (),
+    below: float = np.inf,
 ) -> Optimised | None:
     """Return the best law of a structure that is proved, no worse than that of a lower degree.
 
@@ -470,6 +477,8 @@ def _best_tuned(
     ----------
     known : sequence of Tuned
         What a search from lower degrees on has found.
+    below : float
+        Level that a law is to be better than: another one is proved for it.
     """
     every = list[Optimised]()
     most = np.inf
@@ -481,13 +490,17 @@ def _best_tuned(
             every.append(simpler)
             if task.minimise is None:
                 return simpler
-    for own, tuned, lowest in tuned_candidates(task, structure, starts, known):
+
+    def proved() -> float:
+        return min([below, *map(_level, every)])
+
+    for own, tuned, lowest in tuned_candidates(task, structure, starts, known, proved):
         found = _bounded(task, own)
         if found is not None:
             found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
             every.append(replace(found, closer=_closer(found, tuned)))
         # where a better law of the search has no proof, one within tighter limits may have one
-        if every and (task.minimise is None or min(map(_level, every)) <= lowest * (1 + ENOUGH)):
+        if every and (task.minimise is None or proved() <= lowest * (1 + ENOUGH)):
             break
     return _least(*every, most=most) if every else None
 

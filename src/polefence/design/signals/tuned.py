@@ -7,7 +7,7 @@ it would have otherwise, to less and less. What is proved are limits and region 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -32,13 +32,18 @@ TIGHTER = (5e-4, 3e-3, 2e-2)
 FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
+FASTER = 1.0  # times the share of its range by which a parameter moves in a second, poles decay
 MOST = 3  # laws of one search that proofs are looked for
 EACH = 6  # orders that are searched one after the other; of a higher one these and the last
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
 
 def tuned_candidates(
-    task: Task, structure: Structure, starts: Sequence[Law] = (), known: Sequence[Tuned] = ()
+    task: Task,
+    structure: Structure,
+    starts: Sequence[Law] = (),
+    known: Sequence[Tuned] = (),
+    proved: Callable[[], float] = lambda: np.inf,
 ) -> Iterator[tuple[Candidate, Tuned, float]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
@@ -48,6 +53,8 @@ def tuned_candidates(
     ----------
     known : sequence of Tuned
         What the first search has found, where it is done.
+    proved : callable
+        The least level that was proved of a law: one that is no better at rest is not looked at.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
@@ -58,16 +65,49 @@ def tuned_candidates(
         if share in FARTHER and some and not task.plant.moving:
             continue
         found = [] if cut_off else list(known)
-        found = found or tune(task.plant, structure, *_asked(task, share, times), starts)
+        found = found or _searched(task, structure, share, times, starts)
         known = ()
         for number, own in enumerate(_promising(found)):
             if number and ended():  # the best is looked at whatever it took to find
                 return
-            proved = candidate(task, own.law, task.region, estimate=own.level)
-            if proved is not None:
+            if task.minimise is not None and own.level >= proved():
+                if number or cut_off:
+                    break
+                return  # nor is one for tighter limits
+            law = candidate(task, own.law, task.region, estimate=own.level)
+            if law is not None:
                 some = True
-                yield proved, own, found[0].level
+                yield law, own, found[0].level
         starts = (*starts, *(own.law for own in found[:1]))
+
+
+def _searched(
+    task: Task, structure: Structure, share: float, times: float, starts: Sequence[Law]
+) -> list[Tuned]:
+    """Return what a search finds, whose poles are faster than parameters move if they can be."""
+    least, limits, region = _asked(task, share, times)
+    faster = _faster(task.plant, region)
+    if faster is not None:
+        found = tune(task.plant, structure, least, limits, faster, starts)
+        if any(own.kept for own in found):
+            return found
+    return tune(task.plant, structure, least, limits, region, starts)
+
+
+def _faster(plant: UncertainPlant, region: Region) -> Region | None:
+    """Return a region of poles that are faster than parameters move, None where none does.
+
+    A search looks at loops at rest. What it says of a mode that is slower than the parameters has
+    no proof, and no meaning, while they move.
+    """
+    speeds = [
+        float(max(map(abs, own.rate)) / (own.high - own.low))
+        for own in plant.moving
+        if isinstance(own.rate, tuple)
+    ]
+    if not speeds or plant.sample_time is not None or plant.step:
+        return None
+    return region & HalfPlane(FASTER * max(speeds))
 
 
 def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
@@ -151,7 +191,7 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tune
     found = list[Tuned]()
     for own in (*lower_degrees(task.plant, structure), structure):
         known = (*starts, *(each.law for each in found[:1] if each.kept))
-        more = tune(task.plant, own, *_asked(task, TIGHTER[0], BEGINNING), known)
+        more = _searched(task, own, TIGHTER[0], BEGINNING, known)
         found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
     return found[:MOST]
 

@@ -42,7 +42,7 @@ def halves(
         return {}
     motion.require(domain)
     if motion.centre is None:
-        tables = [_change(own, domain, degree, total) for own in motion.moves]
+        tables = [change(own, domain, degree, total) for own in motion.moves]
         rates = list(product(*(own.rates or (0.0, 0.0) for own in motion.moves)))
         found = {}
         for e in domain.monomials(total):
@@ -108,7 +108,7 @@ def _after(move: Move, end: int, pair: tuple[int, int]) -> Terms:
 
 
 @cache
-def _change(move: Move, domain: Domain, degree: int, total: int) -> Weights:
+def change(move: Move, domain: Domain, degree: int, total: int) -> Weights:
     """Return dX/dp as weights of the coefficients of X, raised to a degree of ``total``."""
     low, high = move.ends
     square: Terms = [((0, 0), 1.0)]

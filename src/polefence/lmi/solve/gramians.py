@@ -24,6 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
+from polefence.base.effort import ended, spend
 from polefence.law.laws import FixedGain, Law, ScheduledGain, divisible, domain_of, right_divide
 from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
@@ -31,7 +32,7 @@ from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.remainder import SHARE
 from polefence.response.modes import Modes
-from polefence.response.stationary import bilinear
+from polefence.response.stationary import bilinear, growth
 
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
@@ -39,8 +40,10 @@ ROOM = 1e-7  # of the bound's square, for rounding
 # How far above the worst sample a gain is tried, one after the other.
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
-# The same on a part of the box; degree 2 in six parameters is 1e10, minutes for a few parts.
-MOST_IN_PART = 1e9
+# The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
+# 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
+MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
+SPENT = 0.3  # operations that one of these multiplications is
 DEGREES = (2, 4)  # on parts of the box
 LOWEST = 0.03  # of a level, what a point's own is at least
 NEXT = 1e-3  # above the last least level the search for the next begins
@@ -153,7 +156,11 @@ class DualProblem:
     @property
     def widest(self) -> int:
         """Number of the parameter along which the closed loop changes most, in its part."""
-        return widest(self.domain, lambda alpha: self.closed(alpha)[0])
+        return widest(
+            self.domain,
+            lambda alpha: self.closed(alpha)[0],
+            lambda poles: -growth(poles, self.step),
+        )
 
     def form(self, alpha: Array) -> Array:
         """Return [W; Z], or [I; K], at points."""
@@ -250,7 +257,12 @@ class Part:
     dual: Dual
 
 
-def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list[Part] | None:
+Known = dict[tuple[Box, int], Dual | None]  # what was found in a part, of a degree
+
+
+def in_parts(
+    problem: DualProblem, level: float, most: int = MOST_PARTS, known: Known | None = None
+) -> list[Part] | None:
     """Return parts that make up the box, on each of which a dual polynomial proves the level.
 
     A part on which none does is halved along the parameter along which the loop changes most.
@@ -259,19 +271,35 @@ def in_parts(problem: DualProblem, level: float, most: int = MOST_PARTS) -> list
     ----------
     most : int
         How many parts there may be; None is returned where that is not enough.
+    known : dict, optional
+        What was found for lower levels of the problem; what is found now is added.
     """
+    known = {} if known is None else known
     if not divisible(problem.plant, problem.law) or problem.share is not None:
         return None
     degrees = [own for own in DEGREES if problem.work(own) * ROUNDS <= MOST_IN_PART]
     if not degrees:
         return None
 
-    def proving(box: Box) -> Dual | None:
-        found = _each(replace(problem, box=box), level, degrees)
-        return next((dual for dual in found if dual.level < level), None)
+    done = 0.0
 
-    def along(box: Box) -> int:
-        return replace(problem, box=box).widest
+    def proving(box: Box) -> Dual | None:
+        nonlocal done
+        for degree in degrees:
+            own = known.get((box, degree))
+            # of a gain alone it hangs on the level whether there is one
+            if own is None and (problem.gain or (box, degree) not in known):
+                own = next(_each(replace(problem, box=box), level, [degree]), None)
+                known[box, degree] = own
+                done += problem.work(degree) * ROUNDS
+                spend(SPENT * problem.work(degree) * ROUNDS)
+            if own is not None and own.level < level:
+                return own
+        return None
+
+    def along(box: Box) -> int | None:
+        late = done > MOST_IN_PARTS or ended()
+        return None if late else replace(problem, box=box).widest
 
     parts = divided([Box.whole(problem.domain)], proving, along, most)
     return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
@@ -645,11 +673,20 @@ def majorant(matrices: Array) -> Array:
     left = (matrices + matrices.swapaxes(-1, -2)) / 2
     R, sizes = np.zeros(matrices.shape[-2:]), _above(left).sum(axis=-1)
     left = left[np.argsort(-sizes)[: np.count_nonzero(sizes)]]
-    while len(left):
-        values, V = np.linalg.eigh(left[0] - R)
-        R = R + (V * np.maximum(values, 0)) @ V.T
-        left = left[1:][_above(left[1:] - R).any(axis=-1)]
+    for own in left:
+        if not _positive(R - own):
+            values, V = np.linalg.eigh(own - R)
+            R = R + (V * np.maximum(values, 0)) @ V.T
     return R
+
+
+def _positive(M: Array) -> bool:
+    """Whether a symmetric matrix is positive definite; a fifth of the time of its eigenvalues."""
+    try:
+        np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _above(matrices: Array) -> Array:

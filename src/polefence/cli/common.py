@@ -30,6 +30,7 @@ from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states as states_of_a_law
 from polefence.plant.tracks import own_states
 from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
@@ -144,6 +145,16 @@ def at_samples(plant: UncertainPlant, options: Any) -> UncertainPlant:
         raise InputError(
             f"{options.spec}: --sample-time {options.sample_time:g}: {error}"
         ) from error
+
+
+def order_lines(plant: UncertainPlant, structure: Structure | None) -> list[str]:
+    """Say that a law has fewer states than were asked for; nothing of any other."""
+    order, own = 0 if structure is None else structure.order, states_of_a_law(plant)
+    if own >= order:
+        return []
+    return [
+        f"  a law of order {own}: none of order {order} that was found is better by a thousandth"
+    ]
 
 
 def samples_text(plant: UncertainPlant) -> list[str]:

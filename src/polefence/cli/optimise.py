@@ -27,6 +27,7 @@ from polefence.cli.common import (
     law_lines,
     method_of,
     motion_lines,
+    order_lines,
     refuse_method_options,
     samples_text,
     sampling_arguments,
@@ -61,7 +62,6 @@ from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states
 from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
@@ -152,10 +152,7 @@ def optimise_command(options: Any) -> int:
     rows = rows_of(done)
     require_agreement(rows)
     _finish(done, rows, method, options)
-    order = 0 if structure is None else structure.order
-    if own_states(done.plant) < order:
-        fewer = f"a law of order {own_states(done.plant)}"
-        say(f"  {fewer}: none of order {order} that was found is better by a thousandth")
+    say(*order_lines(done.plant, structure))
     return PROVED
 
 

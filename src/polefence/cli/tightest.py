@@ -16,6 +16,7 @@ from polefence.cli.common import (
     method_arguments,
     method_of,
     motion_lines,
+    order_lines,
     refuse_method_options,
     report,
     result_arguments,
@@ -93,6 +94,7 @@ def tightest_command(options: Any) -> int:
     rest = " & ".join(short_text(part) for part in design.region.parts[first:])
     beside = f", within {rest}" if rest else ""
     lines = [f"proved: {text}{beside}, for {every_alpha(design)} of {plant.name!r} by {label}"]
+    lines += order_lines(design.plant, structure)
     lines += samples_text(plant) + motion_lines(plant, design.region)
     if (
         options.of != "disk"

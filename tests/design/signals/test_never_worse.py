@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import polefence as pf
+from polefence.design.signals import placed
 from polefence.design.signals.bounds import sampled
 from polefence.plant.points import seeded
 
@@ -112,3 +113,41 @@ def test_the_same_plant_in_other_units_has_the_same_answer(how, sizes, u):
         return pf.optimise(own, pf.Rms("x1", density=2.0), [force, second], **asked).bounds[0].level
 
     assert level(sizes, u) * sizes[0] == pytest.approx(level((1.0, 1.0), 1.0), rel=1e-3)
+
+
+# --- the smallest region -------------------------------------------------------------------------
+
+
+def loop(seed):
+    """Two states of which one is measured, a row of A uncertain by 20 %."""
+    random = np.random.default_rng(seed)
+    A, B = random.standard_normal((2, 2)).round(3), random.standard_normal((2, 1)).round(3)
+    other = A * [[1.2], [1]]
+    names = {"states": ["x0", "x1"], "inputs": ["u"]}
+    return pf.UncertainPlant.from_vertices([A, other], [B, B], **names)
+
+
+def smallest(plant, order):
+    structure = pf.Structure(measured=("x0",), order=order, schedule=(), largest_gain=20)
+    return pf.tightest(plant, -2.0, structure=structure)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_disk_of_a_higher_order_is_no_larger(seed):
+    plant = loop(seed)
+    radii = [smallest(plant, order).region.radius for order in (0, 1)]
+    assert radii[1] <= radii[0]
+
+
+def test_a_disk_is_that_of_the_lower_order_where_no_higher_is_better(monkeypatch):
+    plant, search = loop(1), placed._Sought.tightest
+    lower = smallest(plant, 0)
+    for found in (None, lower):
+        monkeypatch.setattr(
+            placed._Sought,
+            "tightest",
+            lambda own, *rest, found=found: found if own.structure.order else search(own, *rest),
+        )
+        done = smallest(plant, 2)
+        assert done.region == lower.region
+        assert done.plant.shape == plant.shape

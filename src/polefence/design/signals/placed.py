@@ -30,6 +30,7 @@ from polefence.design.signals import nearby
 from polefence.design.signals.tuned import tighter
 from polefence.design.tune.dynamic import observers
 from polefence.design.tune.search import tune, tune_region
+from polefence.design.tune.worth import NEAR
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method
@@ -253,24 +254,29 @@ def _tightest(
     if (of == "disk") != (centre is not None) or (of == "disk" and within is not None):
         raise InputError("a disk needs a centre and takes no region within, others have no centre")
     sought, T = _Sought.of(plant, structure, within), plant.sample_time
+    asked_centre, given = centre, within
     if of != "disk":
         within = bounded(within, lmi.SPEED * typical_rate(sought.plant.A))
     if centre is not None and T is not None:
         centre = (usable_centre(sampled_form(sought.plant), centre) - 1) / float(T)
-    starts = sought.starts(within)
-    for share in (0.0, *TIGHTER) if within is not None else (0.0,):
-        asked = None if within is None else tighter(within, share)
-        goal = _goal(of, centre, asked, float(sought.plant.step))
-        tuned = tune_region(sought.plant, sought.gain, goal, (), starts)
-        kept = [own.law for own in tuned if own.kept]
-        for law in kept:
-            design = _proved(sought.plant, law, of, centre, within)
-            if design is not None:
-                return design if T is None else _of_samples(design, float(T))
-        if not kept or effort.ended():
-            break
-        starts += kept[:1]
-    raise NotProvedError(f"no {sought} was found of which a {of} is proved{effort.stopped()}")
+    best = sought.tightest(of, centre, within, sought.starts(within))
+    if structure.order:  # more states are more room, and more places to get stuck
+        lower = replace(structure, order=structure.order - 1)
+        with suppress(NotProvedError):
+            below = _tightest(plant, asked_centre, None, of=of, within=given, structure=lower)
+            best = _better(below, best, of)
+    if best is None:
+        raise NotProvedError(f"no {sought} was found of which a {of} is proved{effort.stopped()}")
+    return best
+
+
+def _better(below: Design, found: Design | None, of: str) -> Design:
+    """Return the design of the higher order where it is better by a thousandth."""
+    if found is None:
+        return below
+    one, other = (own.region.parts[0].numbers[NUMBERS[of]] for own in (below, found))
+    gain = one - other if of == "disk" else other - one
+    return found if gain > NEAR * abs(one) else below
 
 
 def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure | None) -> Design:
@@ -385,6 +391,24 @@ class _Sought:
     def starts(self, region: Region | None) -> list[Law]:
         """Return laws from which a search for a region of the delta form begins."""
         return list(observers(self.bare, self.structure, (), region))
+
+    def tightest(
+        self, of: str, centre: float | None, within: Region | None, starts: list[Law]
+    ) -> Design | None:
+        """Return the smallest region of a kind that is proved, of the plant in its own time."""
+        step = float(self.plant.step)
+        for share in (0.0, *TIGHTER) if within is not None else (0.0,):
+            goal = _goal(of, centre, None if within is None else tighter(within, share), step)
+            tuned = tune_region(self.plant, self.gain, goal, (), starts)
+            kept = [own.law for own in tuned if own.kept]
+            for law in kept:
+                design = _proved(self.plant, law, of, centre, within)
+                if design is not None:
+                    return _of_samples(design, step) if step else design
+            if not kept or effort.ended():
+                break
+            starts = [*starts, *kept[:1]]
+        return None
 
 
 def as_sampled(design: Design, region: Region) -> Design:

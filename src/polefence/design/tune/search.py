@@ -278,9 +278,12 @@ class _Search:
         if self.task.minimise is None and (own := self._given(nothing)).kept:
             return [own]
         quick = self._quick(laws)
+        # beside laws that are given stand some at random, for which none of these makes way
+        first = quick[: len(laws)] if len(laws) >= ENOUGH else quick
+        followed = dict.fromkeys((*_distinct(first)[:BEST], *_distinct(quick)[:BEST]))
         reached = [
             min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
-            for own in counted(_distinct(quick)[:BEST], "better start")
+            for own in counted(list(followed), "better start")
         ]
         reached += self._meeting(_distinct(reached)[:1])
         best = counted(_distinct(reached)[:LAST], "best start")

@@ -163,7 +163,7 @@ class Poles(Short, Claim):
             count = count_of(blank.sizes, law.degree)
             raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
         claim = replace(blank, evidence=_EVIDENCE[method](below, blank, plant.n))
-        claim.require()
+        claim.require_shapes()  # `prove` asks the rest, which takes work
         return claim
 
     def write(self) -> dict[str, Any]:
@@ -219,7 +219,12 @@ class Poles(Short, Claim):
         return f"{law}, on {domain}, method {self.method}"
 
     def require(self) -> None:
-        """Refuse law and evidence that do not belong to the method, or do not fit."""
+        """Refuse what is incomplete or inconsistent, or more work than is done."""
+        self.require_shapes()
+        self._require_motion()
+
+    def require_shapes(self) -> None:
+        """Refuse it as far as that takes no work: all but motions."""
         N, law = len(self.A), self.law
         if self.method not in METHODS:
             raise FormatError(f"method {self.method!r} is not one of {', '.join(METHODS)}")
@@ -258,7 +263,6 @@ class Poles(Short, Claim):
         self._require_counts()
         if self.least > MAX_WORK:
             raise WorkError(f"{self.count} inequalities of this size are more than is checked here")
-        self._require_motion()
 
     def _require_remainder(self) -> None:
         """Refuse a remainder without its evidence, and evidence without a remainder."""

@@ -431,7 +431,7 @@ def test_a_decay_rate_outside_what_was_asked_is_found(results):
 
 GAIN = Law([[[0, 0], [-1, -2]]])
 SCHEDULED = Law(None, [[[1, 0], [0, 1]]] * 4, [[[0, 0], [-1, -2]]] * 4, 1)
-CORNERS = ([[1, 0]], [[1, 0]], [[2, 0]], [[2, 0]])  # of strain = k x
+CORNERS = ([[1, 0]], [[2, 0]]) * 2  # of strain = k x
 
 
 def polynomial(*terms, measured=(), C=()):
@@ -477,13 +477,13 @@ OUTSIDE = {
     "an output, states asked": (OF_STRAIN, Structure(("x", "v")), False, "measures strain"),
     "an output that varies": (OF_STRAIN, ANY, True, "measures strain"),
     "too large": (
-        polynomial(((0, 0), [[0, 0], [-1, -2]]), ((0, 1), [[0, 0], [0, "1.1"]])),
+        polynomial(((0, 0), [[0, 0], [-1, -2]]), ((0, 1), [[0, 0], [0, "11/10"]])),
         LIMITED,
         False,
         "a gain of its law exceeds 3",
     ),
     "too large within a curve": (
-        polynomial(((0, 0), [[0, 0], [0, "3.5"]]), ((0, 2), [[0, 0], [0, -2]])),
+        polynomial(((0, 0), [[0, 0], [0, "7/2"]]), ((0, 2), [[0, 0], [0, -2]])),
         replace(LIMITED, degree=2),
         False,
         "a gain of its law exceeds 3",

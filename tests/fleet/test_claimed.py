@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 import shutil
+import tomllib
 from dataclasses import fields, is_dataclass, replace
 from fractions import Fraction
 from functools import cache
@@ -30,11 +31,14 @@ from polefence.design.requirements.specification import claim_of
 from polefence.design.signals.bounds import bounds_file
 from polefence.fleet import Store, judged, processes
 from polefence.fleet.claimed import bounds, fault_of, is_about
+from polefence.fleet.form import Form
+from polefence.fleet.questions import read_questions
 from polefence.fleet.store import digest_of, law_of
+from polefence.law.structure import Structure
 from polefence.plant.spec import loads
 from polefence.proof.document import check
 from polefence.proof.document import loads as read
-from polefence.proof.laws import Evidence
+from polefence.proof.laws import Evidence, Law
 from polefence.proof.reading import as_number, plain
 
 pytest.importorskip("pyarrow")
@@ -106,6 +110,11 @@ ask = "tightest"
 name = "decay"
 of = "half_plane"
 within = "disk(-4, 3.9)"
+[[question]]
+ask = "tightest"
+name = "disk"
+method = "quadratic"
+centre = -4
 """
 
 
@@ -416,6 +425,181 @@ def test_a_decay_rate_outside_what_was_asked_is_found(results):
 
     with_file(results, "decay", change)
     assert faults(results) == {"decay": "its file is not about poles within disk(-4, 3.9)"}
+
+
+# --- the form of a law --------------------------------------------------------------------------
+
+GAIN = Law([[[0, 0], [-1, -2]]])
+SCHEDULED = Law(None, [[[1, 0], [0, 1]]] * 4, [[[0, 0], [-1, -2]]] * 4, 1)
+CORNERS = ([[1, 0]], [[2, 0]]) * 2  # of strain = k x
+
+
+def polynomial(*terms, measured=(), C=()):
+    """A law of exponents in m1 and k, each with its gains."""
+    powers = tuple(e for e, _ in terms)
+    K = [[[as_number(x, "") for x in row] for row in K] for _, K in terms]
+    degree = max(map(sum, powers))
+    return Law(K, degree=degree, powers=powers, measured=measured, C=C)
+
+
+IN_K = polynomial(((0, 0), [[0, 0], [-1, -2]]), ((0, 1), [[0, 0], [0, 1]]))
+IN_BOTH = polynomial(((0, 0), [[0, 0], [-1, -2]]), ((1, 1), [[0, 0], [0, 1]]))
+OF_SPEED = polynomial(((0, 0), [[0], [-2]]), measured=("v",), C=([[0, 1]],) * 4)
+OF_STRAIN = polynomial(((0, 0), [[0], [-2]]), measured=("strain",), C=CORNERS)
+ONE, ANY = Structure(degree=0), Structure()
+LIMITED = Structure(("x", "v"), largest_gain=((1.0, 1.0), (1.0, 3.0)))
+PATTERN = Structure(("x", "v"), (), pattern=(("0", "0"), ("a", "0")))
+EQUAL = Structure(("x", "v"), (), pattern=(("0", "0"), ("a", "a")))
+
+WITHIN = {
+    "one gain of a degree": (GAIN, ANY, True),
+    "one gain of a method": (GAIN, ONE, True),
+    "a quotient of a method": (SCHEDULED, ANY, True),
+    "a polynomial of a method": (IN_K, ANY, True),
+    "fewer signals": (OF_SPEED, Structure(("x", "v")), False),
+    "fewer states": (OF_SPEED, ANY, True),
+    "fewer parameters": (GAIN, Structure(("x", "v"), ("k",)), False),
+    "a lower degree": (IN_K, Structure(degree=2), False),
+    "an output": (OF_STRAIN, Structure(("strain",)), False),
+    "zeros in place of a signal": (Law([[[0, 0], [0, -2]]]), Structure(("v",), ()), False),
+    "gains in their limits": (IN_K, LIMITED, False),
+    "the pattern": (Law([[[0, 0], [-1, 0]]]), PATTERN, False),
+    "equal gains": (Law([[[0, 0], [-1, -1]]]), EQUAL, False),
+}
+OUTSIDE = {
+    "scheduled, one gain asked": (SCHEDULED, ONE, True, "of degree 1, not of 0"),
+    "polynomial, one gain asked": (IN_K, ONE, True, "of degree 1, not of 0"),
+    "a quotient, no structure": (SCHEDULED, ANY, False, "a quotient"),
+    "another parameter": (IN_K, Structure(schedule=("m1",)), False, "depends on k"),
+    "a parameter, none asked": (IN_K, Structure(schedule=()), False, "depends on k"),
+    "a higher degree": (IN_BOTH, ANY, False, "of degree 2, not of 1"),
+    "more signals": (GAIN, Structure(("v",), ()), False, "measures x"),
+    "an output, states asked": (OF_STRAIN, Structure(("x", "v")), False, "measures strain"),
+    "an output that varies": (OF_STRAIN, ANY, True, "measures strain"),
+    "too large": (
+        polynomial(((0, 0), [[0, 0], [-1, -2]]), ((0, 1), [[0, 0], [0, "11/10"]])),
+        LIMITED,
+        False,
+        "a gain of its law exceeds 3",
+    ),
+    "too large within a curve": (
+        polynomial(((0, 0), [[0, 0], [0, "7/2"]]), ((0, 2), [[0, 0], [0, -2]])),
+        replace(LIMITED, degree=2),
+        False,
+        "a gain of its law exceeds 3",
+    ),
+    "not of the pattern": (GAIN, PATTERN, False, "not of the pattern"),
+    "gains that differ": (GAIN, EQUAL, False, "not of the pattern"),
+}
+
+
+def of_law(law):
+    plant, certificate = designed()
+    return plant, replace(certificate.file(), law=law)
+
+
+@pytest.mark.parametrize("name", WITHIN)
+def test_a_law_within_what_was_asked_is_an_answer(name):
+    law, structure, rational = WITHIN[name]
+    plant, document = of_law(law)
+    assert Form(plant, structure, rational).fault(document) == ""
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_a_law_of_another_form_is_found(name):
+    law, structure, rational, said = OUTSIDE[name]
+    plant, document = of_law(law)
+    assert said in Form(plant, structure, rational).fault(document)
+
+
+ASKED_FORMS = {
+    'ask = "optimise"': (SCHEDULED, ""),
+    'ask = "optimise"\nmethod = "quadratic"': (SCHEDULED, "its law is of degree 1"),
+    'ask = "optimise"\nmeasured = ["v"]\norder = 1': (GAIN, "its law measures x"),
+    'ask = "optimise"\nschedule = []': (IN_K, "its law depends on k"),
+    'ask = "cover"': (SCHEDULED, "its law is of degree 1"),
+    'ask = "tightest"\ncentre = -4\nmethod = "slack"\ndegree = 2': (IN_K, "its law is of deg"),
+    'ask = "tightest"\ncentre = -4': (SCHEDULED, ""),
+    'ask = "design"\nregion = "disk(-4, 3)"\nmethod = "quadratic"': (IN_K, "its law is of deg"),
+    'ask = "service"\nregion = "disk(-4, 3)"\ndegree = 2': (IN_BOTH, ""),
+}
+
+
+@pytest.mark.parametrize("asked", ASKED_FORMS)
+def test_each_question_has_its_form(asked):
+    law, said = ASKED_FORMS[asked]
+    (question,) = read_questions([tomllib.loads(asked)])
+    _, document = of_law(law)
+    found = question.form(PLANT + ASKED, 2).fault(document)
+    assert found.startswith(said)
+    assert bool(found) == bool(said)
+
+
+def test_a_scheduled_law_as_one_gain_is_found(results):
+    """A file that is proved, of the region that was asked for; its form alone is another."""
+    plant = loads(PLANT + ASKED, "variant")
+
+    def change(rows):
+        row, store = rows["disk"], Store(results)
+        content = (
+            place(plant, Disk(-4, row["bound"]), "scheduled")
+            .certificate.file()
+            .dumps(None)
+            .encode()
+        )
+        digest = hashlib.sha256(content).hexdigest()
+        store.proof(digest).parent.mkdir(exist_ok=True)
+        store.proof(digest).write_bytes(content)
+        answer = read(content.decode())
+        claim = "; ".join(own.said(answer.plant) for own in answer.claims)
+        rows["disk"] = row | {"proof": digest, "law": law_of(content), "claim": claim}
+
+    written(results, change)
+    assert faults(results) == {"disk": "its law is of degree 1, not of 0 at most"}
+
+
+# --- columns of the table ------------------------------------------------------------------------
+
+COLUMNS = {
+    "a least radius": ("disk", "least", lambda own: own * (1 + 2e-8), "its least"),
+    "a least radius of none": ("decay", "least", lambda _: 0.1, "its least"),
+    "a least of an optimum": ("optimise", "least", lambda _: 0.1, "its least"),
+    "a worst sample": ("optimise", "worst", lambda own: own * 0.99, "its worst sample"),
+    "a worst sample of none": ("disk", "worst", lambda _: 1.0, "its worst sample"),
+    "a unit": ("optimise", "unit", lambda _: "N", "its unit is 'N', not "),
+    "a unit of a rate": ("decay", "unit", lambda _: "", "its unit is '', not '1/s'"),
+    "a unit of a margin": ("estimate-m1", "unit", lambda _: "kg", "its unit is 'kg', not "),
+    "no bound on an optimum": ("optimise", "bound", lambda _: None, "has no bound"),
+    "no smallest disk": ("disk", "bound", lambda _: None, "has no bound"),
+    "no margin": ("rate", "bound", lambda _: None, "has no bound"),
+    "another question": ("disk", "ask", lambda _: "design", "asks for design, its question for"),
+    "another label": ("disk", "label", lambda _: "b", "has another label than the study"),
+}
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_column_that_is_altered_is_found(name, results):
+    question, column, altered, said = COLUMNS[name]
+
+    def change(rows):
+        own = altered(rows[question][column])
+        assert own != rows[question][column]
+        rows[question][column] = own
+        for other in set(rows) - {question}:  # which are looked at elsewhere
+            del rows[other]
+
+    written(results, change)
+    found = faults(results)
+    assert set(found) == {question}
+    assert found[question].startswith(said)
+
+
+def test_a_bound_without_a_proof_is_found(results):
+    def change(rows):
+        rows["disk"] |= {"status": "not proved", "proof": "", "law": "", "claim": "", "least": None}
+
+    written(results, change)
+    assert faults(results) == {"disk": "has a bound, and names no proof"}
 
 
 # --- discrete time -------------------------------------------------------------------------------

@@ -17,11 +17,15 @@ from polefence.fleet.questions import Question
 from polefence.fleet.store import Row, Store, digest_of, law_of
 from polefence.fleet.study import Study
 from polefence.fleet.workers import Workers
+from polefence.proof.document import Document
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
 TOGETHER = 8  # rows that one task has
+# Share of a sample, or of a radius that is out of reach, at which two machines agree on it: next to
+# none of the gap between such a radius and the least one that is proved, 1e-7 of it.
+SAME = 1 - 1e-8
 
 
 @dataclass(frozen=True)
@@ -68,8 +72,8 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
     for row in store.rows():
         key = row["variant"], row["question"]
         fault = _of_row(row, study) or ("is there twice" if key in seen else "")
-        if not fault and row["question"] not in questions:
-            fault = "is of no question of the study"
+        if not fault:
+            fault = _of_question(row, questions.get(row["question"]))
         seen.add(key)
         if fault or not row["proof"]:
             yield Judged(*key, fault)
@@ -92,12 +96,25 @@ def _of_row(row: Row, study: Study) -> str:
         return "is not as it was written: its digest differs"
     if not 0 <= row["variant"] < len(study.variants):
         return "is of no variant of the study"
+    if row["label"] != study.variants.label(row["variant"]):
+        return "has another label than the study"
     values = study.variants.values(row["variant"])
     for name in study.variants.names:
         if row[name] != (float(values[name]) if name in values else None):
             return f"has another {name} than the study"
     if (row["status"] == "proved") != bool(row["proof"]):
         return "says that it is proved, and names no proof" if not row["proof"] else "names a proof"
+    return ""
+
+
+def _of_question(row: Row, question: Question | None) -> str:
+    """Say that a row is of another question, or has a bound without a proof."""
+    if question is None:
+        return "is of no question of the study"
+    if row["ask"] != question.kind:
+        return f"asks for {row['ask']}, its question for {question.kind}"
+    if not row["proof"] and (row["bound"] is not None or row["least"] is not None):
+        return "has a bound, and names no proof"
     return ""
 
 
@@ -128,7 +145,31 @@ def _fault_of_proof(path: Path, own: _Fresh) -> str:
         return "claims another thing than its file"
     if not is_about(document, question.plant(spec, document.plant.n)):
         return "its file is about another plant"
-    fault, bound = question.fault(document, spec), row["bound"]
-    if not fault and bound is not None and not question.proves(document, spec, bound):
+    form = question.form(spec, document.plant.n)
+    return (
+        question.fault(document, spec) or form.fault(document) or _fault_of_numbers(document, own)
+    )
+
+
+def _fault_of_numbers(document: Document, own: _Fresh) -> str:
+    """Say what is wrong with a row's numbers."""
+    row, question, spec = own.row, own.question, own.spec
+    bound, least, worst = row["bound"], row["least"], row["worst"]
+    if bound is None and question.is_bounded(spec):
+        return "has no bound"
+    if bound is not None and not question.proves(document, spec, bound):
         return "its bound is none of its file"
-    return fault
+    if row["unit"] != (unit := question.unit(document, spec)):
+        return f"its unit is {row['unit']!r}, not {unit!r}"
+    if worst is not None and not _agree(worst, question.worst(document, spec)):
+        return "its worst sample is none of its file's law"
+    if least is not None:
+        found = question.least(spec)
+        if found is None or bound is None or not least <= min(bound, found / SAME):
+            return f"its least, {least:.6g}, was not proved out of reach again"
+    return ""
+
+
+def _agree(one: float, other: float | None) -> bool:
+    """Whether two machines have the same sample."""
+    return other is not None and min(one, other) >= max(one, other) * SAME

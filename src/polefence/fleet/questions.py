@@ -29,6 +29,7 @@ from polefence.design.design import Design
 from polefence.design.given import analyse
 from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
 from polefence.design.margins.gains import Gains
+from polefence.design.margins.search import unit_of
 from polefence.design.place import require_kind
 from polefence.design.requirements.asked import wanted
 from polefence.design.requirements.specification import Specification
@@ -36,13 +37,15 @@ from polefence.design.requirements.text import load_specifications
 from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
 from polefence.design.signals.optimise import Optimised, optimise
 from polefence.fleet.claimed import bounds, fault_of, is_inside
-from polefence.law.laws import FixedGain
-from polefence.law.structure import Structure, load_structure
-from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name
+from polefence.fleet.form import Form
+from polefence.law.laws import FixedGain, Law
+from polefence.law.structure import MAX_DEGREE, Structure, load_structure
+from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, method_name, normal
 from polefence.plant.expression import decimal_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
+from polefence.plant.tracks import own_states
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_norm import BoundClaim
@@ -52,6 +55,7 @@ from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
 from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.proof.short import Short
+from polefence.proof.text import unit_text
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.text import load_region, parse_region
 from polefence.response.stationary import velocity_density
@@ -159,6 +163,26 @@ class Question(Short):
         """Say how a file of claims answers another question of a variant; empty if it does not."""
         return ""
 
+    def form(self, spec: str, states: int) -> Form:
+        """Return what the law of a file of so many states may be."""
+        raise NotImplementedError
+
+    def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
+        """Whether an answer that is proved has a bound."""
+        return False
+
+    def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
+        """Return the unit of a bound."""
+        return ""
+
+    def least(self, spec: str) -> float | None:  # noqa: ARG002
+        """Return what is out of reach, worked out and proved anew; None where nothing is."""
+        return None
+
+    def worst(self, document: Document, spec: str) -> float | None:  # noqa: ARG002
+        """Return the worst sample of a file's law, taken anew; None where none belongs to it."""
+        return None
+
     @property
     def largest(self) -> bool:
         """Whether a bound is the better the larger it is."""
@@ -209,6 +233,10 @@ class _OfMethod(Question):
         if self.method == "quadratic":
             raise InputError(f"{next(iter(own))} belongs to scheduled and slack, not to quadratic")
         return Slack(**own) if self.method == "slack" else Scheduled(**own)
+
+    def form(self, spec: str, states: int) -> Form:  # noqa: ARG002
+        """Return one gain, or a law of the degree of a scheduled one."""
+        return _of_method(loads(spec), self.options)
 
 
 @dataclass(frozen=True)
@@ -273,6 +301,18 @@ class Tightest(_OfMethod):
         own, within = document.first(Poles), self._within
         kept = within is None or set(parts_of(within.document())) <= set(own.region)
         return "" if kept else f"its file is not about poles within {self.within}"
+
+    def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
+        """Say that it has the size of a region."""
+        return True
+
+    def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
+        """Return that of a rate, none of a damping ratio."""
+        return "" if self.of == "sector" else "1/s"
+
+    def least(self, spec: str) -> float | None:
+        """Return a radius that is out of the method's reach."""
+        return self.answers([spec])[0].least
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:
         """Whether that is the size of the region, in discrete time of one that has it inside."""
@@ -339,6 +379,18 @@ class Service(Place):
             return "its file is about other gains of the law"
         same = write_region(own.subject.design.region) == self._asked(spec).document()
         return "" if same else f"its file is not about {self.region}"
+
+    def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
+        """Say that it has a margin."""
+        return True
+
+    def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
+        """Return that of the margin."""
+        own, (kind, _, name) = document.first(MarginClaim), self.margin.partition("-")
+        known = {each.name.replace(" ", "-"): each.unit for each in own.subject.ranges}
+        endless = isinstance(own, Rate) and own.rates is None
+        alone = unit_text(known[name]) if name in known else None
+        return unit_of(kind, alone, bool(known), endless)
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether no more is said than that."""
@@ -427,14 +479,38 @@ class Optimise(Question):
 
     def plant(self, spec: str, states: int) -> UncertainPlant:
         """Return the plant of a variant with the states of a law of the structure behind it."""
+        return self.form(spec, states).plant
+
+    def form(self, spec: str, states: int) -> Form:
+        """Return the structure of the law as a gain, or what the method gives."""
         plant = super().plant(spec, states)
         with _as_file(spec) as path:
             own = self._structure(path, plant)
-        if own is None:
-            return plant
-        if own.order:  # a law of a lower order may be as good
-            own = replace(own, order=min(max(states - plant.shape[0], 0), own.order))
-        return own.extended(plant)[0]
+        if own is not None:
+            if own.order:  # a law of a lower order may be as good
+                own = replace(own, order=min(max(states - plant.shape[0], 0), own.order))
+            return Form(*own.extended(plant))
+        measurable = own_states(plant)
+        if self.method is None and len(measurable) < plant.shape[0]:
+            return Form(plant, Structure(measured=measurable))
+        return _of_method(plant, self.method or "scheduled")
+
+    def is_bounded(self, spec: str) -> bool:
+        """Whether something is minimised."""
+        return self._extended(super().plant(spec, 0), spec)[0] is not None
+
+    def unit(self, document: Document, spec: str) -> str:
+        """Return that of what is minimised."""
+        plant = self.plant(spec, document.plant.n)
+        least, _ = self._extended(plant, spec)
+        return "" if least is None else least.unit(plant)
+
+    @small_matrices()
+    def worst(self, document: Document, spec: str) -> float | None:
+        """Return that of what is minimised."""
+        plant = self.plant(spec, document.plant.n)
+        least, _ = self._extended(plant, spec)
+        return None if least is None else _worst(plant, Certificate.of(document).law, least)
 
     def _extended(
         self, plant: UncertainPlant, spec: str
@@ -511,6 +587,10 @@ class Cover(Question):
     def fault(self, document: Document, spec: str) -> str:
         """Say which limit it does not have, or that it is about another region."""
         return fault_of(document, loads(spec), *self.kept(spec))
+
+    def form(self, spec: str, states: int) -> Form:  # noqa: ARG002
+        """Return one gain of all states."""
+        return _of_method(loads(spec), "quadratic")
 
     @small_matrices()
     def proved(self, K: Any, spec: str) -> Answer:
@@ -665,10 +745,24 @@ def _of_optimised(done: Optimised) -> Answer:
     document = bounds_file(done.design.certificate, [one.claim for one in done.bounds])
     if own is None or own.specification.at_most is not None:
         return _proved(document)
-    alpha = seeded(done.plant, len(done.plant.vertices) + FEW)
-    worst = sampled(done.plant, done.law, own.specification, alpha).worst
+    worst = _worst(done.plant, done.law, own.specification)
     unit = own.specification.unit(done.plant)
     return _proved(document, own.level, None, worst, unit)
+
+
+def _worst(plant: UncertainPlant, law: Law, specification: Specification) -> float:
+    """Return the worst of a few points of the family."""
+    alpha = seeded(plant, len(plant.vertices) + FEW)
+    return sampled(plant, law, specification, alpha).worst
+
+
+def _of_method(plant: UncertainPlant, method: Method) -> Form:
+    """Return one gain of all states, of "scheduled" one of its degree."""
+    own = normal(method)
+    degree: int | str = 0
+    if method_name(own) == "scheduled":
+        degree = own.degree if isinstance(own, Scheduled) else Scheduled().degree
+    return Form(plant, Structure(degree=MAX_DEGREE if degree == "auto" else int(degree)), True)
 
 
 def _proved(

@@ -255,8 +255,7 @@ def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction,
             reached = math.inf if claim.rates is None else _value(claim.rates, span, name)
             if best is None or reached > value:
                 best, value = claim, reached
-    joint = "" if math.isinf(value) else "ranges/s" if task.parameters else "1/s"
-    own = rate_text(unit) if name else joint
+    own = unit_of("rate", unit if name else None, bool(task.parameters), math.isinf(value))
     return task.margin("rate", name, value, own, claim=best)
 
 
@@ -279,9 +278,28 @@ def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> 
     whole = float(max(span)) if name else 1.0
     found = estimate_break(task.design, task.region, span, value / whole)
     upper, example = (found.value * whole, found.example) if found else (None, "")
-    joint = "of each range" if task.parameters else "of the weight"
+    own = unit_of("estimate", unit if name else None, bool(task.parameters))
     more = {"upper": upper, "example": example, "claim": claim}
-    return task.margin("estimate", name, value, unit if name else joint, **more)
+    return task.margin("estimate", name, value, own, **more)
+
+
+def unit_of(kind: str, own: str | None, ranged: bool, endless: bool = False) -> str:
+    """Return the unit of a margin of one parameter, whose own is given, or of all at once.
+
+    Parameters
+    ----------
+    ranged : bool
+        Whether there are parameters.
+    endless : bool
+        Whether any rate whatever is proved.
+    """
+    if kind == "gain":
+        return GAIN_UNIT
+    if kind == "estimate":
+        return own if own is not None else "of each range" if ranged else "of the weight"
+    if own is not None:
+        return rate_text(own)
+    return "" if endless else "ranges/s" if ranged else "1/s"
 
 
 def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) -> float:

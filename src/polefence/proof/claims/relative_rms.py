@@ -107,11 +107,12 @@ class RelativeRms(SignalClaim):
         if subject.evidence.transfer:
             none = Evidence([])
             return {"baseline": Baseline(A, E, C, none, none, kept), "intensity": intensity}
-        evidence = [
+        stability, covariance = (
             read_evidence(below.table(key), len(A[0]), subject.sizes, letter)
             for key, letter in (("stability", "X"), ("covariance", "P"))
-        ]
-        return {"baseline": Baseline(A, E, C, *evidence, kept), "intensity": intensity}
+        )
+        base = Baseline(A, E, C, stability, covariance, kept)
+        return {"baseline": base, "intensity": intensity}
 
     def write_own(self) -> dict[str, Any]:
         """Return the baseline's evidence, and the intensity."""

@@ -117,6 +117,11 @@ class Certificate(Short):
         """Whether it proves a part of the region in parts of the box, each with its own."""
         return any("cells" in own for own in self.evidence.get("parts", ()))
 
+    @property
+    def at_rest(self) -> Certificate:
+        """The same for parameters that do not move: of the poles, and of no motion."""
+        return replace(self, plant=self.plant.at_rest) if self.plant.moving else self
+
     def claim(self) -> Poles:
         """Return the claim in exact rationals: that of the design file, a float being a rational.
 
@@ -198,7 +203,8 @@ class Certificate(Short):
 
     def file(self, claims: Sequence[Claim] | None = None) -> Document:
         """Return the file of claims about this plant and law: by default of the certificate's."""
-        own = self.claim()
+        # other claims need the law alone; they may be for constant parameters
+        own = self.claim() if claims is None else self.at_rest.claim()
         if self.observed is not None:
             plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
             claims = (observer,)

@@ -169,6 +169,13 @@ class UncertainPlant(Short):
         """The parameters that move."""
         return tuple(own for own in self.parameters if own.rate is not None)
 
+    @property
+    def at_rest(self) -> UncertainPlant:
+        """It with parameters that do not move."""
+        if not self.moving:
+            return self
+        return replace(self, parameters=tuple(replace(p, rate=None) for p in self.parameters))
+
     def _read_outputs(self) -> None:
         """Leave out those of the vehicle; refuse those that do not fit, and names that repeat."""
         found = {output.name: output for output in self.outputs}

@@ -125,6 +125,15 @@ class Remainder(Short):
 
         return Remainder(wider(self.entries), tuple(map(wider, self.curve)), self.degree)
 
+    def kept(self, states: Sequence[int]) -> Remainder:
+        """Return that of some of the states, counted from 0, on which the others have no part."""
+        columns = [*states, *range(len(self.entries), len(self.entries[0]))]
+        entries, *curve = (
+            tuple(tuple(M[i][j] for j in columns) for i in states)
+            for M in (self.entries, *self.curve)
+        )
+        return Remainder(entries, tuple(curve), self.degree)
+
     def require(self, n: int, m: int, q: int, sizes: Sizes) -> None:
         """Refuse numbers that do not fit.
 

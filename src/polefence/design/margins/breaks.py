@@ -87,7 +87,7 @@ def _confirmed(exactly: Exactly, claim: Poles, errors: Sequence[float]) -> Break
 
 
 def _claim(design: Design, region: Region) -> Poles:
-    return replace(design.certificate.claim(), region=parts_of(region.document()))
+    return replace(design.certificate.at_rest.claim(), region=parts_of(region.document()))
 
 
 # --- errors of the estimate ----------------------------------------------------------------------

@@ -19,6 +19,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
+from polefence.design.certificate import Certificate
 from polefence.design.design import Design
 from polefence.design.evaluation import Lyapunov, domain_of, lyapunovs
 from polefence.design.given import analyse
@@ -26,6 +27,7 @@ from polefence.design.search import first, rising
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.exact import ranges_of
+from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import work
@@ -123,9 +125,9 @@ def proved(question: Question, design: Design, region: Region) -> MarginClaim | 
 
 def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
     """Return what a claim is about: a design and a region, and how finely it is proved."""
-    own = design.certificate.claim()
+    own = design.certificate.at_rest.claim()
     ranges = ranges_of(design.plant)
-    claim = replace(own, region=parts_of(region.document()), motion=())
+    claim = replace(own, region=parts_of(region.document()))
     if reached.cover != 1:
         claim = replace(
             claim, evidence=tuple(_covering(each, reached.cover) for each in own.evidence)
@@ -166,14 +168,20 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
 
     That is itself. For the method "slack", whose proof is about one gain but has no one Lyapunov
     matrix, the same gain over the same region with Lyapunov polynomials; likewise for the method
-    "lyapunov" and another region than its own. None where these do not prove it.
+    "lyapunov" and another region than its own. None where these do not prove it. As the claims are
+    about constant parameters, so is what proves it.
     """
     kept = design.region if region is None else region
     own = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
     if design.method in own:
         return design
-    found = analyse(design.plant, design.law, kept)
-    return found.design if found.proved else None
+    found = analyse(design.plant.at_rest, design.law, kept).certificate
+    return None if found is None else at_rest(found, design.plant)
+
+
+def at_rest(certificate: Certificate, plant: UncertainPlant) -> Design:
+    """Return a design by evidence for constant parameters: where they move it is no proof."""
+    return Design(replace(certificate, plant=plant), proved=not plant.moving)
 
 
 @dataclass(frozen=True, eq=False)

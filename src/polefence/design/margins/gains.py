@@ -19,7 +19,6 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.design.design import Design
-from polefence.design.evaluation import domain_of
 from polefence.design.evidence import (
     certificate_of,
     forms,
@@ -37,6 +36,7 @@ from polefence.design.margins.claims import (
     Reached,
     above,
     are_positive,
+    at_rest,
     balanced,
     below,
     claimed_design,
@@ -50,9 +50,10 @@ from polefence.design.margins.claims import (
 )
 from polefence.design.margins.kinds import COVERS, GIVEN, largest_bordered
 from polefence.design.search import first, rising
-from polefence.law.laws import PolynomialGain
+from polefence.law.laws import Law, PolynomialGain, domain_of
 from polefence.lmi.conditions.performance import Output, Through
 from polefence.lmi.solve.lyapunov import kept_whatever, points_inside
+from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import binomial
@@ -325,7 +326,7 @@ def _of_cells(own: Design, region: Region, mu: tuple[Array, ...]) -> tuple[Array
     if own.method != "lyapunov":
         return mu
     found, each = list[Array](), iter(mu)
-    for part, evidence in zip(region.parts, own.certificate.claim().evidence, strict=True):
+    for part, evidence in zip(region.parts, own.certificate.at_rest.claim().evidence, strict=True):
         found += [next(each) for _ in part.pairs()] * len(evidence.each)
     return tuple(found)
 
@@ -339,7 +340,7 @@ def _designs(
         yield own
         if own.certificate.in_parts:
             return
-    plant, law = design.plant, design.law
+    plant, law = design.plant.at_rest, design.law
     allowed = list(forms(plant, law, len(region.parts)))
     for form in FORMS:
         if form not in allowed or work_of(plant, law, form) > MOST_WORK:
@@ -347,14 +348,19 @@ def _designs(
         each = iter(mu)
         with suppress(SolverError, InputError, np.linalg.LinAlgError):
             parts = [
-                _evidence(design, part, gains, [next(each) for _ in part.pairs()], form)
+                _evidence(plant, law, part, gains, [next(each) for _ in part.pairs()], form)
                 for part in region.parts
             ]
-            yield Design(certificate_of(plant, law, region, parts))
+            yield at_rest(certificate_of(plant, law, region, parts), design.plant)
 
 
 def _evidence(
-    design: Design, part: Region, gains: Gains, mu: Sequence[Array], form: tuple[int, int]
+    plant: UncertainPlant,
+    law: Law,
+    part: Region,
+    gains: Gains,
+    mu: Sequence[Array],
+    form: tuple[int, int],
 ) -> dict[str, Any]:
     """Return evidence of a part that is for these errors.
 
@@ -363,7 +369,7 @@ def _evidence(
     SolverError
         If there is none of this form.
     """
-    plant, law, domain = design.plant, design.law, domain_of(design.certificate)
+    domain = domain_of(plant, law)
     N, (n, m), degree = len(plant.vertices), plant.shape, plant.curve_degree
     B = polynomial_of(plant, domain, plant.B, n)
     inputs = np.array([B[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)])

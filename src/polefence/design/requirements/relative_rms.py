@@ -4,6 +4,9 @@ With A0 P + P A0' + S E E' > 0 for a stable A0, P(alpha) is less than the statio
 goes through the covariances at a grid of points, less a little of X, which goes through those of
 noise on every state: so little that the inequalities still hold. X proves that A0 is stable. With a
 remainder what that costs is taken off besides.
+
+What the signal does not depend on without control, the states of a law, of sensors and of integrals
+among it, is no part of the baseline: it need not be stable.
 """
 
 from __future__ import annotations
@@ -20,20 +23,20 @@ from polefence.base.errors import InputError
 from polefence.design.evidence import more_than, polynomial_of, spread_of
 from polefence.design.requirements.rms import Rms
 from polefence.design.requirements.slopes import Channel
-from polefence.design.requirements.specification import disturbance
+from polefence.design.requirements.specification import disturbance, floats
 from polefence.design.requirements.weights import behind, filters_of
 from polefence.law.laws import FixedGain, Law, domain_of
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem, cheapest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
-from polefence.plant.system import Array
+from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
 from polefence.proof.filters import in_series
 from polefence.proof.laws import Evidence
 from polefence.proof.remainder import SHARE, Spread
 from polefence.response.discrete import balancing
-from polefence.response.stationary import growth, lyapunov
+from polefence.response.stationary import growth, lyapunov, needed
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
 CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
@@ -47,7 +50,7 @@ FREE, ABOVE = 1e-6, 1.01  # of a cost, what counts as none; kappa over what it h
 class RelativeRms(Rms):
     """The worst ratio of a signal's rms to its rms without control, at the same parameters.
 
-    ``at_most`` is a number without unit. The plant without control must be stable.
+    ``at_most`` is a number without unit. What the signal depends on without control must be stable.
     """
 
     kind = "relative rms"
@@ -85,12 +88,13 @@ class RelativeRms(Rms):
 
     def square(self, plant: UncertainPlant, domain: Domain, C: Array) -> Polynomial:
         """Return a polynomial that is less than the variance without control."""
-        return self._baseline(plant, domain).variance(domain, C)
+        states = passive_states(plant, C)
+        return self._baseline(plant, domain, states).variance(domain, C[:, :, list(states)])
 
-    def _baseline(self, plant: UncertainPlant, domain: Domain) -> Baseline:
+    def _baseline(self, plant: UncertainPlant, domain: Domain, states: tuple[int, ...]) -> Baseline:
         on = "box" if len(domain.sizes) > 1 else "simplex"
         disturbance(plant)
-        return baseline(plant, on, self.density / 2, self.scales(plant))
+        return baseline(plant, on, self.density / 2, self.scales(plant), states)
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the dual form of the rms, as a share of the variance without control."""
@@ -104,14 +108,17 @@ class RelativeRms(Rms):
     ) -> proof.BoundClaim:
         """Return the claim about the ratio."""
         domain, wide = Domain.of(subject.on, len(subject.A)), behind(plant, None, self)
-        stability = covariance = Evidence([])
-        if not subject.evidence.transfer:
-            stability, covariance = self._baseline(wide.plant, domain).evidence()
         outputs, scales = self.exact_outputs(plant), tuple(map(Fraction, self.scales(plant)))
         filters = filters_of(plant, self)
         whole = in_series(subject, outputs, filters) if filters else (subject, outputs)
-        A, E, C = proof.baseline_loop(whole[0], whole[1][0], None, tuple(range(whole[0].n)))
-        base, intensity = proof.Baseline(A, E, C, stability, covariance), Fraction(self.density) / 2
+        states = passive_states(wide.plant, floats(whole[1][0].C))
+        A, E, C = proof.baseline_loop(whole[0], whole[1][0], None, states)
+        stability = covariance = Evidence([])
+        if not subject.evidence.transfer:
+            stability, covariance = self._baseline(wide.plant, domain, states).evidence()
+        kept = states if len(states) < whole[0].n else ()
+        base = proof.Baseline(A, E, C, stability, covariance, kept)
+        intensity = Fraction(self.density) / 2
         more = (level, base, intensity)
         return proof.RelativeRms(subject, outputs, *more, scales=scales, filters=filters)
 
@@ -160,22 +167,63 @@ class Baseline:
         return times(times(rows, bernstein(domain, self.P, self.degree)), columns)
 
 
+def passive_states(plant: UncertainPlant, C: Array) -> tuple[int, ...]:
+    """Return the states that C x, C (N, 1, n) at the vertices, depends on without control.
+
+    By structure, of what a remainder may hold too. All of them where it depends on none.
+    """
+    n = plant.shape[0]
+    A = [plant.A]
+    if plant.remainder is not None:
+        rows = [plant.remainder.entries, *plant.remainder.curve]
+        A.append(np.array(rows, dtype=float)[:, :, :n])
+    found = needed(C, np.concatenate(A))
+    return tuple(found.tolist()) or tuple(range(n))
+
+
+def _passive(plant: UncertainPlant, states: tuple[int, ...]) -> UncertainPlant:
+    """Return the plant of some states alone; what its inputs do, which are zero, is not used."""
+    (n, m), vertices = plant.shape, list[System]()
+    if len(states) == n:
+        return plant
+    for own in plant.vertices:
+        A = tuple(tuple(own.exact_A[i][j] for j in states) for i in states)
+        E = None if own.exact_E is None else tuple(own.exact_E[i] for i in states)
+        vertices.append(System(A, ((Fraction(1),) * m,) * len(states), E, own.name))
+    remainder = plant.remainder and plant.remainder.kept(states)
+    return UncertainPlant(
+        tuple(vertices),
+        plant.parameters,
+        plant.name,
+        sample_time=plant.sample_time,
+        step=plant.step,
+        remainder=remainder,
+    )
+
+
 @lru_cache(maxsize=16)
 def baseline(
-    plant: UncertainPlant, on: str, intensity: float, scales: tuple[float, ...] = ()
+    plant: UncertainPlant,
+    on: str,
+    intensity: float,
+    scales: tuple[float, ...],
+    states: tuple[int, ...],
 ) -> Baseline:
-    """Return covariances of the plant under no control, from below.
+    """Return covariances of some states of the plant under no control, from below.
 
     Parameters
     ----------
-    scales : tuple of float, optional
-        How many times each disturbance acts.
+    scales : tuple of float
+        How many times each disturbance acts; once where there are none.
+    states : tuple of int
+        Those that depend on no other, see `passive_states`.
 
     Raises
     ------
     InputError
         If the plant without control is unstable somewhere, or no polynomial of `DEGREES` will do.
     """
+    plant = _passive(plant, states)
     domain, q = Domain.of(on, len(plant.vertices)), disturbance(plant).shape[2]
     each = np.array(scales) if scales else np.ones(q)
     best, least = None, np.inf

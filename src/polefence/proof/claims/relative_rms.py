@@ -4,6 +4,9 @@ As for the rms, with g^2 C0 P C0' in place of g^2, where A0 P + P A0' + S E0 E0'
 that X0 > 0, -(A0 X0 + X0 A0') > 0 show to be stable, so that P is less than its covariance; in
 discrete time with T A0 P A0' besides. The dual form likewise.
 
+Of the plant without control the baseline keeps the states that y depends on: those of a law, of
+sensors and of integrals are none of them.
+
 With a remainder, which only the same plant without control has as a baseline, A0 is off by H Delta
 V, V = diag(columns), and E0 by F: with M = I + T A0, Omega > M P V'V P M' and kappa I > -V P V' the
 left hand side loses (1 + T kappa) H H' + Omega at most, and S E0 E0' what it does from above.
@@ -12,6 +15,7 @@ left hand side loses (1 + T kappa) H H' + Omega at most, and S E0 E0' what it do
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -41,7 +45,7 @@ from polefence.proof.polynomials import (
     diagonal,
 )
 from polefence.proof.reading import MAX_SIZE, Table, plain
-from polefence.proof.remainder import SHARE, Spread
+from polefence.proof.remainder import SHARE, Remainder, Spread
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, number_text
 from polefence.proof.transfer import (
@@ -61,6 +65,7 @@ class Baseline(Short):
 
     ``stability`` holds X(alpha) > 0 with -(A X + X A') > 0; ``covariance`` in its X a symmetric
     P(alpha) with A P + P A' + intensity E E' > 0, which is less than the loop's covariance.
+    ``states`` are those of the claim's loop that it keeps, counted from 0; none named: all.
     """
 
     A: list[Rationals]
@@ -68,6 +73,7 @@ class Baseline(Short):
     C: list[Rationals]
     stability: Evidence
     covariance: Evidence
+    states: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,25 +100,29 @@ class RelativeRms(SignalClaim):
         states = below.items("states", MAX_SIZE) if "states" in below else list(range(1, n + 1))
         if any(type(j) is not int for j in states):
             raise FormatError(f"{below.path('states')} must be whole numbers, 1 the first state")
-        A, E, C = baseline_loop(subject, outputs[0], K, tuple(j - 1 for j in states))
+        kept = tuple(j - 1 for j in states)
+        A, E, C = baseline_loop(subject, outputs[0], K, kept)
+        kept = kept if len(kept) < n else ()
         intensity = table.number("intensity", 1)
         if subject.evidence.transfer:
             none = Evidence([])
-            return {"baseline": Baseline(A, E, C, none, none), "intensity": intensity}
-        evidence = [
+            return {"baseline": Baseline(A, E, C, none, none, kept), "intensity": intensity}
+        stability, covariance = (
             read_evidence(below.table(key), len(A[0]), subject.sizes, letter)
             for key, letter in (("stability", "X"), ("covariance", "P"))
-        ]
-        return {"baseline": Baseline(A, E, C, *evidence), "intensity": intensity}
+        )
+        base = Baseline(A, E, C, stability, covariance, kept)
+        return {"baseline": base, "intensity": intensity}
 
     def write_own(self) -> dict[str, Any]:
         """Return the baseline's evidence, and the intensity."""
         if not self.without_control:
             raise FormatError(f"{self.outputs[0].name}: only no control is written as a baseline")
         own = self.baseline
-        if self.subject.evidence.transfer:
-            return {"intensity": plain(self.intensity), "baseline": {}}
-        table = {"stability": own.stability.write("X"), "covariance": own.covariance.write("P")}
+        table: dict[str, Any] = {"states": [j + 1 for j in own.states]} if own.states else {}
+        if not self.subject.evidence.transfer:
+            table["stability"] = own.stability.write("X")
+            table["covariance"] = own.covariance.write("P")
         return {"intensity": plain(self.intensity), "baseline": table}
 
     @property
@@ -126,9 +136,17 @@ class RelativeRms(SignalClaim):
     def without_control(self) -> bool:
         """Whether the baseline is the same plant under no control."""
         base, whole = self.baseline, self.series
-        states = tuple(range(whole.subject.n))
-        own = baseline_loop(whole.subject, whole.outputs[0], None, states)
-        return own == (base.A, base.E, base.C)
+        states = base.states or tuple(range(whole.subject.n))
+        with suppress(FormatError):  # some of its states depend on others
+            own = baseline_loop(whole.subject, whole.outputs[0], None, states)
+            return own == (base.A, base.E, base.C)
+        return False
+
+    @property
+    def _remainder(self) -> Remainder | None:
+        """The remainder of the baseline's states."""
+        own, states = self.subject.remainder, self.baseline.states
+        return own.kept(states) if own is not None and states else own
 
     def require_own(self) -> None:
         """Refuse a baseline that does not fit."""
@@ -154,7 +172,7 @@ class RelativeRms(SignalClaim):
 
     def _require_spread(self, evidence: Evidence, kappa: bool) -> None:
         """Refuse a baseline's evidence that does not fit the remainder, or lack of it."""
-        remainder, spread = self.subject.remainder, evidence.spread
+        remainder, spread = self._remainder, evidence.spread
         if (spread is None) != (remainder is None):
             raise FormatError("a remainder has evidence of its own, for the baseline too")
         if remainder is None or spread is None:
@@ -238,7 +256,7 @@ class RelativeRms(SignalClaim):
         if self.filters:
             return
         baseline, own = self.baseline, self.subject
-        sizes, step, remainder = own.sizes, own.step, own.remainder
+        sizes, step, remainder = own.sizes, own.step, self._remainder
         A = affine(baseline.A, sizes)
         A = A if remainder is None else remainder.curved(A)
         stability, covariance = baseline.stability, baseline.covariance
@@ -259,10 +277,12 @@ class RelativeRms(SignalClaim):
 
     def _noise(self, spread: Spread | None) -> Polynomial:
         """Return the intensity times E0 E0', less where E0 and A0 are only near."""
-        own, sizes = self.subject, self.subject.sizes
-        if spread is None:
+        own, sizes, remainder = self.subject, self.subject.sizes, self._remainder
+        if spread is None or remainder is None:
             return noise(self.baseline.E, self.intensity, sizes, self.scales)
-        E = own.driving(self.scales, sizes)
+        E = affine(self.baseline.E, sizes)
+        E = remainder.curved(E, len(self.baseline.E[0]) + own.m)
+        E = E * diagonal(self.scales, sizes) if self.scales else E
         most = max(spread.driving(self.scales, own.q), default=Fraction(0))
         known = (E * E.T).times(self.intensity * (1 - SHARE if most else 1))
         lost = 1 + own.step * spread.kappa + (1 / SHARE - 1) * self.intensity * most**2
@@ -276,7 +296,7 @@ class RelativeRms(SignalClaim):
 
     def _columns(self, spread: Spread) -> Polynomial:
         """Return V = diag(columns) of the states."""
-        return diagonal(spread.columns[: self.subject.n], self.subject.sizes)
+        return diagonal(spread.columns[: len(self.baseline.A[0])], self.subject.sizes)
 
     def scale_text(self, scale: Fraction) -> str:
         """Return it as it is, or with a ~: a ratio may grow as one disturbance becomes less."""
@@ -307,13 +327,17 @@ def baseline_loop(
     Raises
     ------
     FormatError
-        If a state that is kept, or y, depends on one that is not: what is left would be another
-        loop.
+        If a state that is kept, or y, depends on one that is not, or with a remainder may: what is
+        left would be another loop.
     """
     n = subject.n
     if sorted(set(states)) != list(states) or not states or states[0] < 0 or states[-1] >= n:
         raise FormatError(f"states must be some of the {n}, in their order")
     left = [j for j in range(n) if j not in states]
+    remainder = subject.remainder
+    off = [] if remainder is None else [remainder.entries, *remainder.curve]
+    if any(M[i][j] for M in off for i in states for j in left):
+        raise FormatError("by the remainder the baseline may depend on a state left out")
     As, Es, Cs = list[Rationals](), list[Rationals](), list[Rationals]()
     for k in range(len(subject.A)):
         A = _closed(subject.A[k], subject.B[k], K)

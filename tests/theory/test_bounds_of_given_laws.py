@@ -8,13 +8,15 @@ import pytest
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import FixedGain, ScheduledGain, UncertainPlant
-from polefence.base.errors import SolverError
+from polefence.base.errors import InputError, SolverError
 from polefence.design.evidence import loop_with
 from polefence.design.requirements.gain import Gain
 from polefence.design.requirements.rms import Rms
+from polefence.design.signals import bounds
 from polefence.design.signals.bounds import best_bound, kept_bound
 from polefence.law.laws import domain_of
 from polefence.lmi.solve.lyapunov import least_given
+from polefence.plant.outputs import Output
 
 
 def lags(count, coupling=1.0):
@@ -76,3 +78,19 @@ def test_a_slow_clock_changes_no_bound(monkeypatch):
     found = best_bound(plant, FixedGain(np.zeros((1, 2))), Rms("x1"))
     assert found is not None
     assert found.claim.subject.evidence.transfer  # no Lyapunov matrix is common to both
+
+
+def test_a_loop_that_doubles_call_unstable_has_its_bound(monkeypatch):
+    """Of a pole next to the axis the sign is lost in rounding; the proof is exact."""
+
+    def refused(*_):
+        raise InputError("it has a pole at 2.7e-07 1/s")
+
+    monkeypatch.setattr(bounds, "sampled", refused)
+    A, B = [[-1, 0], [1, -2]], [[1], [0]]
+    y = Output("y", "", C=[[1.0, 0.0]])
+    plant = UncertainPlant.from_vertices([A], [B], [B], outputs=(y,))
+    bound = best_bound(plant, FixedGain(np.zeros((1, 2))), Rms("y", density=2))
+    assert bound is not None
+    assert "transfer function" in bound.reason  # a Lyapunov matrix may be too ill-conditioned
+    assert bound.level == pytest.approx(0.5**0.5, rel=1e-5)  # of x' = -x + w, intensity 1

@@ -204,7 +204,7 @@ class _Question:
     problem : DualProblem, optional
         Its dual form; None of a kind that has none, or a law that is undefined somewhere.
     worst : float
-        The worst value at a few points; zero where doubles find none.
+        The worst value at a few points, exact where doubles find none; zero where that has none.
     by_transfer : ByTransfer, optional
         Its proof by the transfer function, where there is one.
     moved : DualProblem, optional
@@ -232,6 +232,8 @@ class _Question:
             worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
             wide = behind(plant, law, specification)
             dual = wide.specification.dual(wide.plant, wide.law)
+        if not worst and own is not None:  # doubles may call a loop unstable that is not
+            worst = own.largest(alpha)
         # along a motion a dual form would bound means over time only
         still, moved = (None, dual) if plant.moving else (dual, None)
         return cls(plant, law, specification, still, worst, own, moved)

@@ -116,6 +116,11 @@ class ByTransfer:
         k = max(exact, key=exact.__getitem__)
         return exact[k], k
 
+    def largest(self, alpha: Array) -> float:
+        """Return the largest exact value at some points; zero where there is none."""
+        values = (self._value(row) for row in alpha)
+        return max((x for x in values if x is not None), default=0.0)
+
     def _value(self, alpha: Array) -> float | None:
         """Return what is bounded at a point, None of a kind that is not evaluated exactly."""
         t = [Fraction(x) for x in self.domain.coordinates(alpha)[1::2].tolist()]

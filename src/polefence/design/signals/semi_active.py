@@ -129,9 +129,9 @@ def semi_active(
 ) -> SemiActiveLaw:
     """Return a law for controllable dampers, with a proved bound on an rms.
 
-    The bound is of the worst values of the parameters, and for every choice of the dampers' states
-    it is stable. It may be no lower than that of the best dampers that stay as they are, one for
-    each force: ``passive`` of what is returned, to compare with.
+    The bound holds for all values of the parameters. The loop is stable whatever the dampers do
+    between their bounds. The best dampers that stay as they are, one for each force, may be as
+    good: their rms is ``passive`` of what is returned.
 
     Parameters
     ----------

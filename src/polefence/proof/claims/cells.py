@@ -208,13 +208,9 @@ class Cells(Short, Claim):
         plant.require_exact(table.where)
         if not isinstance(law, Interpolated):
             raise FormatError("law: cells are of a law of kind table")
-        region, count, n = (
-            read_whole(table.table("region"), plant.sample_time is not None),
-            len(law.axes),
-            plant.n,
-        )
-        rows = table.tables("cells", MAX_CELLS)
-        return cls(law, region, tuple(_read_cell(row, count, n) for row in rows))
+        region = read_whole(table.table("region"), plant.sample_time is not None)
+        rows, count = table.tables("cells", MAX_CELLS), len(law.axes)
+        return cls(law, region, tuple(_read_cell(row, count, plant.n) for row in rows))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""

@@ -24,7 +24,7 @@ PRELOAD = $(foreach library,asan ubsan stdc++,$(shell $(CXX) -print-file-name=li
 
 # Another BLAS kernel than this processor's own: it rounds differently.
 OTHER_KERNEL ?= $(if $(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),Haswell,Nehalem)
-SEARCHES := tests/lmi tests/proof/test_sampling.py tests/design/test_design.py tests/design/test_limits.py \
+SEARCHES := tests/lmi tests/proof/test_sampling.py tests/certify/test_design.py tests/search/test_limits.py \
     tests/theory/test_thresholds.py tests/theory/test_largest_regions.py
 
 paper: $(VENV)/.installed
@@ -70,7 +70,7 @@ oldest: $(VENV)/.created
 	POLEFENCE_PURE=1 $(OLDEST)/bin/python -m pip install --quiet --no-compile . pytest pytest-xdist \
 	    hypothesis control --constraint $(OLDEST)/constraints.txt
 	$(OLDEST)/bin/python -m pytest $(PARALLEL) -p no:cacheprovider -o filterwarnings= tests/law \
-	    tests/plant tests/response tests/design/test_design.py tests/show/test_plots.py
+	    tests/plant tests/response tests/certify/test_design.py tests/show/test_plots.py
 
 sanitize: $(VENV)/.installed-test
 	$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir $(SANITIZED) \
@@ -79,7 +79,7 @@ sanitize: $(VENV)/.installed-test
 	$(BIN)/python -m zipfile -e $(SANITIZED)/polefence-*.whl $(SANITIZED)
 	POLEFENCE_TEST_KERNEL="$$(ls $(SANITIZED)/polefence/_kernel*.so)" LD_PRELOAD="$(PRELOAD)" \
 	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/lmi/test_kernel.py tests/lmi/test_spelt_out.py \
-	    tests/lmi/test_interior.py tests/design/tune/test_quadratic.py tests/proof/test_exact.py tests/proof/test_bound.py \
+	    tests/lmi/test_interior.py tests/search/tune/test_quadratic.py tests/proof/test_exact.py tests/proof/test_bound.py \
 	    tests/vehicle/test_compiled.py
 
 benchmark: $(VENV)/.installed-test

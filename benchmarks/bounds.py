@@ -17,16 +17,15 @@ from fractions import Fraction
 from typing import Any
 
 from polefence import FixedGain, engine, load, load_specifications
-from polefence.design.certificate import exact_law
-from polefence.design.evidence import loop_with
-from polefence.design.requirements.specification import claim_of
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.examples import spec_path
 from polefence.law.laws import domain_of
 from polefence.lmi.solve.gramians import duals
+from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence
+from polefence.requirements.specification import claim_of
 
 LAW = FixedGain([[187613, 0, -62489, -712.4]])
 DEGREES = (1, 2, 3)
@@ -68,7 +67,7 @@ def main() -> None:
         for degree in DEGREES:
             (level, evidence), found = timed(lambda s=search, d=degree: s(d), repeats)
             at = Fraction(level * (1 + ABOVE))
-            claim = claim_of(plant, exact_law(LAW), "box", own, evidence, at)
+            claim = claim_of(plant, LAW.exact, "box", own, evidence, at)
             verdict, proof = timed(lambda c=claim: prove(c), repeats)
             above = f"{100 * (level / worst - 1):.3g} %" if verdict.proved else "not proved"
             print(f"| {name} | {degree} | {above} | {found:.3g} | {proof:.3g} |")

@@ -44,7 +44,7 @@ from polefence import (
     UncertainPlant,
     optimise,
 )
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.plant.outputs import Output
 from polefence.plant.system import System
 

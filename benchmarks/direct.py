@@ -33,9 +33,9 @@ from typing import Any
 import numpy as np
 
 import polefence as pf
-from polefence.design.requirements.gain import Gain
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.plant.outputs import Output
+from polefence.requirements.gain import Gain
 
 Values = np.ndarray[Any, Any]
 POINTS, FINE, SAMPLES = 5, 11, 101

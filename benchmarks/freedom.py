@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 import polefence as pf
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.plant.points import seeded
 
 WORSE = 1e-3

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from polefence import FixedGain, HalfPlane, UncertainPlant, analyse
-from polefence.design.margins import gain_error
+from polefence.certify.margins import gain_error
 from polefence.plant.larger import with_states
 from polefence.plant.parameters import Parameter
 

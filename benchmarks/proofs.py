@@ -29,10 +29,10 @@ from scipy.linalg import solve_continuous_lyapunov
 import polefence
 from polefence import METHODS, Disk, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design import exact
-from polefence.design.bound import lower_radius
-from polefence.design.certificate import Certificate
-from polefence.design.repair import lower_bound
+from polefence.certify import exact
+from polefence.certify.certificate import Certificate
+from polefence.certify.lower_bound import lower_radius
+from polefence.certify.repair import lower_bound
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.smallest import smallest

@@ -27,7 +27,7 @@ import numpy as np
 
 import polefence as pf
 from polefence import FixedGain, HalfPlane, Rms, Structure, UncertainPlant
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.plant.points import seeded
 
 BOUNDS, POLES, ROUNDING = 10_000, 1_000, 1e-6

@@ -45,11 +45,7 @@ import numpy as np
 
 import polefence
 from polefence import FixedGain, HalfPlane, Scheduled, ScheduledGain, Sector
-from polefence.design.certificate import Certificate
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Specification, claim_of, disturbance
-from polefence.design.signals.bounds import exact_law
-from polefence.design.signals.optimise import optimise
+from polefence.certify.certificate import Certificate
 from polefence.examples import family
 from polefence.law.laws import Law, right_divide
 from polefence.lmi.conditions.methods import Method
@@ -64,7 +60,10 @@ from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence
 from polefence.region.regions import Region
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import Specification, claim_of, disturbance
 from polefence.response.stationary import velocity_psd
+from polefence.search.optimise import optimise
 
 DENSITY = velocity_psd(256e-6, 20.0)  # class C, 20 m/s
 COMFORT = Rms("sprung-mass acceleration", None, DENSITY)
@@ -82,9 +81,9 @@ LAWS: dict[str, tuple[Method, int]] = {
     "scheduled": (Scheduled(1, 0, "box"), 1),
     "one gain": ("quadratic", 0),
 }
-# how far above what was found the exact proof is attempted, as in polefence.design.signals.bounds
+# how far above what was found the exact proof is attempted, as in polefence.certify.bounds
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
-INSIDE = 0.95  # as in polefence.design.signals.optimise
+INSIDE = 0.95  # as in polefence.search.optimise
 
 
 @dataclass(frozen=True)
@@ -314,7 +313,7 @@ def evidence(ours: Ours) -> Evidence:
 
 
 def _is_proved(case: Case, ours: Ours, own: Specification, level: float) -> bool:
-    law, X = exact_law(ours.law), evidence(ours)
+    law, X = ours.law.exact, evidence(ours)
     claim = claim_of(case.plant, law, "box", own, X, Fraction(level))
     return prove(claim).proved
 

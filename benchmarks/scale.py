@@ -47,13 +47,13 @@ from polefence import (
     tightest,
 )
 from polefence.base.processors import processors
-from polefence.design.requirements.rms import Rms
-from polefence.design.signals.optimise import optimise
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.smallest import smallest
 from polefence.region.regions import Region
+from polefence.requirements.rms import Rms
 from polefence.response.stationary import velocity_psd
+from polefence.search.optimise import optimise
 
 BOX = Scheduled(1, 0, "box")
 STATES = (4, 8, 12, 16, 20, 28, 40)

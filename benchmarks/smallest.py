@@ -44,7 +44,6 @@ import numpy as np
 import polefence
 from polefence import METHODS, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design.place import smallest_disk
 from polefence.examples import family
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import search
@@ -54,6 +53,7 @@ from polefence.lmi.solve.search import Reached
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
+from polefence.search.place import smallest_disk
 
 TOLERANCE = 1e-4  # of the bracket, relative to its upper end
 TOP = 1.25  # first upper end, in units of sigma

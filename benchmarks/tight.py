@@ -28,7 +28,7 @@ from scipy.optimize import minimize
 
 from polefence import FixedGain, Gain, Parameter, Rms, UncertainPlant
 from polefence.base.errors import PolefenceError
-from polefence.design.signals.bounds import best_bound, sampled
+from polefence.certify.bounds import best_bound, sampled
 
 DENSITY = 2.0  # one-sided: noise of intensity one
 STARTS = 3

@@ -33,11 +33,11 @@ from scipy.optimize import minimize
 
 import polefence as pf
 from polefence import HalfPlane, NotProvedError, Sector, Structure, load, load_specifications
-from polefence.design.requirements.specification import Specification
-from polefence.design.signals.bounds import sampled
+from polefence.certify.bounds import sampled
 from polefence.examples import spec_path
 from polefence.law.laws import Law, PolynomialGain
 from polefence.plant.points import seeded
+from polefence.requirements.specification import Specification
 
 CAR = HalfPlane(1) & Sector(0.15)
 THREE = ("suspension deflection", "sprung-mass velocity", "unsprung-mass velocity")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import polefence as pf
-from polefence.design.signals.bounds import best_bound
+from polefence.certify.bounds import best_bound
 
 LIMIT = 20.0  # Nm
 SHAPE = np.diag([1.0, 2.0])  # half-axes: rad, rad/s

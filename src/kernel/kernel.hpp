@@ -1,5 +1,5 @@
 // The interior points of src/polefence/lmi/solve/interior_point.py and of
-// src/polefence/design/tune/quadratic.py on plain arrays: data, memory, entry points.
+// src/polefence/search/tune/quadratic.py on plain arrays: data, memory, entry points.
 #pragma once
 #include <cstddef>
 #include <cstdint>

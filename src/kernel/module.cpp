@@ -360,7 +360,7 @@ nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vecto
 }  // namespace
 
 NB_MODULE(_kernel, module) {
-    module.doc() = "The interior points of polefence.lmi.solve and polefence.design.tune, a prover, and drives, compiled.";
+    module.doc() = "The interior points of polefence.lmi.solve and polefence.search.tune, a prover, and drives, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),

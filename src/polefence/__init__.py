@@ -15,8 +15,8 @@ from polefence.base.errors import (
     SpecError,
     UncontrollableError,
 )
-from polefence.design.certificate import Certificate, Check
-from polefence.design.design import Design, check
+from polefence.certify.certificate import Certificate, Check
+from polefence.certify.design import Design, check
 from polefence.law.laws import FixedGain, GainTable, PolynomialGain, ScheduledGain
 from polefence.lmi.conditions.methods import METHODS, Scheduled, Slack, build
 from polefence.lmi.solve.engine import engine
@@ -41,70 +41,70 @@ __version__ = VERSION
 if TYPE_CHECKING:
     from polefence import examples, export, fleet, response, vehicle
     from polefence.base.workers import processes
-    from polefence.design import many
-    from polefence.design.given import analyse, worst_case
-    from polefence.design.limits import Limit, limits
-    from polefence.design.margins import estimation_error, gain_error, in_service, parameter_rate
-    from polefence.design.observer import observe
-    from polefence.design.progress import progress
-    from polefence.design.requirements.energy_peak import EnergyPeak
-    from polefence.design.requirements.gain import Gain
-    from polefence.design.requirements.gain_norm import GainNorm
-    from polefence.design.requirements.initial_peak import InitialPeak
-    from polefence.design.requirements.relative_rms import RelativeRms
-    from polefence.design.requirements.rms import Rms
-    from polefence.design.requirements.saturation import Saturation
-    from polefence.design.requirements.specification import Specification
-    from polefence.design.requirements.text import load_specifications, parse_specification
-    from polefence.design.signals.optimise import Optimised, optimise
-    from polefence.design.signals.placed import place, tightest
-    from polefence.design.signals.refutation import refute_limits
-    from polefence.design.signals.semi_active import semi_active
-    from polefence.design.signals.tradeoff import tradeoff
-    from polefence.design.verify import Verified, verify
+    from polefence.certify.given import analyse, worst_case
+    from polefence.certify.margins import estimation_error, gain_error, in_service, parameter_rate
+    from polefence.certify.progress import progress
+    from polefence.certify.refutation import refute_limits
+    from polefence.certify.verify import Verified, verify
     from polefence.fleet.run import study
     from polefence.law.control import from_control, to_control
     from polefence.law.structure import Structure, load_structure
     from polefence.plant.larger import with_actuator, with_sensor
     from polefence.plant.linearise import Linearised, linearise
     from polefence.region.text import load_region
+    from polefence.requirements.energy_peak import EnergyPeak
+    from polefence.requirements.gain import Gain
+    from polefence.requirements.gain_norm import GainNorm
+    from polefence.requirements.initial_peak import InitialPeak
+    from polefence.requirements.relative_rms import RelativeRms
+    from polefence.requirements.rms import Rms
+    from polefence.requirements.saturation import Saturation
+    from polefence.requirements.specification import Specification
+    from polefence.requirements.text import load_specifications, parse_specification
     from polefence.response.control import closed_loops
     from polefence.response.samples import at_sample_time
+    from polefence.search import many
+    from polefence.search.limits import Limit, limits
+    from polefence.search.observer import observe
+    from polefence.search.optimise import Optimised, optimise
+    from polefence.search.placed import place, tightest
+    from polefence.search.semi_active import semi_active
+    from polefence.search.tradeoff import tradeoff
     from polefence.show import plots
 
 # Loaded when they are first asked for, so that the rest is there at once.
 _LATER = {
     "at_sample_time": "polefence.response.samples",
-    "analyse": "polefence.design.given",
-    "worst_case": "polefence.design.given",
-    "place": "polefence.design.signals.placed",
-    "tightest": "polefence.design.signals.placed",
-    "Limit": "polefence.design.limits",
-    "limits": "polefence.design.limits",
-    "estimation_error": "polefence.design.margins",
-    "gain_error": "polefence.design.margins",
-    "in_service": "polefence.design.margins",
-    "parameter_rate": "polefence.design.margins",
-    "observe": "polefence.design.observer",
+    "analyse": "polefence.certify.given",
+    "worst_case": "polefence.certify.given",
+    "place": "polefence.search.placed",
+    "tightest": "polefence.search.placed",
+    "Limit": "polefence.search.limits",
+    "limits": "polefence.search.limits",
+    "estimation_error": "polefence.certify.margins",
+    "gain_error": "polefence.certify.margins",
+    "in_service": "polefence.certify.margins",
+    "parameter_rate": "polefence.certify.margins",
+    "observe": "polefence.search.observer",
     "processes": "polefence.base.workers",
-    "progress": "polefence.design.progress",
-    "GainNorm": "polefence.design.requirements.gain_norm",
-    "Optimised": "polefence.design.signals.optimise",
-    "optimise": "polefence.design.signals.optimise",
-    "refute_limits": "polefence.design.signals.refutation",
-    "semi_active": "polefence.design.signals.semi_active",
-    "EnergyPeak": "polefence.design.requirements.energy_peak",
-    "Gain": "polefence.design.requirements.gain",
-    "InitialPeak": "polefence.design.requirements.initial_peak",
-    "RelativeRms": "polefence.design.requirements.relative_rms",
-    "Rms": "polefence.design.requirements.rms",
-    "Saturation": "polefence.design.requirements.saturation",
-    "Specification": "polefence.design.requirements.specification",
-    "load_specifications": "polefence.design.requirements.text",
-    "parse_specification": "polefence.design.requirements.text",
-    "tradeoff": "polefence.design.signals.tradeoff",
-    "Verified": "polefence.design.verify",
-    "verify": "polefence.design.verify",
+    "progress": "polefence.certify.progress",
+    "GainNorm": "polefence.requirements.gain_norm",
+    "Optimised": "polefence.search.optimise",
+    "optimise": "polefence.search.optimise",
+    "refute_limits": "polefence.certify.refutation",
+    "semi_active": "polefence.search.semi_active",
+    "EnergyPeak": "polefence.requirements.energy_peak",
+    "Gain": "polefence.requirements.gain",
+    "InitialPeak": "polefence.requirements.initial_peak",
+    "RelativeRms": "polefence.requirements.relative_rms",
+    "Rms": "polefence.requirements.rms",
+    "Saturation": "polefence.requirements.saturation",
+    "Specification": "polefence.requirements.specification",
+    "load_specifications": "polefence.requirements.text",
+    "parse_specification": "polefence.requirements.text",
+    "tradeoff": "polefence.search.tradeoff",
+    "Verified": "polefence.certify.verify",
+    "verify": "polefence.certify.verify",
     "study": "polefence.fleet.run",
     "from_control": "polefence.law.control",
     "to_control": "polefence.law.control",
@@ -121,7 +121,7 @@ _ROOMS = {
     "examples": "polefence.examples",
     "export": "polefence.export",
     "fleet": "polefence.fleet",
-    "many": "polefence.design.many",
+    "many": "polefence.search.many",
     "plots": "polefence.show.plots",
     "response": "polefence.response",
     "vehicle": "polefence.vehicle",

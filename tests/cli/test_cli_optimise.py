@@ -11,17 +11,17 @@ import pytest
 
 from polefence import Design, InputError, load
 from polefence.cli.main import main
-from polefence.design.requirements.energy_peak import EnergyPeak
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.initial_peak import InitialPeak
-from polefence.design.requirements.relative_rms import RelativeRms
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.text import (
+from polefence.region.regions import HalfPlane
+from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.gain import Gain
+from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.relative_rms import RelativeRms
+from polefence.requirements.rms import Rms
+from polefence.requirements.text import (
     RoadSpectrum,
     load_specifications,
     parse_specification,
 )
-from polefence.region.regions import HalfPlane
 from support.commands import refused
 
 PLANT = """

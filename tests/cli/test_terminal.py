@@ -20,7 +20,7 @@ from polefence.base.workers import processes
 from polefence.cli import interrupt, terminal
 from polefence.cli.main import main
 from polefence.cli.terminal import Line, say, shown_progress
-from polefence.design.signals import tradeoff as rows
+from polefence.search import tradeoff as rows
 
 SPEC = """
 name = "spring"

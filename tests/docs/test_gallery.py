@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from polefence.design.signals.bounds import best_bound
+from polefence.certify.bounds import best_bound
 from polefence.law.laws import FixedGain
 from support.paths import DOCS
 from support.scripts import docs_script

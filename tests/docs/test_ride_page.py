@@ -14,16 +14,16 @@ import pytest
 
 import polefence as pf
 from polefence import Design, HalfPlane, Sector, load
+from polefence.certify.bounds import sampled
 from polefence.cli.main import main
-from polefence.design.requirements.text import load_specifications
-from polefence.design.signals.bounds import sampled
-from polefence.design.signals.search import WORTH
-from polefence.design.tune.worth import NEAR
 from polefence.examples import spec_path, spec_text
 from polefence.plant.points import seeded
 from polefence.region.text import digits_up
+from polefence.requirements.text import load_specifications
 from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
+from polefence.search.shares import WORTH
+from polefence.search.tune.worth import NEAR
 from polefence.vehicle.compare import compare, points
 from support.paths import DOCS
 from support.scripts import docs_script

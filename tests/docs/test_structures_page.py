@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from polefence import Disk, FixedGain, HalfPlane, analyse, load_specifications, load_structure
+from polefence.certify.bounds import kept_bound
 from polefence.cli.main import main
-from polefence.design.signals.bounds import kept_bound
 from polefence.examples import spec_path, spec_text
 from polefence.law.structure import Structure
 from polefence.plant.spec import load

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import polefence as pf
+from polefence.certify.bounds import best_bound, sampled
 from polefence.cli.main import main
-from polefence.design.requirements.text import parse_specification
-from polefence.design.signals.bounds import best_bound, sampled
 from polefence.examples import family
 from polefence.plant.outputs import weighted_sum
+from polefence.requirements.text import parse_specification
 from support.paths import DOCS
 
 PAGE = (DOCS / "vectors.md").read_text()

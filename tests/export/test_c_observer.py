@@ -27,7 +27,6 @@ from polefence import (
     observe,
     place,
 )
-from polefence.design.observer import Observer
 from polefence.examples import family, spec_path
 from polefence.export.observer import (
     check_sample_time,
@@ -40,6 +39,7 @@ from polefence.export.observer import (
 from polefence.export.program import number, program
 from polefence.export.sources import Texts, sources
 from polefence.law.laws import FixedGain
+from polefence.search.observer import Observer
 from support.needed import need
 from support.shapes_of_laws import FUZZ, SANITIZED, STRICT, run, weights
 

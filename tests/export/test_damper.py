@@ -11,10 +11,10 @@ import pytest
 
 from polefence import InputError, NotProvedError, semi_active
 from polefence.cli.main import main
-from polefence.design.requirements.rms import Rms
 from polefence.examples import family, spec_text
 from polefence.export.damper import damper_sources
 from polefence.proof.document import loads
+from polefence.requirements.rms import Rms
 from polefence.vehicle import Damper
 from support.commands import refused
 from support.needed import need

@@ -209,7 +209,7 @@ def test_limits_are_in_the_code(tmp_path):
 
 
 def test_an_unproved_design_is_not_exported():
-    from polefence.design.design import Design
+    from polefence.certify.design import Design
 
     good = design()
     certificate = good.certificate

@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from polefence import Disk, OutputError, Parameter, Scheduled, UncertainPlant, place, tightest
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.export.matlab import mat, statement
 from polefence.proof.matrices import mix, right_divide
 from support.memories import CORNER

@@ -10,9 +10,8 @@ import pytest
 
 from polefence import UncertainPlant
 from polefence.base.errors import DesignFileError, InputError
-from polefence.design import counterexample
-from polefence.design.design import check
-from polefence.design.limits import READING, sweep
+from polefence.certify import counterexample
+from polefence.certify.design import check
 from polefence.proof import document as check_module
 from polefence.proof import polynomials, work
 from polefence.proof.claims import estimate
@@ -28,6 +27,7 @@ from polefence.proof.polynomials import bernstein
 from polefence.proof.reading import MAX_ENTRIES, parse
 from polefence.proof.regions import HalfPlane
 from polefence.proof.work import FormatError
+from polefence.search.limits import READING, sweep
 
 PLANT = {
     "name": "one",
@@ -97,7 +97,7 @@ def test_the_plant_is_counted_for_each_row_that_is_read(tmp_path, monkeypatch):
     path, spent = tmp_path / "rows.json", []
     sweep(plant, [-3.0, -4.0], ["quadratic"], path)
     for reading in (0, READING):
-        monkeypatch.setattr("polefence.design.limits.READING", reading)
+        monkeypatch.setattr("polefence.search.limits.READING", reading)
         with work.counted() as count:
             sweep(plant, [-3.0, -4.0], ["quadratic"], path, resume=True)
         spent.append(count.spent)

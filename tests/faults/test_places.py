@@ -11,8 +11,8 @@ import pytest
 
 from polefence import OutputError, export
 from polefence.base.files import write_all
+from polefence.certify.design import FILE_NAME
 from polefence.cli.main import main
-from polefence.design.design import FILE_NAME
 from polefence.export.sources import cell, prose
 from polefence.plant.spec import dumps
 

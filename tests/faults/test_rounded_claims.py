@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from polefence.certify.design import Design
 from polefence.cli.limits import _row_line
 from polefence.cli.main import main
-from polefence.design.design import Design
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import limit_text
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import limit_text
 from polefence.show.report import html_report
 
 SPEC = """

@@ -19,16 +19,8 @@ from pathlib import Path
 import pytest
 
 from polefence import Disk, place
+from polefence.certify.bounds import bounds_file
 from polefence.cli.main import main
-from polefence.design.requirements.energy_peak import EnergyPeak
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.gain_norm import GainNorm
-from polefence.design.requirements.initial_peak import InitialPeak
-from polefence.design.requirements.relative_rms import RelativeRms
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.saturation import Saturation
-from polefence.design.requirements.specification import claim_of
-from polefence.design.signals.bounds import bounds_file
 from polefence.fleet import Store, judged, processes
 from polefence.fleet.claimed import bounds, fault_of, is_about
 from polefence.fleet.form import Form
@@ -40,6 +32,14 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.reading import as_number, plain
+from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.gain import Gain
+from polefence.requirements.gain_norm import GainNorm
+from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.relative_rms import RelativeRms
+from polefence.requirements.rms import Rms
+from polefence.requirements.saturation import Saturation
+from polefence.requirements.specification import claim_of
 
 pytest.importorskip("pyarrow")
 

@@ -11,10 +11,10 @@ import pytest
 
 from polefence import Disk, InputError, Parameter, PlantError, Scheduled, UncertainPlant, place
 from polefence.base.errors import MissingExtraError, ParameterValueError
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import rows
 from polefence.law.control import from_control, to_control, valid_names
 from polefence.plant.outputs import Output
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import rows
 from polefence.response.linear import step
 from support.polynomials import design as polynomial
 

@@ -9,10 +9,10 @@ import pytest
 
 from polefence import UncertainPlant, build, tightest
 from polefence.base.errors import PlantError, UncontrollableError
-from polefence.design.place import smallest_disk
 from polefence.lmi.solve.interior_point import MAX_ITERATIONS
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import ROUNDS, lyapunov_mean
+from polefence.search.place import smallest_disk
 from support.margin import largest_margin
 from support.paths import FAMILIES
 

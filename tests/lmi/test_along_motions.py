@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from polefence import EnergyPeak, Parameter, Rms, UncertainPlant
-from polefence.design.certificate import exact_law
-from polefence.design.requirements.specification import claim_of
-from polefence.design.signals import bounds
+from polefence.certify import bounds
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.along_motions import along_motions
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence
+from polefence.requirements.specification import claim_of
 
 NONE = FixedGain(np.zeros((1, 2)))
 
@@ -45,7 +44,7 @@ def test_of_slow_motions_it_is_nearly_the_worst_at_rest_and_proved(own, inverted
     X = [[[Fraction(x) for x in row] for row in Q] for Q in every.tolist()]
     for factor, proved in ((1 + 1e-6, True), (1 - 1e-6, False)):
         level = Fraction(last.level * factor)
-        claim = claim_of(plant, exact_law(NONE), "box", own, Evidence(X, last.degree), level)
+        claim = claim_of(plant, NONE.exact, "box", own, Evidence(X, last.degree), level)
         assert prove(claim).proved is proved
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from polefence import HalfPlane, Scheduled
-from polefence.design.requirements.rms import Rms
 from polefence.examples import family
 from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.target import Around
@@ -19,6 +18,7 @@ from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import coefficients
 from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.polynomial import Domain
+from polefence.requirements.rms import Rms
 
 
 def blocks(seed):

@@ -28,8 +28,8 @@ def test_a_search_without_a_start_leaves_a_row_undecided(monkeypatch, make_rando
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.design.place.smallest", fail)
-    monkeypatch.setattr("polefence.design.disks.smallest_disks", lambda A, *_: [None] * len(A))
+    monkeypatch.setattr("polefence.search.place.smallest", fail)
+    monkeypatch.setattr("polefence.search.disks.smallest_disks", lambda A, *_: [None] * len(A))
     plant = make_random(1, 2, 1, 2)
     rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
     assert [row.status for row in rows] == ["undecided"] * 4

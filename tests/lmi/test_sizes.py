@@ -19,9 +19,9 @@ from polefence import (
     tightest,
     tradeoff,
 )
+from polefence.certify import checks
+from polefence.certify.checks import is_checkable, is_optimisable
 from polefence.cli.main import main
-from polefence.design import checks
-from polefence.design.checks import is_checkable, is_optimisable
 from polefence.lmi.conditions.methods import (
     LONG_STEP,
     blocks,

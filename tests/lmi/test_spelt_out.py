@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polefence.design.evidence import loop_of
 from polefence.law.laws import ScheduledGain
 from polefence.lmi.conditions.lyapunov import given
 from polefence.lmi.conditions.performance import Demands
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve import engine
+from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.search import interior
 from polefence.lmi.solve.stacked import stack
 from polefence.region.regions import Disk, HalfPlane, Sector

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, observe, place, tightest
 from polefence.base.errors import PlantError, UncontrollableError, UnobservableError
-from polefence.design.checks import require_movable
-from polefence.design.limits import limits
-from polefence.design.requirements.gain_norm import GainNorm
-from polefence.design.signals.optimise import optimise
+from polefence.certify.checks import require_movable
 from polefence.plant import controllability
 from polefence.plant.controllability import PRIME, fixed_modes, surely_controllable
+from polefence.requirements.gain_norm import GainNorm
+from polefence.search.limits import limits
+from polefence.search.optimise import optimise
 
 
 def exact_matrix(rows):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from polefence import HalfPlane, MultiAffinityError, Parameter, PlantError, UncertainPlant
 from polefence.base.errors import ParameterValueError, UncontrollableError
-from polefence.design.checks import require_movable
+from polefence.certify.checks import require_movable
 from polefence.examples import family
 from polefence.vehicle.vehicle import quarter_car
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from polefence import GainTable, HalfPlane, Parameter, Sector, UncertainPlant, analyse
-from polefence.design.table import _exact_table
+from polefence.certify.table import _exact_table
 from polefence.proof import roots, work
 from polefence.proof.claims import cells
 from polefence.proof.claims.base import prove, untiled

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from polefence.design.requirements.relative_rms import RelativeRms as Ratio
-from polefence.design.signals import bounds
+from polefence.certify import bounds
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_actuator
@@ -20,6 +19,7 @@ from polefence.proof.claims.relative_rms import Baseline, baseline_loop
 from polefence.proof.document import check, loads
 from polefence.proof.laws import Evidence, Piece
 from polefence.proof.work import FormatError
+from polefence.requirements.relative_rms import RelativeRms as Ratio
 from support.duals import Case, rationals
 
 FORMS = (("fixed", 0), ("fixed", 2), ("scheduled", 2), ("polynomial", 1), ("measured", 2))

@@ -19,7 +19,7 @@ from polefence import (
     VerticalStrip,
     analyse,
 )
-from polefence.design.margins import gain_error, in_service
+from polefence.certify.margins import gain_error, in_service
 from polefence.law.laws import PolynomialGain
 from polefence.plant.larger import with_states
 from polefence.plant.spec import loads

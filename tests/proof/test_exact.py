@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from polefence import Disk, HalfPlane, PlantError, Scheduled, Sector, Slack, UncertainPlant, place
-from polefence.design import exact
-from polefence.design.certificate import Certificate
-from polefence.design.evaluation import rounding_share, surely_runs
-from polefence.design.given import analyse
-from polefence.design.place import rounded
+from polefence.certify import exact
+from polefence.certify.certificate import Certificate
+from polefence.certify.evaluation import rounding_share, surely_runs
+from polefence.certify.given import analyse
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine
 from polefence.lmi.solve.smallest import smallest
 from polefence.proof.claims.poles import Poles
+from polefence.search.place import rounded
 
 compiled = pytest.mark.skipif(
     not hasattr(engine.kernel(), "poles"), reason="installed without a compiler: no second prover"
@@ -341,5 +341,5 @@ def test_the_cheap_bound_of_the_share_of_rounding_is_none_too_low(
         certificate = claim_of(plant, method, centre)(1e-3)
         share = rounding_share(certificate)
         for limit in (share / 2, share * 0.999):
-            monkeypatch.setattr("polefence.design.evaluation.SURE", limit)
+            monkeypatch.setattr("polefence.certify.evaluation.SURE", limit)
             assert not surely_runs(certificate)

@@ -24,10 +24,10 @@ from polefence import (
     check,
     place,
 )
+from polefence.certify.evidence import certificate_of
+from polefence.certify.margins.claims import claimed_design
+from polefence.certify.margins.kinds import Scales, gain_claim
 from polefence.cli.main import main
-from polefence.design.evidence import certificate_of
-from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.kinds import Scales, gain_claim
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.claims.base import prove

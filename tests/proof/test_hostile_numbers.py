@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from polefence.design.certificate import check_claim
+from polefence.certify.certificate import check_claim
 from polefence.proof import matrices, roots, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.cells import Axis, Cell, Cells, Interpolated

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from polefence import Scheduled
-from polefence.design import repair
+from polefence.certify import repair
 from polefence.lmi.conditions.methods import build, method_name
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.smallest import smallest

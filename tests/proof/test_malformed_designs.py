@@ -21,8 +21,8 @@ from polefence import (
     check,
     place,
 )
+from polefence.certify.certificate import check_claim
 from polefence.cli.main import main
-from polefence.design.certificate import check_claim
 from polefence.lmi.conditions.methods import Scheduled, Slack
 from polefence.proof import regions, work
 from polefence.proof.__main__ import main as alone

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
-from polefence.design.margins import in_service
+from polefence.certify.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.claims.base import prove

@@ -25,8 +25,8 @@ from test_margins import (
 )
 
 from polefence import Certificate, Parameter, Scheduled, UncertainPlant, place
-from polefence.design.given import analyse
-from polefence.design.margins import in_service
+from polefence.certify.given import analyse
+from polefence.certify.margins import in_service
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof.claims.base import prove

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from polefence import Parameter, UncertainPlant
-from polefence.design.certificate import exact_law, file_plant
+from polefence.certify.certificate import file_plant
 from polefence.law.laws import PolynomialGain
 from polefence.proof.claims import prove
 from polefence.proof.claims.estimate import Estimate
@@ -51,7 +51,7 @@ def test_the_file_s_law_is_python_s(measured):
     """As a form of coordinates, at exact points, once written and read, and by physical values."""
     plant = plant_of()
     law = law_of(plant, measured)
-    exact, random = exact_law(law), np.random.default_rng(1)
+    exact, random = law.exact, np.random.default_rng(1)
     own = file_plant(plant)
     read, on = read_law(Table.of(json.loads(json.dumps(exact.write("box")))), own)
     assert (read, on) == (exact, "box")
@@ -144,7 +144,7 @@ def test_the_claim_says_what_is_measured():
         file_plant(plant).A,
         file_plant(plant).B,
         (ExactHalfPlane(ZERO),),
-        exact_law(law),
+        law.exact,
         (Evidence([rationals(np.eye(2))]),),
         "box",
     )
@@ -200,7 +200,7 @@ def test_a_constant_x_holds_at_any_rate(powers):
     plant = plant_of(varying=False)
     own = file_plant(plant)
     gains = 0.01 * np.random.default_rng(0).normal(size=(len(powers), 1, 2))
-    law = exact_law(PolynomialGain(powers, gains, (), plant.parameters))
+    law = PolynomialGain(powers, gains, (), plant.parameters).exact
     A = [rationals(-np.eye(2) + 0.1 * np.array(A, dtype=float) / 9) for A in own.A]
     ranges = (Range(ONE, Fraction(2), True, "m"), Range(ONE, Fraction(9), False, "k"))
     design = replace(lyapunov(case), A=A, B=own.B, law=law, on="box")

@@ -9,10 +9,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from polefence.design.design import Design
-from polefence.design.evidence import Search, certificate_of, placeholder
-from polefence.design.margins.kinds import gain_claim
-from polefence.design.search import Deadline
+from polefence.certify.candidates import Deadline
+from polefence.certify.design import Design
+from polefence.certify.evidence import Search, certificate_of, placeholder
+from polefence.certify.margins.kinds import gain_claim
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter

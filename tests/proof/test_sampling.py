@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from polefence import Disk, HalfPlane, Sector, UncertainPlant, analyse, place
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.export.sampled import prove_decay
 from polefence.law.laws import PolynomialGain
 from polefence.plant.outputs import Output

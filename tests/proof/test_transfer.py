@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from polefence.design.certificate import exact_law
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof import claims
@@ -65,7 +64,7 @@ class Family:
             self.given = ScheduledGain(np.array(W), draw((count, 1, n)) / 9, domain)
         else:
             self.given = FixedGain(draw((1, n)) / 9)
-        self.law: Law = exact_law(self.given)
+        self.law: Law = self.given.exact
 
     def at(self, u, v):
         """A + B K, E, C and F at coordinates from 0 to 1."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polefence.design import counterexample
+from polefence.certify import counterexample
 from polefence.proof import matrices, roots, work
 from polefence.proof import matrices as definite
 from polefence.proof.matrices import product

@@ -22,13 +22,13 @@ from polefence import (
 )
 from polefence.base.errors import RegionError
 from polefence.cli.main import main
-from polefence.design.requirements.gain import Gain
-from polefence.design.signals.optimise import optimise
 from polefence.law.structure import Structure
 from polefence.proof.regions import parts_of, require_left
 from polefence.proof.work import FormatError
 from polefence.region.regions import region_of
 from polefence.region.text import parse_region
+from polefence.requirements.gain import Gain
+from polefence.search.optimise import optimise
 from polefence.studio.handles import Handle, moved
 
 STANDARD = HalfPlane(1) & Sector(0.7) & Disk(0, 500)

@@ -27,8 +27,8 @@ from polefence import (
     z_plane,
 )
 from polefence.base.errors import InputError, RegionError
+from polefence.certify.checks import implies_stability
 from polefence.cli.main import main
-from polefence.design.checks import implies_stability
 from polefence.region.regions import Region
 from polefence.region.text import short_text
 from polefence.region.z_plane import annulus_kept, share_kept

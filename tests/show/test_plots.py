@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from polefence import Design, Disk, parse_region, place, tightest
+from polefence.certify.margins import Margin, Margins
 from polefence.cli.main import main
-from polefence.design.margins import Margin, Margins
 from polefence.examples import family, spec_text
 from polefence.lmi.conditions.methods import Scheduled
 from polefence.show.plots import (

@@ -26,9 +26,9 @@ from polefence import (
     place,
 )
 from polefence.base import VERSION
+from polefence.certify.design import proved_document
 from polefence.cli.main import main
 from polefence.cli.report import today
-from polefence.design.design import proved_document
 from polefence.examples import family
 from polefence.law.words import definitions, formula
 from polefence.response.stationary import stationary, velocity_density, velocity_psd

@@ -9,7 +9,7 @@ import pytest
 
 from polefence import Certificate, Design, Disk, HalfPlane, place, progress
 from polefence.base.progress import counted, note, stage
-from polefence.design.design import check
+from polefence.certify.design import check
 from polefence.studio import Newest, answers, first_region, question
 from polefence.studio.question import Found
 from support.studios import asked, subject

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from polefence import Disk, in_service, place
-from polefence.design.margins import Margin
+from polefence.certify.margins import Margin
 from polefence.studio.words import code, margins_table, paragraph, safe
 
 HOSTILE = "<b onclick='x()'>&\"\x1b[2J"

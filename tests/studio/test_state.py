@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from polefence import METHODS, Disk, HalfPlane, Structure, parse_region, place
+from polefence.certify.design import read_document
 from polefence.cli.main import main
-from polefence.design.design import read_document
 from polefence.examples import spec_text
 from polefence.studio import History, State
 from polefence.studio.rides import EVERY, ridden, wheels_of

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
+from polefence.certify import bounds
+from polefence.certify.candidates import Deadline
+from polefence.certify.design import Design
+from polefence.certify.evidence import Search, certificate_of
+from polefence.certify.given import analyse
+from polefence.certify.margins.kinds import gain_claim
 from polefence.cli.main import main
-from polefence.design.design import Design
-from polefence.design.evidence import Search, certificate_of
-from polefence.design.given import analyse
-from polefence.design.margins.kinds import gain_claim
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.relative_rms import RelativeRms
-from polefence.design.requirements.rms import Rms
-from polefence.design.search import Deadline
-from polefence.design.signals import bounds
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
+from polefence.requirements.gain import Gain
+from polefence.requirements.relative_rms import RelativeRms
+from polefence.requirements.rms import Rms
 
 SPEC = """name = "mass"
 states = ["x [m]", "v [m/s]"]

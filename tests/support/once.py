@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import pytest
 
-from polefence.design.design import check_document
-from polefence.design.signals.optimise import optimise
+from polefence.certify.design import check_document
 from polefence.export.sampled import largest_sample_time
+from polefence.search.optimise import optimise
 
 CALLERS = (
     "polefence.optimise",
     "polefence.cli.optimise.optimise",
-    "polefence.design.signals.tradeoff.optimise",
+    "polefence.search.tradeoff.optimise",
     "polefence.studio.question.optimise",
 )
 

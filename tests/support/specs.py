@@ -1,7 +1,7 @@
 """Small plants as specification texts, and white noise of intensity 1 for bounds on them."""
 
-from polefence.design.requirements.rms import Rms
 from polefence.examples import spec_text
+from polefence.requirements.rms import Rms
 
 DENSITY = 2.0  # one-sided, of two-sided intensity 1
 

@@ -33,11 +33,8 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
-from polefence.design.certificate import exact_law
-from polefence.design.evidence import certificate_of, evidence_at
-from polefence.design.observer import Observer
-from polefence.design.requirements.specification import claim_of
-from polefence.design.signals.bounds import _dual_evidence, best_bound, kept_bound
+from polefence.certify.bounds import _dual_evidence, best_bound, kept_bound
+from polefence.certify.evidence import certificate_of, evidence_at
 from polefence.lmi.solve.gramians import DEGREES, _each, in_parts
 from polefence.plant.boxes import Box
 from polefence.plant.delta import delta_form
@@ -48,6 +45,8 @@ from polefence.proof.document import loads as read
 from polefence.proof.laws import Evidence, Piece
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
+from polefence.requirements.specification import claim_of
+from polefence.search.observer import Observer
 from support.specs import SPRING
 
 T = 0.02
@@ -624,7 +623,7 @@ def test_bounds_in_parts_of_the_box_hold_and_each_part_counts(spring):
     assert cells is not None
     parts = divided_in_four(problem, worst * 1.001)
     evidence = Evidence([], dual=True, cells=parts)
-    claim = claim_of(plant, exact_law(law), "box", own, evidence, Fraction(worst * 1.001))
+    claim = claim_of(plant, law.exact, "box", own, evidence, Fraction(worst * 1.001))
     assert prove(claim).proved
     for k in range(4):
         spread = replace(parts[k].evidence.spread, kappa=parts[k].evidence.spread.kappa / 2)

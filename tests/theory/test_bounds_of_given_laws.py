@@ -9,14 +9,14 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import FixedGain, ScheduledGain, UncertainPlant
 from polefence.base.errors import InputError, SolverError
-from polefence.design.evidence import loop_with
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.rms import Rms
-from polefence.design.signals import bounds
-from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.certify import bounds
+from polefence.certify.bounds import best_bound, kept_bound
 from polefence.law.laws import domain_of
+from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.plant.outputs import Output
+from polefence.requirements.gain import Gain
+from polefence.requirements.rms import Rms
 
 
 def lags(count, coupling=1.0):

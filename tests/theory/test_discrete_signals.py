@@ -29,8 +29,8 @@ from polefence import (
     tradeoff,
 )
 from polefence.base.errors import InputError
-from polefence.design.certificate import file_plant
-from polefence.design.signals.bounds import best_bound, kept_bound, sampled
+from polefence.certify.bounds import best_bound, kept_bound, sampled
+from polefence.certify.certificate import file_plant
 from polefence.plant.delta import delta_form, sampled_form
 from polefence.plant.points import seeded
 from polefence.proof.claims.base import prove

@@ -20,10 +20,9 @@ from polefence import (
     place,
 )
 from polefence.base.errors import NotProvedError
-from polefence.design.margins import estimated, estimation_error, gain_error, search
-from polefence.design.margins.breaks import Break
-from polefence.design.margins.claims import Reached, subject_of
-from polefence.design.signals import nearby
+from polefence.certify.margins import estimated, estimation_error, gain_error, search
+from polefence.certify.margins.breaks import Break
+from polefence.certify.margins.claims import Reached, subject_of
 from polefence.law.laws import FixedGain
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
@@ -32,6 +31,7 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
+from polefence.search import nearby
 from support.specs import SPRING
 
 T = 0.02

@@ -25,8 +25,8 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
-from polefence.design.given import analyse
-from polefence.design.signals.bounds import best_bound
+from polefence.certify.bounds import best_bound
+from polefence.certify.given import analyse
 from polefence.plant.exact import ranges_of
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove

@@ -25,9 +25,9 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
-from polefence.design.certificate import file_plant
-from polefence.design.given import analyse
-from polefence.design.signals.bounds import best_bound
+from polefence.certify.bounds import best_bound
+from polefence.certify.certificate import file_plant
+from polefence.certify.given import analyse
 from polefence.law.laws import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove

@@ -11,19 +11,13 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize_scalar
 
 from polefence import Disk, FixedGain, HalfPlane, ScheduledGain, Sector, UncertainPlant
-from polefence.design.evidence import loop_with
-from polefence.design.requirements.energy_peak import EnergyPeak
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.initial_peak import InitialPeak
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import floats, rows
-from polefence.design.signals.bounds import best_bound, kept_bound, own_evidence
-from polefence.design.signals.optimise import optimise
+from polefence.certify.bounds import best_bound, kept_bound, own_evidence
 from polefence.examples import family
 from polefence.lmi.conditions.lyapunov import given
 from polefence.lmi.conditions.methods import design
 from polefence.lmi.conditions.performance import Demands, Output, Points, Through, noise
 from polefence.lmi.conditions.target import Around, Target, fixed
+from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.lmi.solve.performance import Problem, least
 from polefence.lmi.solve.scaling import balanced
@@ -31,6 +25,12 @@ from polefence.lmi.solve.smallest import smallest, typical_rate
 from polefence.plant.outputs import Output as Signal
 from polefence.plant.outputs import rate_of
 from polefence.plant.polynomial import Domain
+from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.gain import Gain
+from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import floats, rows
+from polefence.search.optimise import optimise
 from polefence.vehicle.vehicle import quarter_car
 
 FORMS = [

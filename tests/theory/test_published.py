@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from polefence import Disk, FixedGain, Gain, HalfPlane, UncertainPlant
-from polefence.design.evidence import evidence_at
-from polefence.design.given import analyse
-from polefence.design.signals.bounds import best_bound
+from polefence.certify.bounds import best_bound
+from polefence.certify.evidence import evidence_at
+from polefence.certify.given import analyse
 from polefence.plant.parameters import Parameter
 
 NO_LAW = FixedGain(np.zeros((1, 2)))

@@ -22,7 +22,7 @@ from polefence import (
     place,
 )
 from polefence.base.errors import InputError
-from polefence.design.signals.bounds import best_bound, kept_bound
+from polefence.certify.bounds import best_bound, kept_bound
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads

@@ -24,14 +24,8 @@ from polefence import (
     load,
     place,
 )
-from polefence.design.checks import in_time_of
-from polefence.design.requirements.gain import Gain
-from polefence.design.requirements.gain_norm import GainNorm
-from polefence.design.requirements.initial_peak import InitialPeak
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.text import load_specifications
-from polefence.design.signals.bounds import sampled
-from polefence.design.signals.optimise import optimise
+from polefence.certify.bounds import sampled
+from polefence.certify.checks import in_time_of
 from polefence.examples import family, spec_path
 from polefence.lmi.conditions.target import Around
 from polefence.lmi.solve.smallest import smallest
@@ -39,6 +33,12 @@ from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
+from polefence.requirements.gain import Gain
+from polefence.requirements.gain_norm import GainNorm
+from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.rms import Rms
+from polefence.requirements.text import load_specifications
+from polefence.search.optimise import optimise
 
 DENSITY = 2.0  # two-sided intensity 1
 DOUBLE_INTEGRATOR = """

@@ -14,7 +14,7 @@ from scipy.signal import lsim
 
 from polefence import Disk, GainTable, Scheduled, UncertainPlant, place, tightest
 from polefence.base.errors import InputError
-from polefence.design.margins import in_service, parameter_rate
+from polefence.certify.margins import in_service, parameter_rate
 from polefence.examples import family
 from polefence.plant.larger import with_states
 from polefence.plant.outputs import rate_of

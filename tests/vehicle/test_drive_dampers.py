@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from polefence import InputError, semi_active
-from polefence.design.requirements.rms import Rms
 from polefence.examples import family
+from polefence.requirements.rms import Rms
 from polefence.response.discrete import Sampling
 from polefence.vehicle import (
     Actuator,

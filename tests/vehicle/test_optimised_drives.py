@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polefence.design.requirements.rms import Rms
-from polefence.design.signals.optimise import optimise
 from polefence.examples import family
+from polefence.requirements.rms import Rms
+from polefence.search.optimise import optimise
 from polefence.vehicle import Jump, random_road, ride, velocity_density
 from support.drives import drive
 

@@ -15,6 +15,12 @@ import numpy as np
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.base.progress import stage
+from polefence.certify.certificate import Certificate
+from polefence.certify.checks import example_centre
+from polefence.certify.design import FILE_NAME, Design, is_proof_file, require_kind
+from polefence.certify.given import Analysis, WorstCase, analyse, worst_case
+from polefence.certify.table import FILE_NAME as TABLE_NAME
+from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
@@ -32,13 +38,6 @@ from polefence.cli.common import (
 )
 from polefence.cli.terminal import say
 from polefence.cli.tightest import KINDS
-from polefence.design.certificate import Certificate
-from polefence.design.checks import example_centre
-from polefence.design.design import FILE_NAME, Design, is_proof_file, require_kind
-from polefence.design.given import Analysis, WorstCase, analyse, worst_case
-from polefence.design.rows import plant_summary
-from polefence.design.table import FILE_NAME as TABLE_NAME
-from polefence.design.table import TableAnalysis, analyse_table
 from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, read_arrays
@@ -51,6 +50,7 @@ from polefence.proof.document import FORMAT
 from polefence.proof.text import exactly, plural
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
+from polefence.search.rows import plant_summary
 
 OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'

@@ -15,13 +15,11 @@ from typing import Any
 from polefence import proof
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
+from polefence.certify.certificate import file_plant, plant_of, sampling_of
+from polefence.certify.design import check_document, is_proof_file, read_document
+from polefence.certify.measured import read_measured
 from polefence.cli.common import NOT_PROVED, PROVED, write_json
 from polefence.cli.terminal import say
-from polefence.design.certificate import file_plant, plant_of, sampling_of
-from polefence.design.design import check_document, is_proof_file, read_document
-from polefence.design.measured import read_measured
-from polefence.design.requirements.text import RoadSpectrum, load_specifications
-from polefence.design.requirements.weights import WEIGHTS, filter_of, with_weights
 from polefence.export import check_guarantee
 from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
@@ -48,6 +46,8 @@ from polefence.proof.laws import Law
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import output_text, quoted
+from polefence.requirements.text import RoadSpectrum, load_specifications
+from polefence.requirements.weights import WEIGHTS, filter_of, with_weights
 from polefence.response.samples import at_sample_time
 
 NAMES_ARE_ITS_OWN = (

@@ -20,10 +20,9 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
+from polefence.certify.checks import decays, in_time_of
+from polefence.certify.design import FILE_NAME, Design
 from polefence.cli.terminal import aside, say
-from polefence.design.checks import decays, in_time_of
-from polefence.design.design import FILE_NAME, Design
-from polefence.design.requirements.text import parse_names
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.law.words import definitions, formula, terms_of
@@ -36,6 +35,7 @@ from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
 from polefence.region.regions import Region, Sector, VerticalStrip
 from polefence.region.z_plane import annulus_kept, share_kept
+from polefence.requirements.text import parse_names
 
 PROVED, NOT_PROVED = 0, 1
 

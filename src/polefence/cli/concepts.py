@@ -12,9 +12,9 @@ from polefence.base.errors import InputError
 from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
 from polefence.cli.semi_active import add_question, question
 from polefence.cli.terminal import say
-from polefence.design.rows import plant_summary
 from polefence.plant.spec import load_car
 from polefence.region.text import digits_down, digits_up
+from polefence.search.rows import plant_summary
 
 if TYPE_CHECKING:  # imported where used: with scipy behind it
     from polefence.vehicle.concepts import Concept, Concepts, Ridden

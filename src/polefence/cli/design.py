@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError
+from polefence.certify.checks import example_region, implies_stability
 from polefence.cli.common import (
     PROVED,
     add_structure_options,
@@ -26,9 +27,6 @@ from polefence.cli.common import (
     spec_argument,
     structure_of_options,
 )
-from polefence.design.checks import example_region, implies_stability
-from polefence.design.rows import plant_summary
-from polefence.design.signals.placed import place
 from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
@@ -37,6 +35,8 @@ from polefence.plant.spec import load
 from polefence.proof.text import digits_down, exactly
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import load_region, parse_region
+from polefence.search.placed import place
+from polefence.search.rows import plant_summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

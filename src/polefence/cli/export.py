@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
+from polefence.certify.design import Design, is_proof_file, read_document
 from polefence.cli.common import NOT_PROVED, PROVED, saved
 from polefence.cli.terminal import say
-from polefence.design.design import Design, is_proof_file, read_document
-from polefence.design.observer import Observer
 from polefence.export import export_c99, with_fmus
 from polefence.export.damper import damper_sources
 from polefence.export.exported import GIVEN, Exported, check_folder, marks, write_folder
@@ -21,6 +20,7 @@ from polefence.proof.claims.clipped import Clipped
 from polefence.proof.document import Document
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
+from polefence.search.observer import Observer
 
 LANGUAGES = ("c99", "fmu", "mat")
 BITS = 64

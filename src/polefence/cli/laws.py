@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
+from polefence.certify.certificate import file_plant
+from polefence.certify.design import FILE_NAME, Design, is_proof_file, read_document
 from polefence.cli.analyse import read_gain
 from polefence.cli.common import structure_of_options
-from polefence.design.certificate import file_plant
-from polefence.design.design import FILE_NAME, Design, is_proof_file, read_document
-from polefence.design.requirements.asked import wanted
-from polefence.design.requirements.text import load_specifications
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -26,6 +24,8 @@ from polefence.proof.claims.samples import Samples
 from polefence.proof.plant import Plant
 from polefence.proof.text import milliseconds_text
 from polefence.region.text import digits_up, load_region
+from polefence.requirements.asked import wanted
+from polefence.requirements.text import load_specifications
 
 WORDS = ("passive", "skyhook", "lqr")
 OWN = "law of the spec"
@@ -72,8 +72,8 @@ def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named
     The plant comes back with the states that such a law has. Where none is proved, it is a `NoLaw`
     that says why.
     """
-    from polefence.design.signals.optimise import optimise
-    from polefence.design.signals.placed import place
+    from polefence.search.optimise import optimise
+    from polefence.search.placed import place
     from polefence.vehicle.compare import NoLaw
 
     (least, limits), region = load_specifications(spec), load_region(spec)

@@ -12,6 +12,7 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.workers import processes
+from polefence.certify.checks import example_centre, is_checkable, usable_centre
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
@@ -31,14 +32,13 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.design.checks import example_centre, is_checkable, usable_centre
-from polefence.design.limits import Limit, sweep
-from polefence.design.rows import plant_summary
 from polefence.lmi.conditions.methods import METHODS, Method, blocks, fitting, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.text import digits_down, digits_up
+from polefence.search.limits import Limit, sweep
+from polefence.search.rows import plant_summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

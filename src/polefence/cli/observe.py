@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from polefence.certify.checks import implies_stability
+from polefence.certify.design import FILE_NAME
 from polefence.cli.common import (
     PROVED,
     at_samples,
@@ -25,15 +27,13 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.design.checks import implies_stability
-from polefence.design.design import FILE_NAME
-from polefence.design.observer import Observer, observe
-from polefence.design.requirements.text import parse_names
-from polefence.design.rows import plant_summary
 from polefence.law.laws import FixedGain
 from polefence.plant.spec import load
 from polefence.region.regions import Disk
 from polefence.region.text import parse_region
+from polefence.requirements.text import parse_names
+from polefence.search.observer import Observer, observe
+from polefence.search.rows import plant_summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,16 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.processors import small_matrices
+from polefence.certify.bounds import (
+    AGREED,
+    Bound,
+    Sampled,
+    each_sampled,
+    is_loose,
+    sampled,
+)
+from polefence.certify.checks import is_stability
+from polefence.certify.design import FILE_NAME
 from polefence.cli.common import (
     PROVED,
     ROUNDING,
@@ -39,25 +49,6 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.design.checks import is_stability
-from polefence.design.design import FILE_NAME
-from polefence.design.requirements.asked import wanted
-from polefence.design.requirements.rms import PLAIN
-from polefence.design.requirements.specification import Specification
-from polefence.design.requirements.text import (
-    RoadSpectrum,
-)
-from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import (
-    AGREED,
-    Bound,
-    Sampled,
-    each_sampled,
-    is_loose,
-    sampled,
-)
-from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.search import Retreat
 from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
@@ -68,6 +59,15 @@ from polefence.plant.spec import load
 from polefence.plant.system import Array
 from polefence.region.regions import Disk, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
+from polefence.requirements.asked import wanted
+from polefence.requirements.rms import PLAIN
+from polefence.requirements.specification import Specification
+from polefence.requirements.text import (
+    RoadSpectrum,
+)
+from polefence.search.optimise import Optimised, optimise
+from polefence.search.rows import plant_summary
+from polefence.search.shares import Retreat
 from polefence.vehicle.rest import Rest, held_words, rests
 
 METHODS = ("quadratic", "scheduled")

@@ -10,8 +10,8 @@ from typing import Any
 
 from polefence.base.errors import InputError, shown
 from polefence.base.files import make_folder, write_text
+from polefence.certify.design import Design, proved_document
 from polefence.cli.common import PROVED, saved
-from polefence.design.design import Design, proved_document
 
 MAX_BYTES = 20_000_000  # of a figure
 

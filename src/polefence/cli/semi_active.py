@@ -10,6 +10,7 @@ from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import write_documents
+from polefence.certify.refutation import Refutation, lowest
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
@@ -21,21 +22,20 @@ from polefence.cli.common import (
 )
 from polefence.cli.optimise import asked, road_of
 from polefence.cli.terminal import say
-from polefence.design.requirements.rms import Rms
-from polefence.design.rows import plant_summary
-from polefence.design.signals.refutation import Refutation, lowest
-from polefence.design.signals.semi_active import (
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load, load_dampers
+from polefence.plant.tracks import own_states
+from polefence.region.text import digits_down, digits_up
+from polefence.requirements.rms import Rms
+from polefence.search.rows import plant_summary
+from polefence.search.semi_active import (
     DEGREES,
     SemiActiveLaw,
     Unproved,
     semi_active,
     unproved,
 )
-from polefence.plant.dampers import Damper
-from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import load, load_dampers
-from polefence.plant.tracks import own_states
-from polefence.region.text import digits_down, digits_up
 
 LAW, LIMIT = "law.json", "limit.json"
 

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from polefence.certify.design import Design
+from polefence.certify.given import analyse
+from polefence.certify.margins import Margin, Margins, in_service
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
@@ -18,9 +21,6 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.design.design import Design
-from polefence.design.given import analyse
-from polefence.design.margins import Margin, Margins, in_service
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up, parse_region
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, shown, suggest
 from polefence.base.progress import counted
+from polefence.certify.margins import estimation_error, parameter_rate
 from polefence.cli.common import (
     PROVED,
     check_figure,
@@ -31,11 +32,10 @@ from polefence.cli.laws import (
     read_subject,
 )
 from polefence.cli.terminal import say
-from polefence.design.margins import estimation_error, parameter_rate
-from polefence.design.rows import plant_summary
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, split
 from polefence.plant.system import Array
+from polefence.search.rows import plant_summary
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.plant.cars import Car
@@ -130,7 +130,7 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, S
     InputError
         If there are other laws besides, or the options have another period.
     """
-    from polefence.design.running import running
+    from polefence.certify.running import running
 
     designs = [at_samples_of(plant, word) for word in options.law]
     design = next((own for own in designs if own is not None), None)

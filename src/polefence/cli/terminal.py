@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from typing import TextIO
 
-from polefence.design.progress import progress
+from polefence.certify.progress import progress
 from polefence.proof.text import visible
 
 EVERY = 0.2  # [s] between two drawings

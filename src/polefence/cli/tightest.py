@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from polefence.base.errors import InputError
+from polefence.certify.checks import example_centre
+from polefence.certify.design import Design
 from polefence.cli.common import (
     PROVED,
     add_structure_options,
@@ -25,14 +27,12 @@ from polefence.cli.common import (
     spec_argument,
     structure_of_options,
 )
-from polefence.design.checks import example_centre
-from polefence.design.design import Design
-from polefence.design.rows import plant_summary
-from polefence.design.signals.placed import tightest
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, parse_region, short_text
+from polefence.search.placed import tightest
+from polefence.search.rows import plant_summary
 
 KINDS = ("disk", "half_plane", "sector")
 

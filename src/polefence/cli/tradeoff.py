@@ -10,6 +10,7 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.workers import processes
+from polefence.certify.checks import is_optimisable
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
@@ -40,18 +41,17 @@ from polefence.cli.optimise import (
     road_of,
 )
 from polefence.cli.terminal import say
-from polefence.design.checks import is_optimisable
-from polefence.design.requirements.asked import COMFORT, densities_of, in_units
-from polefence.design.requirements.specification import Specification, limit_text
-from polefence.design.requirements.text import load_specifications, parse_specification, with_wheels
-from polefence.design.rows import Row
-from polefence.design.signals.tradeoff import TUNED, Front, keep_references, tradeoff
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up
+from polefence.requirements.asked import COMFORT, densities_of, in_units
+from polefence.requirements.specification import Specification, limit_text
+from polefence.requirements.text import load_specifications, parse_specification, with_wheels
+from polefence.search.rows import Row
+from polefence.search.tradeoff import TUNED, Front, keep_references, tradeoff
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

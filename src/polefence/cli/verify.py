@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, shown
+from polefence.certify.bounds import is_loose, save
+from polefence.certify.design import FILE_NAME, Design, is_proof_file
+from polefence.certify.verify import Verified, VerifiedBound, verify
 from polefence.cli.analyse import note_the_sign, read_gain
 from polefence.cli.common import (
     NOT_PROVED,
@@ -19,13 +22,6 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.design.design import FILE_NAME, Design, is_proof_file
-from polefence.design.requirements.asked import promised
-from polefence.design.requirements.specification import Specification
-from polefence.design.requirements.text import parse_specification
-from polefence.design.rows import plant_summary
-from polefence.design.signals.bounds import is_loose, save
-from polefence.design.verify import Verified, VerifiedBound, verify
 from polefence.law.arrays import law_from, negated
 from polefence.law.laws import GainTable, Law
 from polefence.plant.arrays import Arrays, plant_from, read_arrays
@@ -35,6 +31,10 @@ from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import digits_down, digits_up, load_region, parse_region
+from polefence.requirements.asked import promised
+from polefence.requirements.specification import Specification
+from polefence.requirements.text import parse_specification
+from polefence.search.rows import plant_summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

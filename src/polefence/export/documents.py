@@ -18,10 +18,9 @@ import numpy as np
 
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.explained import explained
-from polefence.design.certificate import Certificate, Check, plant_of
-from polefence.design.design import Design, check_document, read_document
-from polefence.design.measured import DUAL
-from polefence.design.observer import Observer
+from polefence.certify.certificate import Certificate, Check, plant_of
+from polefence.certify.design import Design, check_document, read_document
+from polefence.certify.measured import DUAL
 from polefence.export.guarantee import Timing, milliseconds
 from polefence.export.memory import kept
 from polefence.export.observer import observer_sources
@@ -49,6 +48,7 @@ from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region, region_of
 from polefence.region.text import digits_down, digits_up, short_text
+from polefence.search.observer import Observer
 
 FILE_NAME = "guarantee.json"
 LONGEST = 100  # characters of a file's name

@@ -10,8 +10,7 @@ from typing import Any
 from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
-from polefence.design.design import Design, check
-from polefence.design.observer import Observer
+from polefence.certify.design import Design, check
 from polefence.export.documents import (
     FILE_NAME,
     README,
@@ -37,6 +36,7 @@ from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
+from polefence.search.observer import Observer
 
 GIVEN = ("parameters", "alpha")
 BESIDE = (".c", ".h", ".fmu")  # what runs beside the law

@@ -10,11 +10,10 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.progress import stage
-from polefence.design.certificate import Check
-from polefence.design.design import Design
-from polefence.design.margins.claims import claimed_design
-from polefence.design.margins.kinds import gain_claim
-from polefence.design.observer import Observer
+from polefence.certify.certificate import Check
+from polefence.certify.design import Design
+from polefence.certify.margins.claims import claimed_design
+from polefence.certify.margins.kinds import gain_claim
 from polefence.export.observer import SampledLoop, judge_sampled_loop
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept
@@ -49,6 +48,7 @@ from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
+from polefence.search.observer import Observer
 
 Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.base.explained import explained
 from polefence.base.files import write_bytes
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.export.memory import kept, with_rates
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.family import UncertainPlant

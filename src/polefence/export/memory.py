@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.law.laws import PolynomialGain, ScheduledGain
 from polefence.plant.delta import delta_form
 from polefence.plant.larger import (

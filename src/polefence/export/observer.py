@@ -16,8 +16,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
-from polefence.design.design import Design
-from polefence.design.observer import Observer
+from polefence.certify.design import Design
 from polefence.export.program import LEAST, MOST, Number, Scheduled, program
 from polefence.export.sources import Texts, check_c_name, context, environment, rows, weighing
 from polefence.law.laws import FixedGain, ScheduledGain, check_alpha
@@ -28,6 +27,7 @@ from polefence.plant.system import Array, Exact
 from polefence.proof.short import Short
 from polefence.region.text import short_text
 from polefence.response.discrete import zero_order_hold
+from polefence.search.observer import Observer
 
 LONGEST = 20  # characters: C tells external names apart by 31
 

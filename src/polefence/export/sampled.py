@@ -20,12 +20,12 @@ import numpy as np
 from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.progress import stage
-from polefence.design.certificate import Check, in_floats
-from polefence.design.design import Design
-from polefence.design.evidence import certificate_of, evidence_of, forms, loop_of
-from polefence.design.margins.claims import above, balanced
-from polefence.design.margins.kinds import Scales, largest_of
-from polefence.design.search import edge
+from polefence.certify.candidates import edge
+from polefence.certify.certificate import Check, in_floats
+from polefence.certify.design import Design
+from polefence.certify.evidence import certificate_of, evidence_of, forms
+from polefence.certify.margins.claims import above, balanced
+from polefence.certify.margins.kinds import Scales, largest_of
 from polefence.export.memory import kept, late_inputs
 from polefence.export.program import exactly
 from polefence.law.laws import (
@@ -38,6 +38,7 @@ from polefence.law.laws import (
     given_law,
 )
 from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.exact import ranges_of
@@ -89,7 +90,7 @@ STEP_POINTS = 200  # at which the error of the steps is looked at
 BITS = 12  # of the coordinates: short numbers make short proofs
 FINE = 10  # bits by which the steps are finer than their error
 
-# Bernstein coefficients of X, N and B, see `polefence.design.margins.claims`; coordinates.
+# Bernstein coefficients of X, N and B, see `polefence.certify.margins.claims`; coordinates.
 Proof = tuple[tuple[Array, Array, Array], Array]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from polefence.base.errors import DesignFileError, PolefenceError
 from polefence.base.explained import explained
 from polefence.base.files import read_bytes
-from polefence.design.design import check_document, read_document
+from polefence.certify.design import check_document, read_document
 from polefence.fleet.claimed import is_about
 from polefence.fleet.questions import Question
 from polefence.fleet.store import Row, Store, digest_of, law_of

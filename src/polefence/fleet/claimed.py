@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from polefence.design.certificate import file_plant
-from polefence.design.requirements.specification import Specification, claim_of
+from polefence.certify.certificate import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.poles import Poles
@@ -13,6 +12,7 @@ from polefence.proof.document import Document
 from polefence.proof.laws import Evidence
 from polefence.proof.regions import Disk, Part, parts_of, write_region
 from polefence.region.regions import Region
+from polefence.requirements.specification import Specification, claim_of
 
 NONE = Evidence([], transfer=True)  # for which no claim looks for more of its own
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from polefence.base.errors import PolefenceError
 from polefence.base.processors import small_matrices
-from polefence.design.checks import in_time_of, require_region
-from polefence.design.requirements.specification import Specification
+from polefence.certify.checks import in_time_of, require_region
 from polefence.fleet.questions import DIED, ERROR, LOST, NOT_PROVED, PROVED, Answer, Cover
 from polefence.fleet.shared import Fleet
 from polefence.fleet.study import Study
@@ -22,6 +21,7 @@ from polefence.plant.spec import loads
 from polefence.plant.system import Array
 from polefence.plant.varied import numbers_of
 from polefence.region.regions import Region
+from polefence.requirements.specification import Specification
 
 _Known = tuple[UncertainPlant, Region, tuple[Specification, ...]]
 

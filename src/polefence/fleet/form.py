@@ -12,7 +12,6 @@ from fractions import Fraction
 from itertools import combinations, product
 from math import inf, prod
 
-from polefence.design.tune.search import KEPT
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
@@ -20,6 +19,7 @@ from polefence.proof.document import Document
 from polefence.proof.laws import Law
 from polefence.proof.matrices import identity
 from polefence.proof.short import Short
+from polefence.search.tune.tuner import KEPT
 
 MOST_POINTS = 10_000  # at which a gain is compared with the largest that was asked for
 FINE = tuple(Fraction(k, 4) for k in range(-4, 5))  # of a coordinate in [-1, 1]

@@ -22,20 +22,14 @@ from polefence.base.errors import (
     suggest,
 )
 from polefence.base.processors import small_matrices
-from polefence.design import many
-from polefence.design.certificate import Certificate
-from polefence.design.checks import in_time_of, stable_region
-from polefence.design.design import Design
-from polefence.design.given import analyse
-from polefence.design.margins import Margin, estimation_error, gain_error, parameter_rate
-from polefence.design.margins.gains import Gains
-from polefence.design.margins.search import unit_of
-from polefence.design.place import require_kind
-from polefence.design.requirements.asked import wanted
-from polefence.design.requirements.specification import Specification
-from polefence.design.requirements.text import load_specifications
-from polefence.design.signals.bounds import bounds_file, kept_bound, sampled
-from polefence.design.signals.optimise import Optimised, optimise
+from polefence.certify.bounds import bounds_file, kept_bound, sampled
+from polefence.certify.certificate import Certificate
+from polefence.certify.checks import in_time_of, stable_region
+from polefence.certify.design import Design
+from polefence.certify.given import analyse
+from polefence.certify.margins import Margin, estimation_error, gain_error, parameter_rate
+from polefence.certify.margins.gains import Gains
+from polefence.certify.margins.service import unit_of
 from polefence.fleet.claimed import bounds, fault_of, is_inside
 from polefence.fleet.form import Form
 from polefence.law.laws import FixedGain, Law
@@ -58,7 +52,13 @@ from polefence.proof.short import Short
 from polefence.proof.text import unit_text
 from polefence.region.regions import HalfPlane, Region, Sector
 from polefence.region.text import load_region, parse_region
+from polefence.requirements.asked import wanted
+from polefence.requirements.specification import Specification
+from polefence.requirements.text import load_specifications
 from polefence.response.stationary import velocity_density
+from polefence.search import many
+from polefence.search.optimise import Optimised, optimise
+from polefence.search.place import require_kind
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
 
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"

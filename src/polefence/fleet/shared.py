@@ -16,10 +16,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, PolefenceError
 from polefence.base.progress import stage
-from polefence.design.requirements.specification import Specification
-from polefence.design.signals.bounds import sampled
-from polefence.design.signals.tuned import tighter
-from polefence.design.tune.search import at_vertices
+from polefence.certify.bounds import sampled
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Around
@@ -30,6 +27,9 @@ from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 from polefence.region.z_plane import delta_plane
+from polefence.requirements.specification import Specification
+from polefence.search.tune.tuner import at_vertices
+from polefence.search.tuned import tighter
 
 POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be

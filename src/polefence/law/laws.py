@@ -21,6 +21,8 @@ from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter, exact, simplex_weights
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array, floats
+from polefence.proof import laws as proof
+from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 
 # A computed alpha is off the simplex by rounding; more is an error of the caller's.
@@ -72,6 +74,11 @@ class FixedGain(Short):
     @explained_fields
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", _frozen(self.K, 2, "K"))
+
+    @property
+    def exact(self) -> proof.Law:
+        """The law in rationals."""
+        return proof.Law([_rationals(self.K)])
 
     def __repr__(self) -> str:
         return f"<FixedGain {self.K.shape[0]} x {self.K.shape[1]}: {self.K.tolist()}>"
@@ -184,6 +191,12 @@ class ScheduledGain(Short, _Scheduled):
     def domain(self) -> Domain:
         """The simplices in which alpha lives."""
         return Domain(self.sizes)
+
+    @property
+    def exact(self) -> proof.Law:
+        """The law in rationals."""
+        W, Z = ([_rationals(M) for M in each] for each in (self.W, self.Z))
+        return proof.Law(None, W, Z, self.degree)
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -315,6 +328,16 @@ class PolynomialGain(Short, _Scheduled):
         return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
 
     @property
+    def exact(self) -> proof.Law:
+        """The law in rationals, with the rows that it measures at each vertex."""
+        N, measured = self.domain.corners, self.measured
+        rows = [y.C if len(y.C) > 1 else y.C * N for y in measured]
+        C = tuple([list(row[k]) for row in rows] for k in range(N)) if rows else ()
+        names, degree = tuple(y.name for y in measured), proof.total_degree(self.powers)
+        K = [_rationals(own) for own in self.gains]
+        return proof.Law(K, degree=degree, powers=self.powers, measured=names, C=C)
+
+    @property
     def one(self) -> dict[tuple[int, ...], float]:
         """One as a polynomial in which the law's terms are: of alpha a power of its sum."""
         if self.parameters:
@@ -406,6 +429,10 @@ def right_divide(Z: Array, W: Array) -> Array:
     right = np.swapaxes(Z / scale[..., None, :], -1, -2)
     solved = np.linalg.solve(np.swapaxes(even, -1, -2), right)
     return np.asarray(np.swapaxes(solved, -1, -2) / scale[..., None, :])
+
+
+def _rationals(matrix: Array) -> Rationals:
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]
 
 
 def _frozen(value: Any, dimensions: int, name: str) -> Array:

@@ -11,7 +11,7 @@ I, and M_b the sum of S_j W_k + B_j Z_k over the pairs (j, k) of block b, as for
     P_b    P_b - R_b = 0;    G    r sum of R_b - sum of S_b' X_b   = 0    slack (L: as Z)
     tau    sum tr P_(15) - (sum tr P_(16) + 6 sum tr P_(17)) / (N-1)^2 >= 0
 
-`prove_infeasible` decides these with integers and trusts nothing; `polefence.design.repair` finds
+`prove_infeasible` decides these with integers and trusts nothing; `polefence.certify.repair` finds
 the matrices.
 """
 

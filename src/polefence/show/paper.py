@@ -25,10 +25,7 @@ import numpy as np
 from polefence.base.errors import NotProvedError
 from polefence.base.files import write_bytes, write_text
 from polefence.base.progress import stage
-from polefence.design.design import Design
-from polefence.design.limits import Limit, limits, sweep
-from polefence.design.place import place, tightest
-from polefence.design.rows import Row
+from polefence.certify.design import Design
 from polefence.examples import family
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
@@ -43,6 +40,9 @@ from polefence.response.bands import MOTION, RIDE
 from polefence.response.linear import Frequency, Response, frequency, impulse, step
 from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WF, WK
+from polefence.search.limits import Limit, limits, sweep
+from polefence.search.place import place, tightest
+from polefence.search.rows import Row
 from polefence.show.plots import (
     FORMATS,
     bands_figure,

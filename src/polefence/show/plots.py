@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
-from polefence.design.design import Design
-from polefence.design.given import Analysis
-from polefence.design.table import TableAnalysis
+from polefence.certify.design import Design
+from polefence.certify.given import Analysis
+from polefence.certify.table import TableAnalysis
 from polefence.law.laws import domain_of
 from polefence.plant.outputs import Signal
 from polefence.plant.parameters import Parameter
@@ -44,9 +44,9 @@ if TYPE_CHECKING:  # imported where used, or for signatures only
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from polefence.design.margins import Margins
-    from polefence.design.signals.tradeoff import Front
+    from polefence.certify.margins import Margins
     from polefence.response.linear import Frequency, Response
+    from polefence.search.tradeoff import Front
     from polefence.vehicle.compare import Comparison
     from polefence.vehicle.concepts import Concepts
 

@@ -14,10 +14,9 @@ from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.progress import stage
-from polefence.design.certificate import Check
-from polefence.design.checks import implies_stability
-from polefence.design.design import Design, check, require_kind
-from polefence.design.limits import Limit, limits
+from polefence.certify.certificate import Check
+from polefence.certify.checks import implies_stability
+from polefence.certify.design import Design, check, require_kind
 from polefence.export.memory import kept, with_rates
 from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.law.words import definitions, formula, terms_of
@@ -37,6 +36,7 @@ from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
 from polefence.response.stationary import growth, velocity_density
+from polefence.search.limits import Limit, limits
 from polefence.show.plots import (
     limits_figure,
     poles_figure,

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from polefence.base.errors import PolefenceError
-from polefence.design.certificate import Check
-from polefence.design.design import FILE_NAME, Design, check_document
-from polefence.design.progress import progress
-from polefence.design.signals.placed import tightest
+from polefence.certify.certificate import Check
+from polefence.certify.design import FILE_NAME, Design, check_document
+from polefence.certify.progress import progress
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.search.placed import tightest
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
 

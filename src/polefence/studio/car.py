@@ -8,7 +8,7 @@ import numpy as np
 from bokeh.layouts import column, row
 from bokeh.models import ColumnDataSource, CustomJS, Legend, Slider, Span, Toggle
 
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.plant import cars
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant

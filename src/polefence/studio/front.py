@@ -11,11 +11,11 @@ from bokeh.events import Pan, PanStart, Tap
 from bokeh.models import ColumnDataSource, CustomJS
 
 from polefence.base.errors import NotProvedError
-from polefence.design.requirements.specification import Specification
-from polefence.design.rows import Row
-from polefence.design.signals.bounds import best_bound
-from polefence.design.signals.tradeoff import TUNED, label_of, tradeoff
+from polefence.certify.bounds import best_bound
 from polefence.region.text import digits_up
+from polefence.requirements.specification import Specification
+from polefence.search.rows import Row
+from polefence.search.tradeoff import TUNED, label_of, tradeoff
 from polefence.studio.palette import Palette, coloured, small_figure
 from polefence.studio.question import Found, Question, imported, made
 from polefence.studio.subject import Subject

@@ -9,7 +9,7 @@ import numpy as np
 from bokeh.events import Tap
 from bokeh.models import ColumnDataSource, Range1d
 
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import weights_of
 from polefence.region.regions import Region

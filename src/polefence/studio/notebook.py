@@ -14,8 +14,8 @@ from typing import Any
 import panel as pn
 
 from polefence.base.errors import InputError, OutputError, suggest
-from polefence.design.checks import in_time_of, require_region
-from polefence.design.design import Design
+from polefence.certify.checks import in_time_of, require_region
+from polefence.certify.design import Design
 from polefence.proof.short import Short
 from polefence.proof.text import visible
 from polefence.region.regions import Region

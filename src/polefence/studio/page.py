@@ -15,13 +15,13 @@ from bokeh.models import PrintfTickFormatter
 from tornado.ioloop import IOLoop
 
 from polefence.base.errors import PolefenceError
-from polefence.design.checks import implies_stability
-from polefence.design.rows import Row
+from polefence.certify.checks import implies_stability
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.points import values_at, values_text
 from polefence.proof.text import visible
 from polefence.region.regions import Region
 from polefence.region.text import parse_region
+from polefence.search.rows import Row
 from polefence.studio import taking
 from polefence.studio.answers import Answer, Newest, in_background
 from polefence.studio.car import Car

@@ -11,7 +11,7 @@ from bokeh.models import ColumnDataSource, CustomJS, Range1d, Span
 from bokeh.plotting import figure
 
 from polefence.base.errors import RegionError
-from polefence.design.design import Design
+from polefence.certify.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded, weights_of
 from polefence.plant.system import Array

@@ -8,16 +8,16 @@ from pathlib import Path
 from shlex import quote
 
 from polefence.base.errors import DesignFileError, InputError
-from polefence.design.certificate import Certificate
-from polefence.design.design import FILE_NAME, Design, read_document, require_kind
-from polefence.design.requirements.specification import Specification, listed
-from polefence.design.signals.bounds import bounds_file
-from polefence.design.signals.optimise import Optimised, optimise
-from polefence.design.signals.placed import place
+from polefence.certify.bounds import bounds_file
+from polefence.certify.certificate import Certificate
+from polefence.certify.design import FILE_NAME, Design, read_document, require_kind
 from polefence.law.structure import Structure
 from polefence.proof.document import Document
 from polefence.proof.short import Short
 from polefence.region.regions import Region
+from polefence.requirements.specification import Specification, listed
+from polefence.search.optimise import Optimised, optimise
+from polefence.search.placed import place
 from polefence.studio.subject import Subject, Wanted
 
 SCHEDULED = "scheduled"

@@ -8,8 +8,8 @@ from typing import Any
 import panel as pn
 
 from polefence.base.errors import PolefenceError
-from polefence.design.design import Design
-from polefence.design.margins import in_service
+from polefence.certify.design import Design
+from polefence.certify.margins import in_service
 from polefence.studio.palette import STYLE
 from polefence.studio.words import margins_table, paragraph
 

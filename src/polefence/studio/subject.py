@@ -10,11 +10,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.files import read_text
-from polefence.design.design import Design
-from polefence.design.requirements.asked import COMFORT, wanted
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.specification import Specification
-from polefence.design.requirements.text import RoadSpectrum, load_specifications, spec_road
+from polefence.certify.design import Design
 from polefence.law.laws import PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.plant.cars import Car
@@ -24,6 +20,10 @@ from polefence.plant.outputs import split
 from polefence.plant.spec import MAX_BYTES, load_car, load_dampers, loads
 from polefence.plant.tracks import own_states
 from polefence.proof.short import Short
+from polefence.requirements.asked import COMFORT, wanted
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import Specification
+from polefence.requirements.text import RoadSpectrum, load_specifications, spec_road
 
 MOST_SIGNALS = 24  # that are offered to be measured
 ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.files import begins_with, make_folder, write_documents, write_text
-from polefence.design.design import FILE_NAME
+from polefence.certify.design import FILE_NAME
 from polefence.export import export_c99
 from polefence.show.report import MARK, html_report
 from polefence.studio.answers import Answer

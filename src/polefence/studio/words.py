@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable
 
-from polefence.design.margins import Margin
+from polefence.certify.margins import Margin
 from polefence.plant.parameters import Parameter
 from polefence.proof.text import digits_up, unit_text, visible
 

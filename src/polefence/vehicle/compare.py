@@ -16,7 +16,6 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.base.explained import explained
 from polefence.base.progress import counted
-from polefence.design.place import place
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.card import card
@@ -31,6 +30,7 @@ from polefence.region.regions import Disk
 from polefence.response.closed import close, point_text
 from polefence.response.stationary import covariance, needed, unstable, velocity_density
 from polefence.response.weighting import WK
+from polefence.search.place import place
 from polefence.vehicle.reference_laws import lqr, skyhook
 from polefence.vehicle.vehicle import masses, require_ride
 

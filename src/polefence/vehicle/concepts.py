@@ -15,12 +15,8 @@ from polefence.base.errors import InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.progress import counted
-from polefence.design.requirements.rms import Rms
-from polefence.design.requirements.weights import WEIGHTS
-from polefence.design.signals.bounds import best_bound
-from polefence.design.signals.optimise import optimise
-from polefence.design.signals.refutation import lowest
-from polefence.design.signals.semi_active import semi_active, unproved
+from polefence.certify.bounds import best_bound
+from polefence.certify.refutation import lowest
 from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
@@ -30,7 +26,11 @@ from polefence.plant.outputs import choose, stacked, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.requirements.rms import Rms
+from polefence.requirements.weights import WEIGHTS
 from polefence.response.closed import close
+from polefence.search.optimise import optimise
+from polefence.search.semi_active import semi_active, unproved
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import Hardware
 from polefence.vehicle.excitation import disturbed

@@ -12,14 +12,14 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained, explained_fields
-from polefence.design.rows import Row
-from polefence.design.signals.bounds import sampled
-from polefence.design.signals.tradeoff import SAMPLES, Asked, Front
+from polefence.certify.bounds import sampled
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.search.rows import Row
+from polefence.search.tradeoff import SAMPLES, Asked, Front
 from polefence.vehicle.vehicle import Masses, Ride, masses, require_ride
 
 SKYHOOK_RATIO = 0.7  # of critical damping, where no damping is given

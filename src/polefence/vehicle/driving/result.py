@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.design.certificate import exact_law
-from polefence.design.margins import Margin, Margins
+from polefence.certify.margins import Margin, Margins
 from polefence.law.laws import GainTable, given_law, is_one
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, inputs, rates_in
@@ -562,7 +561,7 @@ def _require_same(service: Margins, space: Space, law: Any) -> None:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")
     theirs = given_law(plant, service.design.law)
     own = None if law is None or isinstance(law, GainTable) else given_law(plant, law)
-    if own is None or exact_law(own) != exact_law(theirs):
+    if own is None or own.exact != theirs.exact:
         raise InputError("the margins are another law's; give those of the law that drives")
 
 

@@ -1,0 +1,759 @@
+"""Bounds of a given law: the least on a signal that is proved, beside samples, and in files.
+
+A sample proves nothing. Its worst value is at most the true worst case, which is at most a bound
+that is proved; the ratio of the two says how far apart they can be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polefence.base.effort import spend
+from polefence.base.errors import InputError, SolverError
+from polefence.base.explained import explained
+from polefence.base.files import write_documents
+from polefence.base.progress import stage
+from polefence.certify.by_transfer import ByTransfer
+from polefence.certify.candidates import first
+from polefence.certify.certificate import Certificate
+from polefence.certify.design import FILE_NAME
+from polefence.certify.evidence import finer, pieces_of
+from polefence.certify.lyapunov import lyapunov_matrix, weights_at
+from polefence.law.laws import FixedGain, Law, domain_of
+from polefence.lmi.conditions import performance
+from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.conditions.performance import Source
+from polefence.lmi.solve import gramians
+from polefence.lmi.solve.along_motions import Along, along_motions
+from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
+from polefence.lmi.solve.interior_point import TOLERANCE
+from polefence.lmi.solve.loops import loop_with, with_inputs
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
+from polefence.lmi.solve.spread import spread_of
+from polefence.plant.card import card
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.parameters import Parameter
+from polefence.plant.points import seeded
+from polefence.plant.system import Array
+from polefence.proof import matrices
+from polefence.proof.claims.base import Verdict, prove
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.document import Document
+from polefence.proof.laws import Evidence, Piece
+from polefence.proof.polynomials import corners_of
+from polefence.proof.remainder import SHARE, Spread
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError, counted
+from polefence.region.text import digits_up
+from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
+from polefence.requirements.rms import Rms, of_one_noise
+from polefence.requirements.specification import Specification, claim_of
+from polefence.requirements.weights import behind
+
+# Degree and elevation of the Lyapunov polynomial, one after the other.
+ROOM, TURNS = (1.05, 1.5, 4.0), 2  # times what a remainder costs; how often that is found anew
+LADDER = ((0, 0), (1, 0), (2, 0))
+# How far above what was found in floats the exact proof is attempted.
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+# How near its end the search comes: evidence on the very edge may not survive its rounding.
+NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
+POOR = 0.05  # a point whose r is farther from the least than this share proves little
+MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
+WORTH = 1e-3  # a smaller bound by less than this share ends the climb
+NEAREST = 1e-4  # so near the worst sample dual polynomials end
+IN_PARTS = (1e-3, 5e-3, 2e-2)  # above the worst sample a level is proved in parts of the box
+CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
+LOOSE = 1.05  # times the worst sample, above which a bound is said not to be tight
+
+Known = tuple[Evidence, float]
+
+# Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
+Points = Iterator[tuple[Iterable[Evidence], float]]
+
+# Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
+FOLLOWED, STEP = 5.0, 0.25
+# A sample is computed with rounding: it agrees with a bound that it passes by this share.
+AGREED = 1e-6
+OF_PROOFS = 2.0  # operations of floats that one of a proof is
+NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
+GROUP = 2_000_000  # of samples at once
+FEW = 20  # samples beside the vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Bound(Short):
+    """A bound on a signal that is proved.
+
+    Attributes
+    ----------
+    specification : Specification
+    level : float
+        In the signal's unit; of a gain, per unit of the disturbance.
+    claim : BoundClaim
+        With its evidence.
+    degree : int
+        Of the Lyapunov polynomial; of a gain norm of the law's.
+    reason : str
+        What was proved.
+    parameters : tuple of Parameter
+        Of the plant.
+    """
+
+    specification: Specification
+    level: float
+    claim: BoundClaim
+    degree: int
+    reason: str
+    parameters: tuple[Parameter, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.specification.title} <= {digits_up(self.level)}"
+
+    def lyapunov_at(self, alpha: Any = None, /, **values: Any) -> Array:
+        """Return the Lyapunov matrix P of the proof at one point, as ``lyapunov_at(m1=300)``.
+
+        V = x'P x falls along every motion of the loop while no disturbance acts. Of an rms bound
+        P^-1 is at least the covariance of the states (or P the observability Gramian, of the dual
+        form). A plant at samples is one of x(t + T) = A_c x(t): A_c'P A_c < P.
+
+        Parameters
+        ----------
+        alpha : (N,) array, optional
+            Weights of the vertices, in place of the parameters' values.
+        **values : number
+            Of every parameter, in its unit.
+
+        Returns
+        -------
+        (n, n) array
+            Symmetric, positive definite; computed exactly, then rounded.
+
+        Raises
+        ------
+        InputError
+            If the point is none of the family, or the bound is proved without a Lyapunov matrix,
+            as one on the norm of the gain is, and one by the transfer function.
+        """
+        if not self.specification.of_signal:
+            raise InputError(f"{self.specification.title}: its bound needs no Lyapunov matrix")
+        subject = self.claim.subject
+        weights = weights_at(self.parameters, corners_of(subject.sizes), alpha, values)
+        return lyapunov_matrix(subject.law, subject.sizes, subject.evidence, weights)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return card("bound", [("proved", str(self)), ("by", self.reason)])
+
+
+@explained
+def best_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    """Return the least bound that is proved with Lyapunov polynomials of growing degree.
+
+    Dual ones, found by interpolation, come first; an LMI is solved where they are not close.
+
+    Parameters
+    ----------
+    known : pair of Evidence and float, optional
+        What proves the bound of that level as far as floats tell; tried where nothing lower is
+        proved otherwise.
+    """
+    specification.require_fit(plant)
+    plant = delta_form(plant)
+    with stage(f"bound on {specification.title}"):
+        return _best_bound(plant, law, specification, known)
+
+
+def _best_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
+) -> Bound | None:
+    question = _Question.of(plant, law, specification)
+    climbs = [_dual_bounds, _in_parts, _along_motions, _climbed]
+    best: Bound | None = None
+    for climb in (_by_transfer, *(reversed(climbs) if question.by_lmi else climbs)):
+        for own in climb(question):
+            if best is None or own.level < best.level:
+                best = own
+        if best is not None and best.level <= question.worst * (1 + CLOSE):
+            break
+    if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
+        given = known_bound(plant, law, specification, known)
+        if given is not None and (best is None or given.level < best.level):
+            best = given
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is to be bounded, of which law.
+
+    Attributes
+    ----------
+    plant, law, specification
+    problem : DualProblem, optional
+        Its dual form; None of a kind that has none, or a law that is undefined somewhere.
+    worst : float
+        The worst value at a few points, exact where doubles find none; zero where that has none.
+    by_transfer : ByTransfer, optional
+        Its proof by the transfer function, where there is one.
+    moved : DualProblem, optional
+        What it is where parameters move.
+    known_parts : dict
+        What was found on parts of the box, for one level after the other.
+    """
+
+    plant: UncertainPlant
+    law: Law
+    specification: Specification
+    problem: DualProblem | None = None
+    worst: float = 0.0
+    by_transfer: ByTransfer | None = None
+    moved: DualProblem | None = None
+    known_parts: gramians.Known = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
+        """Return the question with what samples say."""
+        alpha, own, dual, worst = seeded(plant, len(plant.vertices) + FEW), None, None, 0.0
+        with suppress(InputError, np.linalg.LinAlgError):
+            own = ByTransfer.of(plant, law, specification)
+        with suppress(InputError, np.linalg.LinAlgError):
+            worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
+            wide = behind(plant, law, specification)
+            dual = wide.specification.dual(wide.plant, wide.law)
+        if not worst and own is not None:  # doubles may call a loop unstable that is not
+            worst = own.largest(alpha)
+        # along a motion a dual form would bound means over time only
+        still, moved = (None, dual) if plant.moving else (dual, None)
+        return cls(plant, law, specification, still, worst, own, moved)
+
+    @property
+    def by_lmi(self) -> bool:
+        """Whether it is about a gain, or a ratio, of which LMIs are tried first."""
+        own = self.problem
+        return own is not None and (own.gain or own.share is not None)
+
+    @property
+    def duals(self) -> Iterator[Dual]:
+        """Dual polynomials of rising degree."""
+        return iter(()) if self.problem is None else duals(self.problem, self.worst, NEAREST)
+
+    @property
+    def along_motions(self) -> Iterator[Along]:
+        """Interpolated polynomials of rising degree, where parameters move."""
+        return iter(()) if self.moved is None else along_motions(self.moved, self.worst, NEAREST)
+
+    def along(self, own: Along) -> Evidence:
+        """Return the evidence that one is."""
+        size = self.specification.driven_by
+        return Evidence([_rationals(X / size**2) for X in own.X], own.degree)
+
+    def stepped(self, evidence: Evidence, level: float) -> Bound | None:
+        """Return the first step above a level at which evidence is a proof."""
+        return _stepped(self.plant, self.law, self.specification, evidence, level)
+
+    def proved(self, evidence: Evidence, level: float) -> Bound | None:
+        """Return the bound of that level if evidence proves it."""
+        return _proved(self.plant, self.law, self.specification, evidence, level)
+
+    def bound_of(self, claim: SignalClaim, verdict: Verdict) -> Bound:
+        """Return the bound of a claim that is proved."""
+        level, parameters = float(claim.level), self.plant.parameters
+        return Bound(self.specification, level, claim, 0, verdict.reason, parameters)
+
+    def kept_by_transfer(self, level: float) -> Bound | None:
+        """Return the bound of that level if the transfer function proves it."""
+        found = None if self.by_transfer is None else self.by_transfer.proved(level)
+        return None if found is None else self.bound_of(*found)
+
+    def in_parts(self, level: float) -> Bound | None:
+        """Return the bound of that level if dual polynomials on parts of the box prove it."""
+        parts = None
+        if self.problem is not None:
+            parts = in_parts(self.problem, level, known=self.known_parts)
+        if parts is None:
+            return None
+        pieces = (
+            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), _dual_evidence(p.dual))
+            for p in parts
+        )
+        return self.proved(Evidence([], dual=True, cells=tuple(pieces)), level)
+
+
+def _by_transfer(question: _Question) -> Iterator[Bound]:
+    """Yield the bound that the transfer function proves, if the kind has one."""
+    if question.by_transfer is not None and question.worst > 0:
+        found = question.by_transfer.least(question.worst)
+        if found is not None:
+            yield question.bound_of(*found)
+
+
+def _climbed(question: _Question) -> Iterator[Bound]:
+    """Yield bounds of Lyapunov polynomials of rising degree that LMIs give."""
+    last = np.inf
+    own = question.specification
+    for points in _climb(question.plant, question.law, own, 1.0):
+        found = first(
+            question.stepped(evidence, own.level(r))
+            for evidences, r in points
+            for evidence in evidences
+        )
+        if found is not None:
+            yield found
+            # along motions the next forms take long
+            enough = question.worst * (1 + CLOSE) if question.plant.moving else 0.0
+            if found.level >= last * (1 - WORTH) or found.level <= enough:
+                return
+            last = found.level
+
+
+def _dual_bounds(question: _Question) -> Iterator[Bound]:
+    """Yield bounds of dual polynomials, if the kind has them."""
+    last = np.inf
+    for dual in question.duals:
+        if dual.level < last:
+            own = question.stepped(_dual_evidence(dual), dual.level)
+            if own is not None:
+                yield own
+                last = own.level
+
+
+def _in_parts(question: _Question) -> Iterator[Bound]:
+    """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
+    levels = (question.worst * (1 + share) for share in IN_PARTS)
+    found = first(map(question.in_parts, levels))
+    if found is not None:
+        yield found
+
+
+def _along_motions(question: _Question) -> Iterator[Bound]:
+    """Yield the least bound of polynomials that are interpolated, where parameters move."""
+    every = sorted(question.along_motions, key=lambda own: own.level)
+    found = first(question.stepped(question.along(own), own.level) for own in every)
+    if found is not None:
+        yield found
+
+
+def _dual_evidence(own: Dual) -> Evidence:
+    spread = None
+    if own.cover is not None:
+        sides = (tuple(map(Fraction, x.tolist())) for x in (own.cover.rows, own.cover.columns))
+        rows, columns = sides
+        spread = Spread([], rows, columns, Fraction(own.cover.kappa))
+    return Evidence([_rationals(Q) for Q in own.Q], own.degree, dual=True, spread=spread)
+
+
+def known_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known
+) -> Bound | None:
+    """Return what given evidence proves: the limit, else a level near its own; None if nothing."""
+    if specification.at_most is not None:
+        return _proved(plant, law, specification, known[0], specification.at_most)
+    return _stepped(plant, law, specification, *known)
+
+
+def _stepped(
+    plant: UncertainPlant,
+    law: Law,
+    specification: Specification,
+    evidence: Evidence,
+    level: float,
+) -> Bound | None:
+    """Return the first step above a level at which evidence is a proof, None if it is at none."""
+    square = _least_square(plant, law, specification, evidence)
+    if square is not None:
+        enough = (own for s in STEPS if Fraction(own := level * (1 + s)) ** 2 > square)
+        least = next(enough, None)
+        return None if least is None else _proved(plant, law, specification, evidence, least)
+    farthest = _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))
+    nearer = (_proved(plant, law, specification, evidence, level * (1 + s)) for s in STEPS[:-1])
+    return None if farthest is None else first(nearer) or farthest
+
+
+def _least_square(
+    plant: UncertainPlant, law: Law, specification: Specification, evidence: Evidence
+) -> Fraction | None:
+    """Return what the square of a level must exceed, where evidence proves all else or nothing."""
+    if not evidence.dual:
+        return None
+    on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    with suppress(FormatError), counted():
+        claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(1))
+        return claim.least_square if isinstance(claim, SignalClaim) else None
+    return None
+
+
+def raised(bound: Bound, level: float) -> Bound | None:
+    """Return the bound with a higher level, proved with the same evidence."""
+    claim = replace(bound.claim, level=Fraction(level))
+    try:
+        verdict = prove(claim)
+    except FormatError:  # its number may be longer
+        return None
+    if not verdict.proved:
+        return None
+    return replace(bound, level=level, claim=claim, reason=verdict.reason)
+
+
+@explained
+def kept_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    """Return the proof that a specification's own limit is kept, None where there is none.
+
+    Parameters
+    ----------
+    known : pair of Evidence and float, optional
+        What proves it as far as floats tell; tried first.
+    """
+    with stage(f"limit on {specification.title}"):
+        return _kept_bound(delta_form(plant), law, specification, known)
+
+
+def _kept_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
+) -> Bound | None:
+    limit = specification.at_most or 0.0
+    if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
+        return own
+    question = _Question.of(plant, law, specification)
+    if question.worst > limit * (1 + AGREED):  # nor would a proof be taken
+        return None
+    own = question.kept_by_transfer(limit)
+    if own is not None:
+        return own
+    for dual in question.duals:
+        if dual.level < limit:
+            own = question.proved(_dual_evidence(dual), limit)
+            if own is not None:
+                return own
+    own = question.in_parts(limit)
+    if own is not None:
+        return own
+    for along in question.along_motions:
+        if along.level < limit:
+            own = question.proved(question.along(along), limit)
+            if own is not None:
+                return own
+    for points in _climb(plant, law, specification, limit):
+        for number, (evidences, r) in enumerate(points):
+            if r < 1:
+                for evidence in evidences:
+                    own = _proved(plant, law, specification, evidence, limit)
+                    if own is not None:
+                        return own
+            elif not number:  # of those nearest to the edge
+                break
+    return None
+
+
+def own_evidence(law: Law, W: Array, t: float) -> Evidence:
+    """Return the evidence that a design leaves of a signal: its own W over t, (count, n, n)."""
+    if isinstance(law, FixedGain):
+        return Evidence([_rationals(W[0] / t)])
+    none = [[Fraction(0)] * W.shape[1] for _ in range(W.shape[1])]
+    return Evidence([none], multiple=(Fraction(1 / t),))
+
+
+def with_held(evidence: Evidence, held: Array, degree: int) -> Evidence:
+    """Return evidence with H X, (count, m, n), where inputs are cut off."""
+    return replace(evidence, held=tuple(map(_rationals, held)), held_degree=degree)
+
+
+def _climb(
+    plant: UncertainPlant, law: Law, specification: Specification, unit: float
+) -> Iterator[Points]:
+    """Yield points of each form in turn: evidence, and the r that it proves in floats."""
+    if isinstance(specification, GainNorm):
+        yield from (iter([point]) for point in _norms(plant, law, specification, unit))
+        return
+    wide = behind(plant, law, specification)
+    plant, law, specification = wide.plant, wide.law, wide.specification
+    source, output = specification.condition(plant, domain_of(plant, law), unit)
+    loop = loop_with(plant, law, output.C, output.D)
+    if output.held:
+        loop = with_inputs(plant, law, loop)
+    for form in LADDER:
+        first = form == LADDER[0]
+        if not first and (len(plant.vertices) < 2 or work(loop, source, *form) > MOST_WORK):
+            continue
+        if plant.remainder is None or isinstance(source, performance.Through):
+            yield _points(loop, source, output, form)
+        else:
+            yield _with_room(plant, law, loop, source, output, form)
+    for form, pieces in finer(plant, law):
+        own = replace(loop, pieces=pieces_of(plant, pieces))
+        if work(loop, source, *form) * math.prod(own.pieces) <= MOST_WORK:
+            yield _points(own, source, output, form)
+
+
+def _with_room(
+    plant: UncertainPlant,
+    law: Law,
+    loop: Loop,
+    source: performance.Noise | performance.Points,
+    output: performance.Output,
+    form: tuple[int, int],
+) -> Points:
+    """Yield points that leave room for what a remainder costs: as more noise, or less decay."""
+    for times in ROOM:
+        with suppress(SolverError, np.linalg.LinAlgError):
+            found = least_given(loop, source, output, *form)
+            for _ in range(TURNS):
+                evidence = next(iter(_evidences(found, form)))
+                own = spread_of(plant, law, evidence, cut=output.held)
+                cost = np.diag(np.square(np.array(own.rows, dtype=float)))
+                cost += 2 * np.array(own.omega, dtype=float)
+                if isinstance(source, performance.Noise):
+                    noisy = source.times(1 + 2 * float(SHARE)).more(loop.domain, times * cost)
+                    found = least_given(loop, noisy, output, *form)
+                    continue
+                T = np.linalg.inv(np.linalg.cholesky(found.Q.mean(axis=0)))
+                slower = times * float(np.linalg.norm(T @ cost @ T.T, 2)) / 2
+                found = least_given(loop, source, output, form[0], form[1], margin=slower)
+            yield _evidences(found, form), found.r
+
+
+def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float) -> Points:
+    with suppress(SolverError):
+        for level, elevation in levels(plant, law, specification):
+            if np.isfinite(level):
+                yield [Evidence([], elevation=elevation)], (level / unit) ** 2
+        found = by_multiples(plant, law, specification)
+        if found is not None:
+            level, multiples = found
+            own = Evidence([], multiple=tuple(map(Fraction, multiples.tolist())))
+            yield [own], (level / unit) ** 2
+
+
+def _points(
+    loop: Loop, source: Source, output: performance.Output, form: tuple[int, int]
+) -> Points:
+    """Yield points farther and farther from the edge of what a form proves, poor ones last."""
+    found: LyapunovPolynomial | None = None
+    poor = list[LyapunovPolynomial]()
+    for tolerance in NEAR:
+        for near in dict.fromkeys((found, None)):
+            points = list[LyapunovPolynomial]()
+            with suppress(SolverError):
+                points = points_given(loop, source, output, *form, tolerance, near)
+            for own in points:
+                found = found or own
+                if own.r <= found.r * (1 + POOR):
+                    yield _evidences(own, form), own.r
+                else:
+                    poor.append(own)
+    for own in sorted(poor, key=lambda own: own.r):
+        yield _evidences(own, form), own.r
+
+
+def _proved(
+    plant: UncertainPlant,
+    law: Law,
+    specification: Specification,
+    evidence: Evidence,
+    level: float,
+) -> Bound | None:
+    on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    if plant.remainder is not None and specification.of_signal:
+        try:
+            if not evidence.dual:
+                cut, wide = specification.cut_off(plant), behind(plant, law, specification)
+                spread = spread_of(wide.plant, wide.law, evidence, cut=cut)
+                evidence = replace(evidence, spread=spread)
+        except np.linalg.LinAlgError:  # no Lyapunov matrix
+            return None
+    claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(level))
+    with counted() as count:
+        try:
+            verdict = prove(claim)
+        except FormatError:  # more work than is checked: other evidence may take less
+            return None
+        finally:
+            spend(OF_PROOFS * count.spent)
+    if not verdict.proved:
+        return None
+    degree = evidence.highest
+    if isinstance(specification, GainNorm):
+        degree = 0 if isinstance(law, FixedGain) else law.degree
+    return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
+
+
+def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
+    """Yield Q as floats have it, and as the exact product that it is of what was found."""
+    multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
+    first = Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
+    first = replace(first, pieces=found.pieces)
+    if found.held is not None:
+        first = with_held(first, found.held, found.held_degree)
+    yield first
+    left = _rationals(found.left)
+    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
+    yield replace(first, X=products)
+
+
+def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices.Rationals:
+    """Return left @ middle @ left', exactly."""
+    half = [[_dot(row, column) for column in middle] for row in left]  # middle is symmetric
+    return [[_dot(row, column) for column in left] for row in half]
+
+
+def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def _rationals(matrix: Array) -> matrices.Rationals:
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(Short):
+    """One specification's signal at points of a family.
+
+    Attributes
+    ----------
+    specification : Specification
+    alpha : (count, N) array
+    values : (count,) array
+        In the signal's unit; of a gain, per unit of the disturbance.
+    """
+
+    specification: Specification
+    alpha: Array
+    values: Array
+
+    @property
+    def worst(self) -> float:
+        """The largest value."""
+        return float(self.values.max())
+
+
+@explained
+def sampled(
+    plant: UncertainPlant, law: Any, specification: Specification, alpha: Array | None = None
+) -> Sampled:
+    """Return what a specification bounds, at points of a family.
+
+    The rms by a Lyapunov equation at each point, and so the peak for bounded energy, which is the
+    norm times the root of c P c', P the controllability Gramian; the peak from initial states by
+    exact responses at close instants, from an ellipsoid of them by the largest root of
+    c e^At X0 e^A't c' at those; the norm of a gain by its singular values; the gain by a sweep
+    over frequency, which is fine at the worst points only.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+        None leaves the plant to itself.
+    alpha : (count, N) array, optional
+        By default `seeded`, 10,000 of them.
+
+    Raises
+    ------
+    InputError
+        If the loop is not stable at a point, or as `stationary` and `simulate` raise.
+    """
+    alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
+    values = specification.values(plant, law, alpha)
+    return Sampled(specification, alpha, np.asarray(values))
+
+
+def is_loose(level: float, worst: float) -> bool:
+    """Whether a proved level is so far above the worst sample that it may say little."""
+    return level > LOOSE * worst
+
+
+def worst_of(found: Sampled, own: ByTransfer | None) -> tuple[float, int]:
+    """Return the worst of samples, exact where floats are not, and its number."""
+    if own is None:
+        k = int(found.values.argmax())
+        return float(found.values[k]), k
+    return own.worst(found.alpha, found.values)
+
+
+def each_sampled(
+    plant: UncertainPlant, law: Any, specifications: Sequence[Specification], alpha: Array
+) -> list[Sampled]:
+    """Return what `sampled` does of each; rms values of one noise from one covariance.
+
+    Raises
+    ------
+    InputError
+        As `sampled` of one of them.
+    """
+    noises, values = dict[Any, dict[int, Rms]](), dict[int, Array]()
+    for k, own in enumerate(specifications):
+        if type(own) is Rms:
+            noises.setdefault((own.density, str(own.squares(plant))), {})[k] = own
+        else:
+            values[k] = own.values(plant, law, alpha)
+    for owns in noises.values():
+        found = of_one_noise(plant, law, list(owns.values()), alpha)
+        values |= dict(zip(owns, found, strict=True))
+    return [Sampled(own, alpha, values[k]) for k, own in enumerate(specifications)]
+
+
+def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
+    """Return a proved bound that is no less than what doubles show of the law; None if they differ.
+
+    The law is proved as a real matrix. One that cancels numbers far larger than what it leaves, or
+    whose poles are too fast for doubles, does not keep the bound once doubles evaluate it. Where
+    what is left is rounding, of the signal's own parts, the bound is raised above it.
+    """
+    own, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
+    try:
+        worst = sampled(plant, law, own, alpha).worst
+        if worst <= bound.level * (1 + AGREED):
+            return bound
+        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(plant, law, own, alpha)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    return raised(bound, worst * (1 + AGREED)) if near and own.at_most is None else None
+
+
+def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
+    """Return the largest worst value of the signal's terms, each alone."""
+    found = [0.0]
+    for signal, key in product(own.outputs(plant), "CD"):
+        rows = getattr(signal, key)
+        for k in range(len(rows[0]) if rows else 0):
+            alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
+            if any(map(any, alone)):
+                one = Output(signal.name, signal.unit, **{key: alone})
+                found.append(sampled(plant, law, own.of(one), alpha).worst)
+    return max(found)
+
+
+def save(certificate: Certificate, claims: Sequence[BoundClaim], directory: str | Path) -> Path:
+    """Write ``design.json``, with the bounds, into a folder, made if need be; return its path.
+
+    The numbers are those that were proved: a double as it is, any other rational as "p/q".
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    try:
+        text = bounds_file(certificate, claims).dumps()
+    except FormatError as error:
+        raise InputError(str(error)) from error
+    return write_documents(Path(directory), {FILE_NAME: text})[0]
+
+
+@explained
+def bounds_file(certificate: Certificate, claims: Sequence[BoundClaim]) -> Document:
+    """Return the file of a design's region, and of bounds on its signals."""
+    return certificate.file([certificate.claim(), *claims])

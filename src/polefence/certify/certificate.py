@@ -1,0 +1,454 @@
+"""Certificates: everything a claim about poles rests on, as a frozen value and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.base import VERSION
+from polefence.base.errors import DesignFileError, InputError, NotProvedError, PlantError
+from polefence.base.explained import explained_fields
+from polefence.base.frozen import Frozen
+from polefence.certify.counterexample import counterexample
+from polefence.certify.exact import holds
+from polefence.certify.measured import dual_plant
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.plant.exact import bare_plant
+from polefence.plant.family import Sampling, UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.parameters import Parameter
+from polefence.plant.samples import claim_of_samples
+from polefence.plant.system import Array
+from polefence.plant.vehicle import Vehicle
+from polefence.proof import laws
+from polefence.proof import plant as files
+from polefence.proof.claims.base import Claim, Verdict, prove, undecided
+from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.samples import Samples
+from polefence.proof.document import Document, loads
+from polefence.proof.laws import read_law
+from polefence.proof.matrices import Rationals
+from polefence.proof.reading import Table, is_double
+from polefence.proof.short import Short
+from polefence.proof.text import number_text, region_text
+from polefence.proof.work import FormatError, WorkError, counted
+from polefence.region.regions import Region, region_of
+
+
+@dataclass(frozen=True)
+class Check(Short):
+    """The answer to a claim.
+
+    Attributes
+    ----------
+    answer : str
+        "proved", "refuted" (``alpha`` is an exact counterexample) or "undecided".
+    reason : str
+    alpha : tuple of Fraction, optional
+        A point of the simplex at which a pole does not lie in the region.
+    claims : tuple of str
+        What the answer is about, a line each, rounded so that it says no more.
+    verdicts : tuple of Verdict
+        Of each claim of a file as far as they were looked at: its count, the place that fails.
+    """
+
+    answer: str
+    reason: str
+    alpha: tuple[Fraction, ...] | None = None
+    claims: tuple[str, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+
+    @property
+    def proved(self) -> bool:
+        """Whether the answer is "proved"."""
+        return self.answer == "proved"
+
+    def __str__(self) -> str:
+        said = [self.answer, "; ".join(self.claims), self.reason]
+        return ": ".join(text for text in said if text)
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate(Short):
+    """A claim "this law keeps all poles of this plant in this region", with its evidence.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    region : Region
+    method : str
+        "quadratic", "slack", "scheduled" or "lyapunov".
+    law : Law
+        For "scheduled" its W, Z are the evidence.
+    evidence : mapping
+        quadratic: ``W`` (n, n); slack: ``P`` (count, n, n) and ``G`` (n, n), and where they are not
+        those of Lemma 2 ``degree``, ``elevation``, ``on``, ``epsilon``; scheduled: ``tau`` and
+        ``elevation``; lyapunov: ``on``, and ``parts``, for each part of the region ``X``,
+        ``degree``, ``elevation``, and for a scheduled law ``multiple``; or ``cells``, parts of the
+        box with ``low``, ``high`` and these each.
+    observed : UncertainPlant, optional
+        The plant whose dual ``plant`` is, where the law is -L' of an observer: no law of a plant.
+    """
+
+    plant: UncertainPlant
+    region: Region
+    method: str
+    law: Law
+    evidence: Mapping[str, Any]
+    observed: UncertainPlant | None = None
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evidence", Frozen(self.evidence))
+
+    @property
+    def observer(self) -> bool:
+        """Whether the law is that of an observer."""
+        return self.observed is not None
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether it proves a part of the region in parts of the box, each with its own."""
+        return any("cells" in own for own in self.evidence.get("parts", ()))
+
+    @property
+    def at_rest(self) -> Certificate:
+        """The same for parameters that do not move: of the poles, and of no motion."""
+        return replace(self, plant=self.plant.at_rest) if self.plant.moving else self
+
+    def claim(self) -> Poles:
+        """Return the claim in exact rationals: that of the design file, a float being a rational.
+
+        Raises
+        ------
+        PlantError
+            If the checker does not take such a claim.
+        """
+        polynomial = isinstance(self.law, PolynomialGain)  # which names what it measures
+        plant = file_plant(self.plant) if polynomial else bare_plant(self.plant)
+        try:
+            law, on = read_law(Table.of(self._law(), "law"), plant)
+            own = {"region": self.region.document(), "method": self.method}
+            table = Table.of(own | {"evidence": _plain_data(self.evidence)})
+            claim = Poles.read_part(table, plant, law, plant.domain(on) if on else "")
+            table.done()
+            return claim
+        except FormatError as error:
+            raise PlantError(f"{self.plant.name}: {error}") from error
+
+    def _law(self) -> dict[str, Any]:
+        law = self.law
+        if isinstance(law, FixedGain):
+            return {"kind": "fixed", "K": law.K.tolist()}
+        on = "box" if len(law.domain.sizes) > 1 else "simplex"
+        if isinstance(law, PolynomialGain):
+            pairs = zip(law.powers, law.gains.tolist(), strict=True)
+            terms = [{"powers": list(e), "K": K} for e, K in pairs]
+            measured = {"measured": [own.name for own in law.measured]} if law.measured else {}
+            return {"kind": "polynomial", "on": on, "terms": terms} | measured
+        table = {"kind": "scheduled", "W": law.W.tolist(), "Z": law.Z.tolist()}
+        return table | {"degree": law.degree, "on": on}
+
+    def prove(self) -> Verdict:
+        """Decide in exact arithmetic whether the evidence proves the claim.
+
+        What would be more work than the checker does is "undecided".
+        """
+        return self._verdict
+
+    @cached_property
+    def _verdict(self) -> Verdict:
+        try:
+            return prove(self.claim())
+        except WorkError as error:
+            return undecided(str(error))
+        except FormatError as error:
+            raise PlantError(f"{self.plant.name}: {error}") from error
+
+    def require_checkable(self, claims: Sequence[Claim] = ()) -> None:
+        """Refuse to call proved what `check` of the file would not prove.
+
+        Parameters
+        ----------
+        claims : sequence of Claim
+            What `prove` proved of the same law besides.
+
+        Raises
+        ------
+        NotProvedError
+            Saying why not.
+        """
+        verdict, own = self.prove(), self.claim()
+        try:
+            if not verdict.proved:
+                raise FormatError(verdict.reason)
+            remainder = self.plant.remainder
+            named = self.plant if self.observed is None else self.observed
+            if remainder is not None and remainder.curve and named.sampling is None:
+                return  # what its samples are of is not known here: there is no file of it alone
+            self.file((own, *claims)).require_checkable((own, *claims))
+        except FormatError as error:
+            raise NotProvedError(f"not proved: the file of it is not proved: {error}") from error
+
+    def holds(self) -> bool:
+        """Whether the evidence proves the claim: as `prove`, by the compiled prover first."""
+        known = holds(self)
+        return self.prove().proved if known is None else known
+
+    def file(self, claims: Sequence[Claim] | None = None) -> Document:
+        """Return the file of claims about this plant and law: by default of the certificate's."""
+        # other claims need the law alone; they may be for constant parameters
+        own = self.claim() if claims is None else self.at_rest.claim()
+        if self.observed is not None:
+            plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
+            claims = (observer,)
+            if self.observed.sampling is not None:
+                claims = (observer, _samples(self.observed))
+            return Document(plant, None, claims, polefence=VERSION)
+        found = (own,) if claims is None else tuple(claims)
+        if self.plant.sampling is not None:
+            found = (*found, _samples(self.plant))
+        return Document(file_plant(self.plant), own.law, found, own.on, polefence=VERSION)
+
+    def document(self) -> dict[str, Any]:
+        """Return the design file as plain data for JSON."""
+        return self.file().write()
+
+    def dumps(self) -> str:
+        """Return the text of the design file."""
+        return self.file().dumps()
+
+    @classmethod
+    def loads(cls, text: str) -> Certificate:
+        """Read the text of a design file; proves nothing.
+
+        Raises
+        ------
+        DesignFileError
+            If the text is no file of a design, or of another version, or its shapes do not fit.
+        """
+        try:
+            return cls.of(loads(text))
+        except (FormatError, InputError) as error:
+            raise DesignFileError(str(error)) from error
+
+    @classmethod
+    def of(cls, document: Document) -> Certificate:
+        """Return the design that a file holds: its first claim about a region, or an observer's.
+
+        Raises
+        ------
+        DesignFileError
+            If there is none.
+        """
+        observer: Observer | None = document.first(Observer)
+        claim: Poles | None = document.first(Poles)
+        plant, observed = plant_of(document.plant), None
+        samples: Samples | None = document.first(Samples)
+        if samples is not None:
+            plant = replace(plant, sampling=sampling_of(samples, plant))
+        if claim is None and observer is not None:
+            claim, observed = observer.dual, plant
+            C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
+            plant = dual_plant(plant, C, observer.measured)
+        if claim is None:
+            raise DesignFileError("no claim of it is about a region; name a design's file")
+        region = region_of([(part.kind, part.numbers) for part in claim.region])
+        law: Law
+        if claim.law.polynomial:
+            law = polynomial_of(claim.law, plant)
+        elif claim.law.K is not None:
+            law = FixedGain(_floats(claim.law.K)[0])
+        else:
+            W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
+            law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, claim.sizes)
+        return cls(plant, region, claim.method, law, _evidence(claim), observed)
+
+
+def _samples(plant: UncertainPlant) -> Samples:
+    """Return the claim that a plant is the samples of another, about the plant of the file."""
+    return replace(claim_of_samples(plant), plant=file_plant(plant))
+
+
+def polynomial_of(law: laws.Law, plant: UncertainPlant) -> PolynomialGain:
+    """Return a polynomial law of a file."""
+    measured = tuple(plant.signal(name) for name in law.measured)
+    return PolynomialGain(law.powers, _floats(law.K or []), measured, plant.parameters)
+
+
+def _rationals(matrix: Array) -> Rationals:
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]
+
+
+def _evidence(claim: Poles) -> dict[str, Any]:
+    """Return evidence in floats, words and whole numbers as they are."""
+    first = claim.evidence[0]
+    if claim.method == "quadratic":
+        return {"W": _floats(first.X)[0]}
+    if claim.method == "scheduled":
+        elevation = {"elevation": first.elevation} if first.elevation != 1 else {}
+        return elevation | {"tau": np.array(float(first.tau))}
+    if claim.method == "slack":
+        form = {"degree": first.degree, "elevation": first.elevation, "on": claim.on}
+        own = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
+        own |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
+        return own | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
+    parts = tuple(map(part_of, claim.evidence))
+    return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": parts}
+
+
+def part_of(own: laws.Evidence) -> dict[str, Any]:
+    """Return the evidence for one part of a region."""
+    if own.cells:
+        bounds = ({"low": piece.low, "high": piece.high} for piece in own.cells)
+        ends = [{key: np.array(list(map(float, p))) for key, p in each.items()} for each in bounds]
+        pairs = zip(ends, own.cells, strict=True)
+        return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
+    part = {"X": _exactly(own.X), "degree": own.degree, "elevation": own.elevation}
+    if own.pieces:
+        part["pieces"] = own.pieces
+    if own.multiple:
+        part["multiple"] = np.array([float(v) for v in own.multiple])
+    if own.spread is not None:
+        keys = ("omega", "rows", "columns")
+        part["remainder"] = {key: np.array(getattr(own.spread, key), dtype=float) for key in keys}
+    return part
+
+
+def _plain_data(value: Any) -> Any:
+    """Return arrays as lists, mappings as tables."""
+    if isinstance(value, Mapping):
+        return {k: _plain_data(v) for k, v in value.items()}
+    if isinstance(value, tuple):
+        return [_plain_data(v) for v in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def check_claim(claim: Poles) -> Check:
+    """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
+    verdict, alpha = decide(claim)
+    said = f"poles in {region_text(claim.region)}, of A + B K with {claim.under}"
+    return Check(verdict.answer, verdict.reason, alpha, (said,))
+
+
+def decide(claim: Poles) -> tuple[Verdict, tuple[Fraction, ...] | None]:
+    """Prove a claim, or refute it by an alpha, or leave it undecided."""
+    with counted():  # what the proof leaves of it, a counterexample may take
+        verdict = prove(claim)
+        alpha = None if verdict.proved else counterexample(claim)
+    if verdict.proved:
+        return verdict, None
+    if alpha is None:
+        reason = f"{verdict.reason}, but no counterexample was found either"
+        return replace(verdict, reason=reason), None
+    weights = ", ".join(map(number_text, alpha))
+    reason = f"at alpha = ({weights}) a pole is not in the region"
+    return replace(verdict, answer="refuted", reason=reason), tuple(alpha)
+
+
+def _floats(matrices: list[Rationals]) -> Array:
+    return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
+
+
+def _exactly(matrices: list[Rationals]) -> Array:
+    """Return matrices in floats; as text "p/q" where floats do not hold them."""
+    if all(is_double(e) for matrix in matrices for row in matrix for e in row):
+        return _floats(matrices)
+    rows = [[[str(e) for e in row] for row in matrix] for matrix in matrices]
+    return np.array(rows, dtype=object)
+
+
+def in_floats(matrices: Any) -> Array:
+    """Return matrices of evidence in floats, also of entries that are text "p/q"."""
+    found = np.asarray(matrices)
+    if found.dtype != object:
+        return found
+    return np.array([float(Fraction(e)) for e in found.ravel()]).reshape(found.shape)
+
+
+def file_plant(plant: UncertainPlant) -> files.Plant:
+    """Return a plant as files have it, with its names."""
+    return replace(
+        bare_plant(plant),
+        name=plant.name,
+        states=tuple(plant.states),
+        inputs=tuple(plant.inputs),
+        disturbances=tuple(plant.disturbances),
+        outputs=tuple(_file_output(plant, own) for own in plant.every_output),
+        vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
+        noise=plant.noise,
+    )
+
+
+def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
+    C, D, F = ([[list(row)] for row in rows] for rows in own.exact(plant))
+    driven = tuple(F) if any(any(f[0]) for f in F) else ()
+    return files.Output(C, D, own.name, driven, own.unit)
+
+
+def sampling_of(claim: Samples, plant: UncertainPlant) -> Sampling:
+    """Return what a plant of a file is the samples of; outputs are not kept."""
+    n = claim.n
+    bare = UncertainPlant.from_vertices(
+        claim.A,
+        claim.B,
+        claim.E or None,
+        name=plant.name,
+        states=plant.states[:n],
+        inputs=plant.inputs[: claim.m],
+        disturbances=plant.disturbances,
+    )
+    bare = replace(bare, parameters=plant.parameters)
+    return Sampling(bare, claim.delay, claim.terms, claim.units)
+
+
+def plant_of(plant: files.Plant) -> UncertainPlant:
+    """Return the plant of a file.
+
+    Raises
+    ------
+    DesignFileError
+        If its names or numbers make none.
+    """
+    try:
+        outputs = tuple(
+            Output(
+                own.name, own.unit, *([row for (row,) in rows] for rows in (own.C, own.D, own.F))
+            )
+            for own in plant.outputs
+        )
+        found = UncertainPlant.from_vertices(
+            plant.A,
+            plant.B,
+            plant.E or None,
+            name=plant.name,
+            states=plant.states,
+            inputs=plant.inputs,
+            disturbances=plant.disturbances,
+            sample_time=plant.sample_time,
+            outputs=outputs,
+            vehicle=None if plant.vehicle is None else Vehicle(**plant.vehicle),
+            noise=plant.noise,
+            remainder=plant.remainder,
+        )
+        parameters = tuple(
+            Parameter(
+                p.name,
+                p.low,
+                p.high,
+                p.unit,
+                f"1/{p.name}" if p.inverted else p.name,
+                p.label,
+                p.rate,
+            )
+            for p in plant.ranges
+        )
+        return replace(found, parameters=parameters)
+    except (TypeError, ValueError) as error:
+        raise DesignFileError(f"plant is malformed: {error}") from error

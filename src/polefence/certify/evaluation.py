@@ -1,0 +1,289 @@
+"""Evaluation of a law in doubles: the share of the room in its region that rounding takes.
+
+A proof is about K(alpha) as a real number. Doubles evaluate it with rounding errors, and where the
+Lyapunov matrix X(alpha) is nearly singular, errors of the last digit move poles out of the region.
+In coordinates in which X(alpha) is the identity, the loop A_c has room while
+
+    F = -(L (x) I + M (x) A_c + M' (x) A_c') > 0,
+
+to which is added what poles computed in doubles may lie outside in any case, `TOLERANCE` of the
+region's size. An error D of the loop takes the share |F^-1/2 (M (x) D + M' (x) D') F^-1/2| of it.
+D is judged by its root mean square to first order, for independent errors of half a unit in the
+last place of every number that the evaluation has: those of W, Z, T and K, see `ScheduledGain`; of
+one gain those of K. This is smooth in the numbers: unlike an error found once, the same on every
+machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from polefence.certify.certificate import Certificate, in_floats
+from polefence.law.coordinates import Coordinates
+from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.lmi.solve.scaling import summed, transposed
+from polefence.plant.boxes import Box
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Pair, Region
+
+UNIT = 2.0**-53
+SAFETY = 2.0  # times the root mean square is what must find room
+TOLERANCE = 1e-4
+CORNERS, INNER = 64, 8  # points of the family that are looked at
+
+# A cheap bound of the share that says enough, and the least eigenvalue of a matrix of unit diagonal
+# that is inverted for it.
+SURE, INVERTIBLE = 0.5, 1e-8
+
+
+def rounding_share(certificate: Certificate) -> float:
+    """Return the share of the room that rounding takes, the largest of corners and points between.
+
+    Up to one the law, evaluated in doubles, keeps the poles in the region there, to within
+    `TOLERANCE` of its size. Infinite where the certificate leaves no room in doubles.
+    """
+    worst = 0.0
+    places = _places(domain_of(certificate))
+    with np.errstate(all="ignore"):
+        for region, lyapunov in lyapunovs(certificate):
+            try:
+                found = _Loops.of(certificate, lyapunov, places)
+                for pair in region.pairs():
+                    worst = max(worst, float(found.shares(pair, region).max()))
+            except np.linalg.LinAlgError:
+                return math.inf
+    return worst
+
+
+def surely_runs(certificate: Certificate) -> bool:
+    """Whether the share of a certificate that is proved is below one by a bound that is cheap.
+
+    Where X(alpha) = I the proof leaves F >= 0, and so `TOLERANCE` of the region's size at least:
+    with tr M M' and the number of columns of M that are not zero, that bounds what F^-1 does. The
+    rest are traces in the plant's own coordinates, for Lyapunov matrices that floats invert well.
+    """
+    with np.errstate(all="ignore"):
+        for region, lyapunov in lyapunovs(certificate):
+            if lyapunov.box is not None or lyapunov.multiple is not None:
+                return False
+            try:
+                spread = _spread([certificate], [lyapunov])[0]
+            except np.linalg.LinAlgError:
+                return False
+            if not _leaves_room(region, spread):
+                return False
+    return True
+
+
+def surely_run(certificates: Sequence[Certificate]) -> list[bool]:
+    """Return what `surely_runs` does of designs by one method for single disks, of one shape."""
+    parts = [part for own in certificates for part in lyapunovs(own)]
+    if not parts:
+        return []
+    with np.errstate(all="ignore"):
+        try:
+            spread = _spread(certificates, [lyapunov for _, lyapunov in parts])
+        except np.linalg.LinAlgError:
+            return [surely_runs(own) for own in certificates]
+        return [_leaves_room(*own) for own in zip([part[0] for part in parts], spread, strict=True)]
+
+
+def _leaves_room(region: Region, spread: float) -> bool:
+    for _, M in region.pairs():
+        factor = math.sqrt(float((M * M).sum()) * np.count_nonzero(M.any(axis=0)))
+        if not 2 * SAFETY * UNIT * factor * spread / (TOLERANCE * region.size) <= SURE:
+            return False
+    return True
+
+
+def _spread(certificates: Sequence[Certificate], lyapunovs: Sequence[Lyapunov]) -> list[float]:
+    """Return the roots of the terms' squares where F^-1 = I, infinite where floats may not do."""
+    law, degree, domain = certificates[0].law, lyapunovs[0].degree, domain_of(certificates[0])
+    places, laws = _places(domain), [own.law for own in certificates]
+    X = np.array([own.X for own in lyapunovs])
+    if degree:  # else it is the same everywhere: one for all places
+        X = summed(domain.basis(places, degree), X)
+    diagonal = np.diagonal(X, axis1=-2, axis2=-1)
+    scale = np.sqrt(diagonal)
+    even = X / (scale[..., :, None] * scale[..., None, :])
+    usable = np.linalg.eigvalsh(even).min(axis=(-2, -1)) > INVERTIBLE
+    B = summed(places, np.array([own.plant.B for own in certificates])) / scale[..., None]
+    inputs = transposed(B) @ np.linalg.solve(even, B)  # B' X^-1 B
+    column = np.diagonal(inputs, axis1=-2, axis2=-1)
+    if isinstance(law, FixedGain):
+        K = np.array([own.K for own in laws if isinstance(own, FixedGain)])
+        square = (column @ K**2 * diagonal).sum(axis=-1)
+    elif isinstance(law, ScheduledGain):
+        W, Z = (np.array([getattr(own, name) for own in laws]) for name in ("W", "Z"))
+        mean = W.mean(axis=-3)
+        size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1))
+        T = np.linalg.cholesky(mean / (size[..., :, None] * size[..., None, :]))
+        T = (np.linalg.inv(T) / size[..., None, :])[..., None, :, :]
+        W = T @ X @ transposed(T)
+        Z = summed(domain.basis(places, law.degree), Z) @ transposed(T)
+        right = np.linalg.inv(W)
+        K = Z @ right
+        moved = (K * (inputs @ K)).sum(axis=-2)
+        terms = (moved, W, right), (column, Z, right), (moved, T, X), (column, K @ T, X)
+        square = np.sum([_weighed(*term) for term in terms], axis=0)
+    else:
+        return [math.inf] * len(laws)
+    return [float(own) for own in np.where(usable, np.sqrt(square.max(axis=-1)), np.inf)]
+
+
+def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
+    """Return the sum of squares of a matrix, weighed by columns and by the diagonal of rows."""
+    sums = (columns[..., None, :] @ matrix**2)[..., 0, :]
+    return np.asarray((sums * np.diagonal(rows, axis1=-2, axis2=-1)).sum(axis=-1))
+
+
+def domain_of(certificate: Certificate) -> Domain:
+    """Return where the certificate's polynomials live."""
+    law = certificate.law
+    if not isinstance(law, FixedGain):
+        return law.domain
+    on = str(certificate.evidence.get("on", "simplex"))
+    return Domain.of(on, len(certificate.plant.vertices))
+
+
+@lru_cache(maxsize=64)
+def _places(domain: Domain) -> Array:
+    """Return corners, the middle, and points between, as alpha."""
+    random = np.random.default_rng(0)
+    own = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
+    middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
+    between = domain.alpha(np.vstack([middle, np.hstack(own)]))
+    found = np.vstack([np.eye(domain.corners)[:CORNERS], between])
+    found.flags.writeable = False
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Lyapunov:
+    """X(alpha) = X, or W (multiple + X W) of a law that was given: Bernstein coefficients.
+
+    On ``box`` alone, in its own coordinates, where there is one. ``remainder`` has what a plant's
+    asks for besides: omega, rows and columns.
+    """
+
+    X: Array
+    degree: int
+    multiple: Array | None = None
+    elevation: int | None = None  # of the evidence of a law that was given
+    box: Box | None = None
+    remainder: Mapping[str, Any] | None = None
+
+
+def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
+    """Yield each part of the region, and of the box, with what proves it there."""
+    law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
+    if certificate.method == "lyapunov":
+        scheduled = isinstance(law, ScheduledGain)
+        for part, each in zip(parts, evidence["parts"], strict=True):
+            for own in each.get("cells", [each]):
+                degree, X = int(own["degree"]), in_floats(own["X"])
+                multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
+                box = Box(tuple(own["low"]), tuple(own["high"])) if "low" in own else None
+                more = multiple, int(own["elevation"]), box, own.get("remainder")
+                yield part, Lyapunov(X, degree, *more)
+        return
+    if isinstance(law, ScheduledGain):
+        found = Lyapunov(law.W, law.degree)
+    elif certificate.method == "slack":
+        found = Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
+    else:
+        found = Lyapunov(np.asarray(evidence["W"])[None], 0)
+    for part in parts:
+        yield part, found
+
+
+Term = tuple[Array, Array, Array]  # D = left E right, entries of E as large as the second's
+
+
+@dataclass(frozen=True, eq=False)
+class _Loops:
+    """Loops in coordinates in which X(alpha) = I at each point, and the terms of their errors.
+
+    Attributes
+    ----------
+    closed : (places, n, n) array
+        [1/s]
+    terms : tuple of (left, matrix, right)
+    """
+
+    closed: Array
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, certificate: Certificate, lyapunov: Lyapunov, places: Array) -> _Loops:
+        law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
+        basis = domain.basis(places, lyapunov.degree)
+        if lyapunov.box is not None:
+            places = lyapunov.box.alpha(domain, places)
+        if isinstance(law, ScheduledGain):
+            coordinates = law.coordinates
+            W, Z = (np.tensordot(law.domain.basis(places, law.degree), M, 1) for M in law.even)
+            X = _scheduled(coordinates, lyapunov, basis, W)
+            K: Array = right_divide(Z, W)
+        else:
+            coordinates = _middle(lyapunov.X)
+            X = np.tensordot(basis, coordinates.forms(lyapunov.X), 1)
+            gains = law.gain(places)
+            K = coordinates.feedback(gains)
+        A = np.tensordot(places, coordinates.loops(plant.A), 1)
+        B = np.tensordot(places, coordinates.inputs(plant.B), 1)
+        C: Array = np.asarray(np.linalg.cholesky((X + X.swapaxes(-1, -2)) / 2), dtype=float)
+        left: Array = np.asarray(np.linalg.solve(C, B), dtype=float)
+        closed, back = np.linalg.solve(C, A) @ C + left @ K @ C, coordinates.inverse @ C
+        if not isinstance(law, ScheduledGain):
+            return cls(closed, ((left, gains, back),))
+        right: Array = np.asarray(np.linalg.solve(W, C), dtype=float)
+        T, moved = coordinates.T, left @ K
+        terms = (moved, W, right), (left, Z, right), (moved, T, back), (left, K @ T, back)
+        return cls(closed, terms)
+
+    def shares(self, pair: Pair, region: Region) -> Array:
+        """Return the share of the room of one L, M that rounding takes at each point."""
+        (L, M), n = pair, self.closed.shape[-1]
+        F = TOLERANCE * region.size * np.eye(len(L) * n) - np.kron(L, np.eye(n))
+        F = F - np.array([np.kron(M, A) + np.kron(M.T, A.T) for A in self.closed])
+        if not np.all(np.isfinite(F)) or not np.all(np.linalg.eigvalsh(F) > 0):
+            return np.full(len(F), math.inf)
+        inverse = np.linalg.inv(F).reshape(-1, len(L), n, len(L), n)
+        # M = M1 M2: its columns that are not zero, and which those are
+        kept = np.diag(M.any(axis=0).astype(float))
+        weights = [np.einsum("ab,paibj->pij", each, inverse) for each in (M @ M.T, kept)]
+        square = sum(_square(term, *weights) for term in self.terms)
+        return np.asarray(2 * SAFETY * UNIT * np.sqrt(square))
+
+
+def _square(term: Term, before: Array, behind: Array) -> Array:
+    """Return the mean square of F^-1/2 (M (x) D) F^-1/2, in squares of units of the last place."""
+    left, matrix, right = term
+    columns = np.einsum("pia,pij,pja->pa", left, before, left)
+    rows = np.einsum("pbi,pij,pbj->pb", right, behind, right)
+    square = np.broadcast_to(matrix**2, (len(columns), *matrix.shape[-2:]))
+    return np.asarray(np.einsum("pa,pab,pb->p", columns, square, rows))
+
+
+def _middle(X: Array) -> Coordinates:
+    found = Coordinates.whitening(X.mean(axis=0))
+    if found is None:
+        raise np.linalg.LinAlgError("a Lyapunov matrix is not positive definite")
+    return found
+
+
+def _scheduled(coordinates: Coordinates, lyapunov: Lyapunov, basis: Array, W: Array) -> Array:
+    """Return X(alpha) of a scheduled law in its own coordinates."""
+    if lyapunov.multiple is None:
+        return W
+    Q = np.tensordot(basis, coordinates.duals(lyapunov.X), 1)
+    scalar = np.tensordot(basis, lyapunov.multiple, 1)[:, None, None]
+    return np.asarray(W @ (scalar * np.eye(W.shape[-1]) + Q @ W))

@@ -1,0 +1,322 @@
+"""Evidence that a given law keeps a region: of the whole box, then of parts of it.
+
+Lyapunov polynomials of growing degree are tried for the whole box. Where they prove nothing it is
+halved, along the parameter that changes the loop most, until low degrees do in each part; a part in
+which a pole is found to leave the region refutes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.certify.candidates import Deadline, first
+from polefence.certify.certificate import Certificate, part_of
+from polefence.certify.counterexample import counterexample
+from polefence.certify.rational import lyapunov_matrices
+from polefence.law.laws import (
+    FixedGain,
+    Law,
+    ScheduledGain,
+    divisible,
+    domain_of,
+)
+from polefence.lmi.solve.loops import loop_of
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
+from polefence.lmi.solve.spread import spread_of
+from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
+from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
+from polefence.plant.system import Array
+from polefence.proof import matrices, work
+from polefence.proof.claims.base import prove
+from polefence.proof.laws import Evidence, Piece
+from polefence.proof.plant import ANY
+from polefence.proof.polynomials import coordinates
+from polefence.region.regions import Region
+
+# Degree and elevation of the Lyapunov polynomial, one after the other.
+LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
+# The same, and pieces of each interval, beyond: where parameters move; inequalities at most.
+FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
+# What a step of the search may cost, beyond the first form [multiplications].
+MOST_WORK = 1e10
+# Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
+IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
+SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
+
+
+def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
+    """Yield degree and elevation of the Lyapunov polynomials worth trying, the first whatever.
+
+    Raises
+    ------
+    InputError
+        If the plant is so large that the exact checker does not take even the first.
+    """
+    n = plant.shape[0]
+    for form in LADDER:
+        blocks = _blocks(plant, law, form)
+        checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
+        if form == LADDER[0]:
+            if not checked:
+                raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")
+        elif not checked or work_of(plant, law, form) > MOST_WORK:
+            return
+        yield form
+
+
+def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
+    """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
+    own = 0 if isinstance(law, FixedGain) else law.degree
+    own *= 2 if isinstance(law, ScheduledGain) else 1
+    return domain_of(plant, law).count(form[0] + plant.curve_degree + own + form[1])
+
+
+def work_of(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
+    """Return about what a step of the search for one costs [multiplications]."""
+    n = plant.shape[0]
+    unknowns = domain_of(plant, law).count(form[0]) * n * (n + 1) // 2
+    return float(_blocks(plant, law, form) * unknowns**2 * (2 * n) ** 2)
+
+
+def evidence_at(
+    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int], pieces: int = 1
+) -> dict[str, Any] | None:
+    """Return evidence of a form, proved for one part of a region in pieces of the intervals."""
+
+    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
+        evidence = whole_evidence(plant, law, found, form)
+        holds = certificate_of(plant, law, part, [evidence]).holds()
+        return evidence if holds else None
+
+    with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
+        loop = replace(loop_of(plant, law), pieces=pieces_of(plant, pieces))
+        return first(map(proved, points_inside(loop, part, form)))
+    return None
+
+
+def pieces_of(plant: UncertainPlant, pieces: int) -> tuple[int, ...]:
+    """Return so many pieces of the interval of each parameter that moves, one of others."""
+    if pieces < 2:
+        return ()
+    return tuple(1 if own.rate in (None, ANY) else pieces for own in plant.parameters)
+
+
+def finer(plant: UncertainPlant, law: Law) -> Iterator[tuple[tuple[int, int], int]]:
+    """Yield forms and pieces beyond the ladder, where parameters move: there are no cells then."""
+    motion = Motion.of(plant)
+    moves = motion.moves if motion.centre is None else ()  # in discrete time X is affine
+    for form, pieces in FINER if moves else ():
+        each = _blocks(plant, law, form) * 2 ** len(moves)
+        if each * pieces ** len(moves) <= MOST_FINER:
+            yield form, pieces
+
+
+def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:
+    """Return what a remainder asks for besides, as a certificate has it."""
+    multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
+    X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
+    found = Evidence(X, evidence["degree"], evidence["elevation"], multiple)
+    own = spread_of(plant, law, found, driven=False)
+    each = {key: getattr(own, key) for key in ("omega", "rows", "columns")}
+    return {key: np.array(value, dtype=float) for key, value in each.items()}
+
+
+class Search:
+    """The search for evidence of one part of a region, beyond the lowest form.
+
+    ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
+    whether a deadline ended it; ``alpha``, where there is one, refutes the region. ``parts`` is of
+    how many the region is made.
+    """
+
+    def __init__(
+        self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline, parts: int = 1
+    ) -> None:
+        self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
+        self.most, self.share = _most_parts(plant, law, parts), SHARE / parts
+        self.last, self.halved, self.cut = LADDER[0], False, False
+        self.alpha: list[Fraction] | None = None
+
+    @property
+    def tried(self) -> str:
+        """What was tried, in words."""
+        degree, elevation = self.last
+        found = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
+        return found + f", nor in {self.most} parts of the box" * self.halved
+
+    def proof(
+        self, ladder: Sequence[tuple[int, int]], halved: bool = True
+    ) -> dict[str, Any] | None:
+        """Return evidence of a form of the whole box, else, with ``halved``, in parts of it."""
+        for form in ladder:
+            if self._late():
+                return None
+            self.last = form
+            evidence = evidence_at(self.plant, self.law, self.part, form)
+            if evidence is not None:
+                return evidence
+        for X in lyapunov_matrices(self.plant, self.law, self.part):
+            evidence = {"X": X, "degree": 0, "elevation": 0}
+            if certificate_of(self.plant, self.law, self.part, [evidence]).holds():
+                return evidence
+        for form, pieces in finer(self.plant, self.law):
+            if self._late():
+                return None
+            self.last = form
+            evidence = evidence_at(self.plant, self.law, self.part, form, pieces)
+            if evidence is not None:
+                return evidence
+        return self.in_parts() if halved else None
+
+    def in_parts(self) -> dict[str, Any] | None:
+        """Return evidence in parts of the box, None where they would be too many."""
+        if self.most < 2 or self._late():
+            return None
+        self.halved = True
+        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_WORK)
+
+        def along(box: Box) -> int | None:
+            self.alpha = inside.leaving(box)
+            return None if self.alpha or inside.full or self._late() else inside.widest(box)
+
+        whole = Box.whole(domain_of(self.plant, self.law))
+        with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
+            halves = list(whole.halves(inside.widest(whole)))
+            parts = divided(halves, inside.proof, along, self.most)
+            if parts is not None:
+                pieces = (inside.piece(box, own) for box, own in parts)
+                return part_of(Evidence([], cells=tuple(pieces)))
+        return None
+
+    def _late(self) -> bool:
+        self.cut = self.cut or self.deadline.passed
+        return self.cut
+
+
+class _Inside:
+    """A law and a part of a region in parts of the box.
+
+    ``full`` is whether the proofs found take more work than they may.
+    """
+
+    def __init__(self, plant: UncertainPlant, law: Law, part: Region, most: float) -> None:
+        self.plant, self.law, self.part, self.most = plant, law, part, most
+        self.loop = loop_of(plant, law)
+        self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
+        first, *higher = IN_PARTS
+        cheap = (form for form in higher if work_of(plant, law, form) <= MOST_IN_PART)
+        self.forms, self.spent = (first, *cheap), 0
+
+    @property
+    def full(self) -> bool:
+        return self.spent > self.most
+
+    def proof(self, box: Box) -> Evidence | None:
+        """Return evidence of low degree, None where none is proved."""
+        claim = self.claim.inside(self.piece(box, self.claim.evidence[0]))
+        own = self.loop.inside(box)
+        for form in () if self.full else self.forms:
+            for found in points_inside(own, self.part, form):
+                X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+                evidence = Evidence(X, *form)
+                with suppress(work.FormatError), work.counted() as count:
+                    if prove(replace(claim, evidence=(evidence,))).proved:
+                        self.spent += count.spent
+                        return evidence
+        return None
+
+    def leaving(self, box: Box) -> list[Fraction] | None:
+        """Return an alpha at which a pole leaves the region, None if none was found."""
+        piece = self.piece(box, self.claim.evidence[0])
+        alpha = counterexample(self.claim.inside(piece))
+        if alpha is None:
+            return None
+        own, whole = coordinates(alpha, self.claim.sizes)[1::2], [Fraction(1)]
+        for low, high, t in zip(piece.low, piece.high, own, strict=True):
+            at = low + (high - low) * t
+            whole = [a * w for a in whole for w in (1 - at, at)]
+        return whole
+
+    def widest(self, box: Box) -> int:
+        """Return the parameter along which the loop changes most."""
+        domain = domain_of(self.plant, self.law)
+
+        def loops(own: Array) -> Array:
+            alpha = box.alpha(domain, own)
+            A, B = self.plant.at(alpha)
+            return np.asarray(A + B @ self.law.gain(alpha))
+
+        return widest(domain, loops, lambda poles: -self.part.distance(poles))
+
+    @staticmethod
+    def piece(box: Box, own: Evidence) -> Piece:
+        """Return a part with its evidence, in rationals."""
+        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+        return Piece(low, high, own)
+
+
+def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
+    """Return in how many parts of the box, at most, a claim is searched for and checked."""
+    if not divisible(plant, law) or plant.remainder is not None:
+        return 1
+    blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
+    checked = matrices.least_work(blocks, 2 * plant.shape[0])
+    found = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
+    return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
+
+
+def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
+    """Return evidence that has the shape of some, for a claim whose poles are to be looked at."""
+    n, count = plant.shape[0], domain_of(plant, law).count(0)
+    found = {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
+    if plant.remainder is not None:
+        size = float(sum(x * x for row in plant.remainder.entries for x in row)) ** 0.5 or 1.0
+        width = len(plant.remainder.entries[0])
+        own = {"omega": np.eye(n), "rows": np.full(n, 2 * size), "columns": np.ones(width)}
+        found["remainder"] = own
+    return found
+
+
+def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
+    """Return what was found as a certificate has it."""
+    evidence: dict[str, Any] = {"X": found.Q, "degree": form[0], "elevation": form[1]}
+    evidence |= {"pieces": found.pieces} if found.pieces else {}
+    return evidence if found.multiple is None else evidence | {"multiple": found.multiple}
+
+
+def whole_evidence(
+    plant: UncertainPlant, law: Law, found: LyapunovPolynomial, form: tuple[int, int]
+) -> dict[str, Any]:
+    """Return it with what a remainder of the plant asks for besides.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If what was found is no Lyapunov matrix, where there is a remainder.
+    """
+    return with_remainder(plant, law, evidence_of(found, form))
+
+
+def with_remainder(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:
+    """Return evidence with what a remainder of the plant asks for besides, as `whole_evidence`."""
+    if plant.remainder is None:
+        return evidence
+    return evidence | {"remainder": _spread(plant, law, evidence)}
+
+
+def certificate_of(
+    plant: UncertainPlant, law: Law, region: Region, parts: Sequence[dict[str, Any]]
+) -> Certificate:
+    """Return the claim with its evidence, one for each part of the region."""
+    evidence: dict[str, Any] = {"parts": tuple(parts)}
+    if isinstance(law, FixedGain) and len(domain_of(plant, law).sizes) > 1:
+        evidence["on"] = "box"
+    return Certificate(plant, region, "lyapunov", law, evidence)

@@ -1,0 +1,214 @@
+"""The compiled second prover: claims about poles decided in whole numbers of fixed length.
+
+It builds the inequalities of `polefence.proof.claims.poles` from the same doubles and rationals, in
+whole numbers that it has bounded beforehand, and says whether all of them are positive definite,
+exactly, or that it does not know. Where it does not, or is not there, the checker proves. Searches
+ask it what holds; the checker remains the judge of what is saved, loaded or checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polefence.base.progress import stage
+from polefence.law.laws import FixedGain, ScheduledGain
+from polefence.lmi.solve.engine import kernel
+from polefence.plant.polynomial import Domain, binomial
+from polefence.plant.system import Array
+from polefence.proof.matrices import least_work
+from polefence.proof.reading import LARGEST, is_double
+from polefence.proof.regions import MAX_PARTS, parts_of
+from polefence.proof.work import MAX_WORK, FormatError
+from polefence.region.regions import Disk, Region
+
+if TYPE_CHECKING:
+    from polefence.certify.certificate import Certificate
+
+# The share of the checker's count of work that the inequalities may come to: what is proved here
+# must not be more than is checked there, long numbers or not.
+SHARE = 8
+_ANSWERS = {1: True, 0: False}
+# What evidence may hold: all of these are read here, and the checker refuses others.
+_KEYS = {
+    "quadratic": {"W"},
+    "scheduled": {"tau", "elevation"},
+    "lyapunov": {"on", "parts"},
+    "slack": {"P", "G", "degree", "elevation", "on"},
+}
+_PART = {"X", "degree", "elevation"}
+
+Pair = tuple[Array, Array]
+
+
+@stage("proof")
+def holds(certificate: Certificate) -> bool | None:
+    """Return whether the evidence proves the claim, exactly; None where it is not known."""
+    own, ask = kernel(), _METHODS.get(certificate.method)
+    if own is None or ask is None or not hasattr(own, "poles") or certificate.plant.remainder:
+        return None
+    if certificate.plant.moving:  # along motions there is more to prove
+        return None
+    if len(certificate.region.parts) > MAX_PARTS:  # which the checker refuses
+        return None
+    on = certificate.evidence.get("on", "simplex")
+    boxed = on != "simplex" or len(getattr(certificate.law, "sizes", ())) > 1
+    if boxed and not certificate.plant.parameters:
+        return None
+    try:
+        _require(certificate.evidence.keys() <= _KEYS[certificate.method])
+        return ask(own, certificate)
+    except (AttributeError, LookupError, TypeError, ValueError):  # which the checker says better
+        return None
+
+
+def _quadratic(own: Any, certificate: Certificate) -> bool | None:
+    domain, evidence = Domain.of("simplex", len(certificate.plant.vertices)), certificate.evidence
+    form = _polynomial(domain, 0, evidence["W"][None])
+    return _poles(
+        own, certificate, domain, certificate.region.parts, (_gain(certificate, domain), form)
+    )
+
+
+def _scheduled(own: Any, certificate: Certificate) -> bool | None:
+    law, evidence = certificate.law, certificate.evidence
+    if not isinstance(law, ScheduledGain):
+        return None
+    _require(law.domain.corners == len(certificate.plant.vertices))
+    elevation, tau = _whole(evidence.get("elevation", 1)), np.asarray(evidence["tau"])
+    _require(tau.dtype == np.float64 and not tau.shape)
+    theorem = _whole(law.degree) == elevation == 1 == len(law.domain.sizes)
+    if tau and not (theorem and isinstance(certificate.region, Disk)):
+        return None
+    form = _polynomial(law.domain, law.degree, np.concatenate([law.W, law.Z], axis=1))
+    parts = certificate.region.parts
+    return _poles(
+        own, certificate, law.domain, parts, (form, None), law.degree, elevation, float(tau)
+    )
+
+
+def _given(own: Any, certificate: Certificate) -> bool | None:
+    evidence, N = certificate.evidence, len(certificate.plant.vertices)
+    if not isinstance(certificate.law, FixedGain) or certificate.in_parts:
+        return None
+    domain, answers = Domain.of(str(evidence.get("on", "simplex")), N), list[bool | None]()
+    for part, each in zip(certificate.region.parts, evidence["parts"], strict=True):
+        _require(each.keys() <= _PART and each["X"].dtype != object)  # the prover takes doubles
+        degree, elevation = _whole(each["degree"]), _whole(each["elevation"])
+        X = _polynomial(domain, degree, each["X"])
+        forms = _gain(certificate, domain), X
+        answers.append(_poles(own, certificate, domain, (part,), forms, degree, elevation))
+    return False if False in answers else None if None in answers else True
+
+
+def _slack(own: Any, certificate: Certificate) -> bool | None:
+    evidence, region = certificate.evidence, certificate.region
+    if not isinstance(region, Disk):
+        return None
+    domain = Domain.of(str(evidence.get("on", "simplex")), len(certificate.plant.vertices))
+    degree = _whole(evidence.get("degree", 1))
+    highest = max(degree, 1) + _whole(evidence.get("elevation", 0))
+    forms = (
+        _gain(certificate, domain),
+        _polynomial(domain, degree, evidence["P"]),
+        _polynomial(domain, 0, evidence["G"][None]),
+    )
+    count = domain.count(highest)
+    if not _usual(certificate, count, forms):
+        return None
+    plant, ends = _plant(certificate, domain), (float(region.centre), float(region.radius))
+    raises = highest - degree, highest - 1
+    return _ANSWERS.get(own.slack(domain.sizes, plant, *forms, *ends, *raises, count))
+
+
+_METHODS = {
+    "quadratic": _quadratic,
+    "scheduled": _scheduled,
+    "lyapunov": _given,
+    "slack": _slack,
+}
+
+
+def _poles(
+    own: Any,
+    certificate: Certificate,
+    domain: Domain,
+    parts: Sequence[Region],
+    forms: tuple[Any, Any],
+    degree: int = 0,
+    elevation: int = 0,
+    tau: float = 0.0,
+) -> bool | None:
+    """Ask for [X; K X] = form V, or form alone."""
+    pairs, count = _pairs(parts), domain.count(degree + 1 + elevation)
+    if pairs is None or not _usual(certificate, count * len(pairs), forms):
+        return None
+    positive = any(not isinstance(part, Disk) for part in parts)
+    plant = _plant(certificate, domain)
+    return _ANSWERS.get(
+        own.poles(domain.sizes, plant, *forms, pairs, tau, elevation, count, positive)
+    )
+
+
+def _usual(certificate: Certificate, count: int, forms: Sequence[Any]) -> bool:
+    """Whether the checker takes such a claim for certain."""
+    values = [form[2] for form in forms if form is not None]
+    sides = 2 * certificate.plant.shape[0] * (2 if certificate.method == "slack" else 1)
+    return least_work(count, sides) <= MAX_WORK // SHARE and all(
+        np.abs(each).max() < LARGEST
+        for each in values  # nan is not
+    )
+
+
+def _pairs(parts: Sequence[Region]) -> list[Pair] | None:
+    """Return L and M of the parts, None where doubles do not hold them."""
+    if all(isinstance(part, Disk) for part in parts):
+        exact = [pair for part in parts for pair in part.pairs()]
+        return [(L[None], M[None]) for L, M in exact]
+    found = [pair for part in parts for own in parts_of(part.document()) for pair in own.pairs]
+    if not all(is_double(e) for pair in found for M in pair for row in M for e in row):
+        return None
+    return [(np.array([L], dtype=float), np.array([M], dtype=float)) for L, M in found]
+
+
+def _gain(certificate: Certificate, domain: Domain) -> Any:
+    """Return [I; K] of one gain."""
+    law = certificate.law
+    if not isinstance(law, FixedGain):
+        raise FormatError("the law is no gain")
+    K = law.K
+    return _polynomial(domain, 0, np.vstack([np.eye(K.shape[1]), K])[None])
+
+
+def _plant(certificate: Certificate, domain: Domain) -> Any:
+    data, denominator, words = certificate.plant.words
+    return _powers(domain.sizes, 1)[0], data, denominator, certificate.plant.shape[0], words
+
+
+def _polynomial(domain: Domain, degree: int, coefficients: Array) -> Any:
+    """Return a polynomial as the kernel has it: of doubles, which nothing rounds."""
+    values = np.asarray(coefficients)
+    _require(values.dtype == np.float64 and len(values) == domain.count(degree))
+    return *_powers(domain.sizes, degree), np.ascontiguousarray(values)
+
+
+def _whole(value: Any) -> int:
+    _require(type(value) is int)
+    return int(value)
+
+
+def _require(fine: bool) -> None:
+    """Leave to the checker what it may refuse."""
+    if not fine:
+        raise FormatError("this is no evidence as searches find it")
+
+
+@lru_cache(maxsize=64)
+def _powers(sizes: tuple[int, ...], degree: int) -> tuple[Any, Any]:
+    """Return exponents and multinomials of all monomials."""
+    monomials = Domain(sizes).monomials(degree)
+    exponents = np.array(monomials, dtype=np.int64).reshape(len(monomials), -1)
+    return exponents, np.array([binomial(sizes, e) for e in monomials], dtype=np.int64)

@@ -1,0 +1,437 @@
+"""Laws that are given: their poles in a region proved or refuted, and how far they go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, overload
+
+import numpy as np
+
+from polefence.base.errors import InputError, RegionError, SolverError, require_type
+from polefence.base.explained import explained
+from polefence.base.processors import small_matrices
+from polefence.certify.candidates import Deadline, first
+from polefence.certify.certificate import Certificate
+from polefence.certify.checks import in_time_of, require_continuous, require_region
+from polefence.certify.counterexample import counterexample, first_worst, worst_points
+from polefence.certify.design import Design
+from polefence.certify.evidence import (
+    Search,
+    certificate_of,
+    evidence_at,
+    forms,
+    placeholder,
+    whole_evidence,
+)
+from polefence.certify.table import TableAnalysis, analyse_table
+from polefence.law.laws import (
+    GainTable,
+    Law,
+    domain_of,
+    given_law,
+)
+from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
+from polefence.lmi.solve.loops import loop_of
+from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
+from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.card import card
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import values_at, values_text
+from polefence.plant.system import Array
+from polefence.proof.short import Short
+from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
+
+TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
+# How far beyond the r that a point reaches in floats the exact proof is attempted.
+STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+WITH_REMAINDER = (3e-2, 1e-1)  # further, of a plant that is only near its vertices
+# How far inside the half-plane a first point for damping ratios is looked for.
+INSIDE = 0.98
+# A proof within this share of the worst point is near enough.
+NEAR = 1e-4
+# How far beyond the worst point a region is proved in parts of the box.
+BEYOND = (1e-4, 1e-3, 1e-2)
+
+_Proved = tuple[float, Region, Certificate]  # with its r
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis(Short):
+    """The answer to "does this law keep all poles in the region?".
+
+    Attributes
+    ----------
+    plant, law, region
+        The question.
+    answer : str
+        "proved", "refuted" or "undecided".
+    reason : str
+    certificate : Certificate or None
+        Of a proved answer: it saves and checks as a design's does.
+    alpha : tuple of Fraction or None
+        Of a refuted answer: where a pole is not in the region, exactly.
+    pole : complex or None
+        That pole, in floats [1/s].
+    """
+
+    plant: UncertainPlant
+    law: Law
+    region: Region
+    answer: str
+    reason: str
+    certificate: Certificate | None = None
+    alpha: tuple[Fraction, ...] | None = None
+    pole: complex | None = None
+
+    def __repr__(self) -> str:
+        return f"<Analysis of {self.plant.name!r}: {self.region}, {self.answer}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        rows = [("region", str(self.region)), ("answer", self.answer), ("by", self.reason)]
+        return card(self.plant.name, rows)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the answer is "proved"."""
+        return self.answer == "proved"
+
+    @property
+    def values(self) -> dict[str, float] | None:
+        """The parameters' values at ``alpha``; None without, or where none have this alpha."""
+        return None if self.alpha is None else values_at(self.plant, self.alpha)
+
+    @property
+    def design(self) -> Design:
+        """The law, region and certificate as a design, to save or draw.
+
+        Raises
+        ------
+        InputError
+            If the answer is not "proved".
+        """
+        if self.certificate is None:
+            raise InputError(f"the analysis is {self.answer}; only a proved one makes a design")
+        return Design(self.certificate)
+
+    def poles(self, alpha: Array) -> Array:
+        """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
+        A, B = self.plant.at(alpha)
+        return np.asarray(np.linalg.eigvals(A + B @ self.law.gain(alpha)))
+
+
+@overload
+def analyse(
+    plant: UncertainPlant,
+    law: GainTable,
+    region: Region,
+    budget: float | None = ...,
+    depth: int = ...,
+) -> TableAnalysis: ...
+
+
+@overload
+def analyse(
+    plant: UncertainPlant, law: Any, region: Region, budget: float | None = ..., depth: int = ...
+) -> Analysis: ...
+
+
+@explained
+@small_matrices()
+def analyse(
+    plant: UncertainPlant, law: Any, region: Region, budget: float | None = None, depth: int = 4
+) -> Analysis | TableAnalysis:
+    """Prove or refute that a given law keeps all poles of the whole family in a region.
+
+    For one gain, or a law Z W^-1: Lyapunov polynomials of growing degree are tried, one for each
+    part of the region; where those that are cheap do not prove it, one for each of some parts of
+    the box. For a table of gains: cell by cell, see `TableAnalysis`. For a plant with parameters
+    the family is that of the parameters' box.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    law : (m, n) matrix, any law of `polefence.law`, Design or control.StateSpace
+        u = K x. Of python-control's ``lqr``, whose u is -K x, give -K. A ``StateSpace`` must be a
+        static gain.
+    region : Region
+    budget : float, optional
+        Time after which no higher degree is begun, and no cell halved [s]; the answer then says
+        so. Without one the counted size of the next step alone ends the search.
+    depth : int
+        How often a cell of a table may be halved.
+
+    Returns
+    -------
+    Analysis or TableAnalysis
+        The latter for a table.
+
+    Raises
+    ------
+    InputError
+        If the law does not fit the plant, or the region the plant's time.
+    """
+    if isinstance(law, GainTable):
+        return analyse_table(plant, law, region, depth, budget)
+    law = given_law(plant, law)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
+    require_region(plant, region)
+    answer = analysed(plant, law, region, Deadline(budget))
+    if answer.certificate is not None and answer.proved:
+        answer.certificate.require_checkable()
+    return answer
+
+
+def analysed(
+    plant: UncertainPlant,
+    law: Law,
+    region: Region,
+    deadline: Deadline,
+    halved: bool = True,
+    looked: bool = False,
+) -> Analysis:
+    """Return what is proved of one law; with ``halved`` in parts of the box too.
+
+    ``looked`` says that a counterexample was looked for, and none found.
+    """
+    ladder = list(forms(plant, law, len(region.parts)))
+    claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
+    parts = list[dict[str, Any]]()
+    # of the lowest degree first: most laws that keep a region need no other
+    found = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
+    if None in found and not looked:
+        alpha = counterexample(claim.claim())
+        if alpha is not None:
+            return _refuted(plant, law, region, alpha)
+    for part, evidence in zip(region.parts, found, strict=True):
+        search = Search(plant, law, part, deadline, len(region.parts))
+        proof = evidence or search.proof(ladder[1:], halved)
+        if search.alpha is not None:
+            return _refuted(plant, law, region, search.alpha)
+        if proof is None:
+            reason = f"no proof for {part} with {search.tried}; no counterexample either"
+            reason += f"; {deadline}" if search.cut else ""
+            return Analysis(plant, law, region, "undecided", reason)
+        parts.append(proof)
+    certificate = certificate_of(plant, law, region, parts)
+    verdict = certificate.prove()
+    answer = "proved" if verdict.proved else "undecided"
+    return Analysis(plant, law, region, answer, verdict.reason, certificate)
+
+
+def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fraction]) -> Analysis:
+    point = np.array([float(a) for a in alpha])
+    A, B = plant.at(point)
+    try:
+        poles = np.linalg.eigvals(A + B @ law.gain(point))
+        pole = complex(poles[np.argmax(region.distance(poles))])
+        shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
+        what = f"the pole {shown} is not in {region}"
+    except np.linalg.LinAlgError:
+        pole, what = None, "the law has no value"
+    weights = f"alpha = ({', '.join(f'{a:.6g}' for a in point)})"
+    values = values_at(plant, alpha)
+    if values is not None:
+        weights = f"{values_text(plant, values)}, {weights}"
+    elif plant.parameters:
+        weights += ", which no parameter values have,"
+    reason = what if len(plant.vertices) == 1 else f"at {weights} {what}"
+    if plant.remainder is not None:
+        reason += ", of the samples to within their interpolation error"
+    return Analysis(plant, law, region, "refuted", reason, None, tuple(alpha), pole)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCase(Short):
+    """Reach of a law: the smallest region of a kind it is proved to keep, and what it fails.
+
+    Attributes
+    ----------
+    region : Region or None
+        Proved; None where nothing was.
+    certificate : Certificate or None
+        That of the region: ``Design(certificate)`` saves and checks.
+    bound : float
+        The radius or decay rate [1/s], or the damping ratio, at the worst alpha found: no proof
+        can pass it.
+    alpha : tuple of float
+        That alpha.
+    values : dict or None
+        The parameters' values there.
+    cut : bool
+        Whether the budget in seconds ended the search.
+    """
+
+    region: Region | None
+    certificate: Certificate | None
+    bound: float
+    alpha: tuple[float, ...]
+    values: dict[str, float] | None = None
+    cut: bool = False
+
+    def __repr__(self) -> str:
+        return f"<WorstCase: {self.region} proved, {self.bound:.6g} sampled>"
+
+
+@explained
+@small_matrices()
+def worst_case(
+    plant: UncertainPlant,
+    law: Any,
+    of: str = "half_plane",
+    centre: float | None = None,
+    budget: float | None = None,
+) -> WorstCase:
+    """Return the smallest region of a kind that a given law is proved to keep.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    law
+        As for `analyse`, but no table.
+    of : str
+        "half_plane" (the largest decay rate), "sector" (the largest damping ratio) or "disk".
+    centre : float
+        Of the disks [1/s].
+    budget : float, optional
+        Time after which no higher degree is begun [s]; ``cut`` then says so.
+
+    Raises
+    ------
+    InputError
+        If the law does not fit the plant, or the question is incomplete.
+    """
+    law = given_law(plant, law)
+    if (of == "disk") != (centre is not None):
+        raise InputError("of = 'disk' needs a centre (centre=-40, say), no other question has one")
+    measure = _measure(of, centre)
+    if centre is None:
+        require_continuous(plant, of)
+    widest = HalfPlane(0) if centre is None else Disk(centre, 1e-6)
+    require_region(plant, widest)
+    ladder = forms(plant, law)
+    deadline = Deadline(budget)
+    claim = certificate_of(plant, law, widest, [placeholder(plant, law)]).claim()
+    point, worst = first_worst(worst_points(claim, measure))
+    alpha = tuple(float(a) for a in domain_of(plant, law).alpha(point))
+    question = _question(of, centre, worst, typical_rate(plant.A), plant.sample_time is not None)
+    best: _Proved | None = None
+    cut = False
+    for form in ladder if np.isfinite(question.bound) else ():
+        found = _tried(plant, law, question, form)
+        if found is not None and (best is None or found[0] < best[0]):
+            best = found
+        near = best is not None and best[0] <= question.bound * (1 + NEAR)
+        cut = not near and deadline.passed
+        if near or cut:
+            break
+    else:
+        best, cut = _beyond(plant, law, question, best, deadline)
+    bound, values = worst if of == "disk" else 0.0 - worst, values_at(plant, alpha)
+    if best is None:
+        return WorstCase(None, None, bound, alpha, values, cut)
+    best[2].require_checkable()
+    return WorstCase(best[1], best[2], bound, alpha, values, cut)
+
+
+def _measure(of: str, centre: float | None) -> Callable[[Any], Array]:
+    """Return how bad poles are: distance from the centre, or minus decay rate or damping ratio."""
+    if centre is not None:
+        return lambda z: np.asarray(np.abs(z - centre).max(axis=-1))
+    if of == "half_plane":
+        return lambda z: np.asarray(np.real(z).max(axis=-1))
+    if of == "sector":
+        return lambda z: np.asarray((np.real(z) / np.maximum(np.abs(z), 1e-300)).max(axis=-1))
+    raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """A region that grows with r, the r at the worst point found, and where to begin."""
+
+    goal: Goal
+    region: Callable[[float], Region | None]
+    bound: float
+    first: Goal | None = None
+
+
+def _question(
+    of: str, centre: float | None, worst: float, rate: float, discrete: bool
+) -> _Question:
+    if centre is not None:
+        c = float(centre)
+        return _Question(Disks(c), lambda r: _disk(c, r, discrete), worst)
+    if of == "half_plane":
+        # just beyond the decay rate at the worst point, so that r is small
+        fastest = -worst + max(abs(worst), 1e-3 * rate)
+        return _Question(Decays(fastest), lambda r: HalfPlane(fastest - r), fastest + worst)
+    slope = np.sqrt(max(1 / worst**2 - 1, 0.0)) if worst < 0 else np.inf
+    return _Question(Sectors(rate), _sector, float(slope), Around(HalfPlane(0)))
+
+
+def _disk(centre: float, radius: float, discrete: bool) -> Region | None:
+    with suppress(RegionError):  # in discrete time, a disk that leaves the unit circle
+        disk = Disk(centre, radius)
+        return disk if disk.discrete or not discrete else None
+    return None
+
+
+def _sector(slope: float) -> Region | None:
+    damping = damping_of(slope)
+    return Sector(damping) if 1e-8 <= damping < 1 else None
+
+
+def _tried(
+    plant: UncertainPlant, law: Law, question: _Question, form: tuple[int, int]
+) -> _Proved | None:
+    """Return the least r that is proved with polynomials of one form, with its region."""
+
+    def proved(found: LyapunovPolynomial, r: float) -> _Proved | None:
+        region = question.region(r)
+        if region is None:
+            return None
+        with suppress(np.linalg.LinAlgError):
+            evidence = whole_evidence(plant, law, found, form)
+            certificate = certificate_of(plant, law, region, [evidence])
+            return (r, region, certificate) if certificate.holds() else None
+        return None
+
+    points = _points(loop_of(plant, law), question, form)
+    steps = STEPS if plant.remainder is None else (*STEPS, *WITH_REMAINDER)
+    return first(proved(found, found.r * (1 + step)) for found in points for step in steps)
+
+
+def _beyond(
+    plant: UncertainPlant, law: Law, question: _Question, best: _Proved | None, deadline: Deadline
+) -> tuple[_Proved | None, bool]:
+    """Return the least r that is proved in parts of the box, else the best; whether it was cut."""
+    for step in BEYOND if np.isfinite(question.bound) else ():
+        r = question.bound * (1 + step)
+        region = question.region(r)
+        if region is None or (best is not None and best[0] <= r):
+            continue
+        search = Search(plant, law, region, deadline)
+        evidence = search.in_parts()
+        if evidence is not None:
+            certificate = certificate_of(plant, law, region, [evidence])
+            if certificate.holds():
+                return (r, region, certificate), False
+        if search.cut:
+            return best, True
+    return best, False
+
+
+def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[LyapunovPolynomial]:
+    """Yield points farther and farther from the edge."""
+    near = None
+    if question.first is not None:
+        with suppress(SolverError):
+            near = least(loop, question.first, *form, enough=INSIDE)
+    for tolerance in TOLERANCES:
+        with suppress(SolverError):
+            yield least(loop, question.goal, *form, tolerance=tolerance, near=near)

@@ -1,0 +1,453 @@
+"""Margins in service: the largest errors and rates that are proved, and errors that do break."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError
+from polefence.base.explained import explained
+from polefence.base.files import write_documents
+from polefence.base.progress import counted, stage
+from polefence.certify.checks import in_time_of, require_region
+from polefence.certify.design import Design, require_kind
+from polefence.certify.margins import kinds
+from polefence.certify.margins.breaks import estimate_break, gain_break
+from polefence.certify.margins.claims import Balanced, Question, balanced, claimed_design, proved
+from polefence.certify.margins.gains import Gains, each_gain_claim
+from polefence.law.laws import FixedGain, is_one
+from polefence.plant.card import card
+from polefence.plant.parameters import Parameter
+from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.margins import MarginClaim
+from polefence.proof.claims.rate import Rate
+from polefence.proof.document import Document
+from polefence.proof.short import Short
+from polefence.proof.text import rate_text, unit_text
+from polefence.region.regions import Region
+from polefence.region.text import digits_down, digits_up
+
+SUBJECTS = {
+    "estimate": "error of the estimate",
+    "gain": "error of each gain",
+    "rate": "rate of change",
+}
+OWN, GAIN_UNIT = "law states", "of its size"
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A design, the region to be kept, and what of both every claim needs.
+
+    ``subject`` is the design that claims are made of, None where there is none; ``loops`` has
+    one for each of its Lyapunov polynomials.
+    """
+
+    design: Design
+    region: Region
+    subject: Design | None
+
+    @cached_property
+    def loops(self) -> tuple[Balanced, ...]:
+        return () if self.subject is None else balanced(self.subject, self.region)
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether the region is proved in parts of the box, and not on all of it at once."""
+        return self.subject is not None and self.subject.certificate.in_parts
+
+    @property
+    def whole(self) -> _Task:
+        """The same for claims that need one Lyapunov polynomial of all of the box."""
+        return replace(self, subject=None) if self.in_parts else self
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return self.design.plant.parameters
+
+    @property
+    def fixed(self) -> bool:
+        law = self.design.law
+        return is_one(law) or (not isinstance(law, FixedGain) and not law.degree)
+
+    def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
+        """Yield name, unit and span: of each parameter alone, and of all at once."""
+        spans = [p.high - p.low for p in self.parameters]
+        for f, p in enumerate(self.parameters):
+            own = tuple(s if f == g else Fraction(0) for g, s in enumerate(spans))
+            yield p.name, unit_text(p.unit), own
+        if len(spans) != 1:
+            yield "", "", tuple(spans) or (Fraction(1),)
+
+    def proved(self, question: Question) -> MarginClaim | None:
+        """Return the claim of what is proved, if anything is."""
+        return None if self.subject is None else proved(question, self.subject, self.region)
+
+    def margin(self, kind: str, name: str, value: float, unit: str, **more: Any) -> Margin:
+        return Margin(kind, name, value, unit, design=self.subject, **more)
+
+
+def _task(design: Design, region: Region | None) -> _Task:
+    if not isinstance(design, Design):
+        raise InputError(
+            f"design must be a Design, not {type(design).__name__}; polefence.place returns one"
+        )
+    require_kind(design.certificate)
+    kept = design.region if region is None else region
+    if not isinstance(kept, Region):
+        raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
+    kept = in_time_of(design.plant, kept)
+    require_region(design.plant, kept)
+    return _Task(design, kept, claimed_design(design, kept))
+
+
+@explained
+def in_service(design: Design, decay: float = 0.0, *, region: Region | None = None) -> Margins:
+    """Return how much may go wrong in service while the poles stay in the region, proved.
+
+    Parameters
+    ----------
+    design : Design
+        Of any method. Of "slack", and of "lyapunov" where another region is kept, the law is first
+        proved again with Lyapunov polynomials.
+    decay : float
+        What rates of change must leave of exponential stability [1/s].
+    region : Region, optional
+        What is to be kept; the design's own region without it. ``HalfPlane(0)`` asks for
+        stability.
+
+    Returns
+    -------
+    Margins
+        Its margins: `estimation_error`, `gain_error` and `parameter_rate`. Where nothing is proved
+        a margin is "undecided", its value zero.
+
+    Raises
+    ------
+    InputError
+        If the design or the region is none, or the design is an observer's.
+    """
+    task = _task(design, region)
+    still = task if task.region == design.region else _task(design, None)
+    margins = (*_estimates(task), *_gains(task), *_rates(still, decay))
+    return Margins(design, task.region, decay, margins)
+
+
+@explained
+def estimation_error(design: Design, *, region: Region | None = None) -> tuple[Margin, ...]:
+    """Return how far the parameters that the law is given may be off.
+
+    Returns
+    -------
+    tuple of Margin
+        For each parameter with all others exact, in its own unit, and for all at once as a share of
+        each range. Without parameters: the share of weight that alpha may mislay (half the sum of
+        |alpha_j - estimate_j|). For one gain there are none: it needs no estimate.
+
+    Raises
+    ------
+    InputError
+        If the design or the region is none, or the design is an observer's.
+    """
+    return _estimates(_task(design, region))
+
+
+@explained
+def gain_error(design: Design, *, region: Region | None = None, own_states: bool = False) -> Margin:
+    """Return how far each gain may be off, all at once, as a share of its size.
+
+    K(alpha) + Delta, of what the law measures or of all states, keeps the poles in the region for
+    every Delta of |Delta_ij| <= value * k_ij, k_ij the largest |K_ij| at the corners: gains that
+    are zero are exact. ``claim.sizes`` has the k_ij.
+
+    Parameters
+    ----------
+    own_states : bool
+        Not the gains of the inputs but those of the rates of the law's own states, its A_c and
+        B_c. Either takes the others as exact.
+
+    Raises
+    ------
+    InputError
+        If the design or the region is none, or the design is an observer's.
+    """
+    task = _task(design, region)
+    return _gain(task, OWN if own_states else "", Gains.of(task.design, own=own_states))
+
+
+@stage(SUBJECTS["gain"])
+def _gains(task: _Task) -> tuple[Margin, ...]:
+    own = Gains.of(task.design, own=True)
+    inputs = _gain(task, "", Gains.of(task.design))
+    return (inputs, _gain(task, OWN, own)) if own.some else (inputs,)
+
+
+def _gain(task: _Task, of: str, gains: Gains) -> Margin:
+    if not gains.some:
+        return task.margin("gain", of, 0.0, GAIN_UNIT)
+    found = each_gain_claim(task.design, task.region, gains)
+    claim, own = (None, task.subject) if found is None else found
+    value = 0.0 if claim is None else float(claim.error)
+    broken = gain_break(task.design, task.region, gains, value)
+    upper, example = (broken.value, broken.example) if broken else (None, "")
+    return Margin("gain", of, value, GAIN_UNIT, upper, example, claim, own)
+
+
+@explained
+def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
+    """Return how fast the parameters may change, the law following them without error.
+
+    For every trajectory of the parameters within these rates the loop is exponentially stable: the
+    norm of x(t) is at most c exp(-decay t) times that of x(0), by V = x' W^-1 x. This is about the
+    motion, not about the poles of frozen plants.
+
+    Parameters
+    ----------
+    decay : float
+        [1/s], zero or more.
+
+    Returns
+    -------
+    tuple of Margin
+        For each parameter while the others are constant, in its own unit per second, and for all at
+        once in ranges per second. Without parameters: half the sum of abs(d alpha_j / dt) [1/s].
+        For one gain "any": no rate is too large. None for plants in discrete time.
+
+    Raises
+    ------
+    InputError
+        If the decay rate is negative, or the design none.
+    """
+    return _rates(_task(design, None), decay)
+
+
+def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
+    task = task.whole
+    if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
+        raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
+    if task.design.plant.sample_time is not None:
+        if decay:
+            raise InputError(
+                f"decay = {decay:g}: {task.design.plant.name} is in discrete time, where no rates "
+                "of change are proved; leave it out"
+            )
+        return ()
+    whole = [("", "", tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))]
+    if any(own.constant for own in task.loops):  # no rate is too large
+        found = _rate(task, decay, *whole[0])
+        if math.isinf(found.value):
+            return (found,)
+    spans = whole if task.fixed and not task.loops else list(task.spans())
+    return tuple(_rate(task, decay, *each) for each in counted(spans, SUBJECTS["rate"]))
+
+
+def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
+    """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
+    best, value = None, 0.0
+    for part, loop in enumerate(task.loops):
+        claim = task.proved(kinds.RateQuestion(loop, part, task.parameters, span, decay))
+        if isinstance(claim, Rate):
+            reached = math.inf if claim.rates is None else _value(claim.rates, span, name)
+            if best is None or reached > value:
+                best, value = claim, reached
+    own = unit_of("rate", unit if name else None, bool(task.parameters), math.isinf(value))
+    return task.margin("rate", name, value, own, claim=best)
+
+
+def _estimates(task: _Task) -> tuple[Margin, ...]:
+    spans = [] if task.fixed else list(task.spans())
+    found = [_estimate(task.whole, *own) for own in counted(spans, SUBJECTS["estimate"])]
+    if len(found) < 2:
+        return tuple(found)
+    *single, joint = found  # what breaks by one alone breaks by all at once
+    for own, (_, _, span) in zip(single, spans, strict=False):
+        share = None if own.upper is None else own.upper / float(max(span))
+        if share is not None and (joint.upper is None or share < joint.upper):
+            joint = replace(joint, upper=share, example=own.example)
+    return (*single, joint)
+
+
+def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
+    claim = task.proved(kinds.EstimateQuestion(task.loops, task.parameters, span))
+    value = _value(claim.errors, span, name) if isinstance(claim, Estimate) else 0.0
+    whole = float(max(span)) if name else 1.0
+    found = estimate_break(task.design, task.region, span, value / whole)
+    upper, example = (found.value * whole, found.example) if found else (None, "")
+    own = unit_of("estimate", unit if name else None, bool(task.parameters))
+    more = {"upper": upper, "example": example, "claim": claim}
+    return task.margin("estimate", name, value, own, **more)
+
+
+def unit_of(kind: str, own: str | None, ranged: bool, endless: bool = False) -> str:
+    """Return the unit of a margin of one parameter, whose own is given, or of all at once.
+
+    Parameters
+    ----------
+    ranged : bool
+        Whether there are parameters.
+    endless : bool
+        Whether any rate whatever is proved.
+    """
+    if kind == "gain":
+        return GAIN_UNIT
+    if kind == "estimate":
+        return own if own is not None else "of each range" if ranged else "of the weight"
+    if own is not None:
+        return rate_text(own)
+    return "" if endless else "ranges/s" if ranged else "1/s"
+
+
+def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) -> float:
+    """Return the value of the one parameter, or the least share of a span; rounded down."""
+    share = max(values) if name else min(v / s for v, s in zip(values, span, strict=True))
+    value = float(share)
+    return value if Fraction(value) <= share else math.nextafter(value, 0)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Margin(Short):
+    """Largest tolerated error of one kind.
+
+    Attributes
+    ----------
+    kind : str
+        "estimate", "gain" or "rate".
+    parameter : str
+        The parameter meant, the others exact or constant; "" for all at once, and for the gains of
+        the inputs; "law states" for those of the rates of the law's own states.
+    value : float
+        What is proved, in ``unit``; zero where nothing is; infinite for any rate whatever.
+    unit : str
+    upper : float, optional
+        An error at which a pole does leave the region, in exact arithmetic; None where none was
+        found. For rates, none is looked for.
+    example : str
+        Where it does.
+    claim : Estimate, EachGain or Rate of `polefence.proof.claims`, optional
+        What was proved; None where nothing was.
+    design : Design, optional
+        The one that the claim is of: for a law whose own proof does not serve, the same law, proved
+        again.
+    """
+
+    kind: str
+    parameter: str
+    value: float
+    unit: str
+    upper: float | None = None
+    example: str = ""
+    claim: MarginClaim | None = None
+    design: Design | None = None
+
+    def file(self, design: Design) -> Document:
+        """Return the file of what is proved of a design."""
+        own = self.design or design
+        return own.certificate.file([self.claim] if self.claim else [])
+
+    def __repr__(self) -> str:
+        return f"<Margin {self}>"
+
+    @property
+    def proved(self) -> bool:
+        """Whether a value is proved."""
+        return self.claim is not None
+
+    @property
+    def status(self) -> str:
+        """Say "proved" or "undecided"."""
+        return "proved" if self.proved else "undecided"
+
+    @property
+    def name(self) -> str:
+        """A short name, that of the file: "estimate-m1", "gain"."""
+        return f"{self.kind}-{self.parameter.replace(' ', '-')}" if self.parameter else self.kind
+
+    @property
+    def subject(self) -> str:
+        """Its name, for people."""
+        what = SUBJECTS[self.kind]
+        if self.kind == "gain":
+            return f"{what}, {self.parameter}" if self.parameter else what
+        return f"{what}, {self.parameter or 'all at once'}"
+
+    def __str__(self) -> str:
+        upper = "" if self.upper is None else f", breaks at {digits_up(self.upper, 4)}"
+        return f"{self.subject}: {self.text} {self.unit}".rstrip() + upper
+
+    @property
+    def text(self) -> str:
+        """The value, rounded down so that it stays true as printed."""
+        if math.isinf(self.value):
+            return "any"
+        if isinstance(self.claim, Estimate) and self.parameter:
+            return digits_down(max(self.claim.errors), 4)  # exactly: an interval's width, 0.2
+        return digits_down(self.value, 4) if self.value > 0 else ("0" if self.proved else "-")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Margins(Short):
+    """Tolerated errors: all poles stay in the region; iterates over its margins.
+
+    Attributes
+    ----------
+    design : Design
+    region : Region
+        What is kept: the design's own region, or the one asked for.
+    decay : float
+        What the rates of change leave of exponential stability [1/s].
+    margins : tuple of Margin
+    """
+
+    design: Design
+    region: Region
+    decay: float
+    margins: tuple[Margin, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"<Margins of {self.design.plant.name!r} in {self.region}: {len(self.margins)} margins>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        rows = ((own.subject, f"{own.text} {own.unit}, {own.status}") for own in self.margins)
+        return card(f"margins of {self.design.plant.name}", rows)
+
+    def __str__(self) -> str:
+        return "\n".join(str(margin) for margin in self.margins)
+
+    def __iter__(self) -> Iterator[Margin]:
+        return iter(self.margins)
+
+    def __getitem__(self, name: str) -> Margin:
+        """Return the margin of a name, as "estimate-m1"."""
+        return next(m for m in self.margins if m.name == name)
+
+    @property
+    def proved(self) -> bool:
+        """Whether every margin is proved."""
+        return all(margin.proved for margin in self.margins)
+
+    def file(self, margin: Margin) -> Document:
+        """Return the file of a margin that is proved."""
+        return margin.file(self.design)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write one file for each proved margin into a folder; return their paths.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written; nothing is left half-written.
+        """
+        documents = {
+            f"{margin.name}.json": self.file(margin).dumps()
+            for margin in self.margins
+            if margin.proved
+        }
+        return write_documents(Path(directory), documents)

@@ -1,0 +1,627 @@
+"""Limits that no law keeps at once: found in floats, proved exactly; of others, a smallest set.
+
+At one vertex the least weighted sum of mean squares over all laws is that of the linear-quadratic
+regulator, sum a_i E[y_i^2] >= S tr E'P E with P from a Riccati equation. It is concave in the
+weights a; its largest value over that of the limits themselves is the square of the factor by which
+every law exceeds one of the limits (Boyd & Barratt 1991, on weights of several mean squares).
+
+The regulator is that of a plant of fewer states, computed exactly. Inputs that no output shows cost
+nothing. What they move at once is as good as an input itself: with
+B2 their columns and T B2 = 0, y = T x and x = Y y + B2 v,
+
+    y' = T A Y y + T A B2 v + T B1 u1 + T E w.
+
+Repeated until no input is left that no output shows. Then motions along which some u = F x keeps
+all outputs zero cost nothing either, and those that neither grow nor fade, the zeros at s = 0, have
+no regulator: with T zero along them, y = T x has A + B F and C + D F. No law of the plant does
+better than the best of this one, and for a P of this one the inequality holds with T'P T of the
+plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from polefence.base import VERSION
+from polefence.base.errors import InputError, SolverError, require_type
+from polefence.base.explained import explained
+from polefence.base.files import write_text
+from polefence.certify.certificate import file_plant
+from polefence.lmi.conditions.pencil import Index
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
+from polefence.proof.dampers import SemiActive
+from polefence.proof.document import Document
+from polefence.proof.matrices import Rationals, identity
+from polefence.proof.short import Short
+from polefence.proof.text import number_text
+from polefence.proof.work import FormatError
+from polefence.region.text import digits_down
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import Specification, disturbance, limit_text
+from polefence.requirements.weights import with_weights
+
+# Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
+# as a share of that what is taken off the cost, for directions that no output sees.
+MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(-18, -5))
+SEARCH = 1e-6  # the same in the search for weights
+SHORT = 1e-9  # below what P stands for, the factor that is claimed
+
+_ZERO, _ONE = Fraction(0), Fraction(1)
+
+LEAST = 1e-7  # of a weight, of their sum: without any the control may be free
+CLOSE = 1e-7  # to the largest value, at which the search ends
+ROUNDS = 60
+REACH = 4.0  # times a weight or a share of it, from one round to the next
+BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
+SMALL = 1e-3  # of what a force costs, the first multiplier of its square
+SMALLER, FACTOR = 12, 0.1  # how often that is made smaller, and by what, until a cost is left
+TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
+
+
+@dataclass(frozen=True, eq=False)
+class Refutation(Short):
+    """At a vertex of the family no law keeps the limits at once; proved in exact arithmetic.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    specifications : tuple of Rms
+        The limits.
+    claim : RmsRefutation
+        With its evidence, for `polefence.proof.claims.base.prove`.
+    reason : str
+        What was proved.
+    """
+
+    plant: UncertainPlant
+    specifications: tuple[Rms, ...]
+    claim: RmsRefutation
+    reason: str
+
+    @property
+    def vertex(self) -> int:
+        """Of the plant, counted from zero."""
+        return self.claim.vertex
+
+    @property
+    def factor(self) -> float:
+        """No law keeps so many times each limit either."""
+        return float(self.claim.factor)
+
+    @property
+    def where(self) -> str:
+        """The vertex in words, with the parameters' values."""
+        last = len(self.plant.parameters) - 1
+        values = [
+            f"{p.name} = {number_text(p.high if self.vertex >> (last - k) & 1 else p.low)} {p.unit}"
+            for k, p in enumerate(self.plant.parameters)
+        ]
+        named = ", ".join(value.strip() for value in values)
+        return f"vertex {self.vertex + 1}" + (f" ({named})" if named else "")
+
+    def file(self) -> Document:
+        """Return it as a file of claims, of the plant with the filters of weighted limits."""
+        plant = with_weights(self.plant, self.specifications)[0]
+        return Document(file_plant(plant), None, (self.claim,), polefence=VERSION)
+
+    def save(self, path: str | Path) -> Path:
+        """Write a file that `polefence check` proves; return its path."""
+        write_text(Path(path), self.file().dumps())
+        return Path(path)
+
+    def __str__(self) -> str:
+        named = "; ".join(map(limit_text, self.specifications))
+        these, them = ("this", "it") if len(self.specifications) == 1 else ("these at once", "each")
+        return (
+            f"refuted: at {self.where} no {self.claim.of_laws} keeps {these}, nor "
+            f"{digits_down(self.factor)} times {them}: {named}"
+        )
+
+
+@explained
+def refute_limits(
+    plant: UncertainPlant, specifications: Sequence[Specification], dampers: Sequence[Damper] = ()
+) -> Refutation | None:
+    """Return the proof that no law keeps limits on rms values at once, None if none was found.
+
+    Looks at each vertex of the family by itself, where a scheduled law is one gain: limits that are
+    in conflict for another reason are not refuted here.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E.
+    specifications : sequence of Specification
+        Limits; what is no `Rms` with its ``at_most`` is left out, and so is `RelativeRms`. Those
+        with the same disturbances are looked at together.
+    dampers : sequence of Damper
+        Inputs that are forces of controllable dampers: no law means no logic that chooses their
+        coefficients, and any forces at the other inputs.
+
+    Returns
+    -------
+    Refutation or None
+        It holds for every stabilising law, also one with states of its own, one that is not linear
+        and one that is told the parameters, as long as it does not know the noise to come.
+
+    Raises
+    ------
+    InputError
+        If a specification does not fit the plant, or the plant is in discrete time.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    if plant.sample_time is not None or plant.step:
+        raise InputError(f"{plant.name} is in discrete time; limits are refuted in continuous time")
+    for own in specifications:
+        require_type(own, Specification, "specifications", "for example Rms('force', 700)")
+    asked = [
+        s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
+    ]
+    for chosen in dict.fromkeys(s.scales(plant) for s in asked):
+        together = tuple(s for s in asked if s.scales(plant) == chosen)
+        found = _refuted_together(plant, together, tuple(dampers))
+        if found is not None:
+            return found
+    return None
+
+
+def lowest(
+    plant: UncertainPlant, specification: Rms, near: float, dampers: Sequence[Damper] = ()
+) -> tuple[Refutation, float] | None:
+    """Return the proof that no law goes below a level, and the level; None if none was found.
+
+    Parameters
+    ----------
+    near : float
+        What a law keeps.
+    dampers : sequence of Damper
+        As `refute_limits` takes them.
+
+    Raises
+    ------
+    InputError
+        As `refute_limits` does.
+    """
+    tiny = BELOW * near
+    found = refute_limits(plant, [replace(specification, at_most=tiny)], dampers)
+    return None if found is None else (found, tiny * found.factor)
+
+
+def _refuted_together(
+    plant: UncertainPlant, asked: tuple[Rms, ...], dampers: tuple[Damper, ...]
+) -> Refutation | None:
+    """Return the proof that no law keeps limits for the same disturbances."""
+    larger, bare = with_weights(plant, asked)
+    disturbance(larger)
+    limits = tuple(
+        RmsLimit(s.exact_outputs(larger), Fraction(own.at_most or 0.0), Fraction(own.density) / 2)
+        for own, s in zip(asked, bare, strict=True)
+    )
+    semi_active = tuple(damper.of(larger) for damper in dampers)
+    for claim in _claims(larger, limits, asked[0].scales(larger), semi_active):
+        try:
+            verdict = prove(claim)
+        except FormatError:
+            continue
+        if verdict.proved:
+            return Refutation(plant, asked, claim, verdict.reason)
+    return None
+
+
+def _claims(
+    plant: UncertainPlant,
+    limits: tuple[RmsLimit, ...],
+    scales: Sequence[float],
+    dampers: tuple[SemiActive, ...],
+) -> Iterator[RmsRefutation]:
+    """Yield claims to prove, from the vertex where the limits are furthest apart."""
+    A, B, E = (
+        [[list(row) for row in M] for M in matrices if M is not None]
+        for matrices in (
+            [v.exact_A for v in plant.vertices],
+            [v.exact_B for v in plant.vertices],
+            [v.exact_E for v in plant.vertices],
+        )
+    )
+    each = tuple(map(Fraction, scales))
+    driven = E
+    if scales:
+        driven = [[[x * s for x, s in zip(row, each, strict=True)] for row in M] for M in E]
+    owner = np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
+    # the noise goes into the outputs; each is over its limit
+    unit = np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
+    found: list[tuple[float, int, Array, Regular, Regulated]] = []
+    for j in range(len(A)):
+        outputs = [output for limit in limits for output in limit.outputs]
+        C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
+        # a damper's force is never free, whatever outputs show
+        whole = Regular(A[j], B[j], driven[j], C, D, identity(len(A[j])))
+        exact = whole if dampers else regular(A[j], B[j], driven[j], C, D)
+        if exact is None:
+            continue
+        floats = _regulated(exact, unit, owner, dampers, j)
+        weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
+        if cost > 1:
+            found.append((cost, j, weights, exact, floats))
+    for _, j, weights, exact, floats in sorted(found, key=lambda each: -round(each[0], 5)):
+        count = len(limits)
+        scaled = tuple(Fraction(x) for x in (weights[:count] * unit**2).tolist())
+        taus = zip(weights[count:].tolist(), floats.units, strict=True)
+        multipliers = tuple(Fraction(tau) * Fraction(size) for tau, size in taus)
+        allowed = sum(a * y.level**2 / y.intensity for a, y in zip(scaled, limits, strict=True))
+        for own in _matrices(floats, weights):
+            factor = _factor(exact, own, allowed)
+            if factor >= 1:
+                P = _lifted(own, exact.T)
+                evidence = (j, scaled, P, factor, dampers, multipliers, each)
+                yield RmsRefutation(A, B, E, limits, *evidence)
+
+
+def _product_of(damper: SemiActive, vertex: int, m: int) -> Array:
+    """Return (u - low v)(u - high v) as a quadratic form of (x, u)."""
+    first, second = (np.array([float(x) for x in row]) for row in damper.rows(vertex, m))
+    return np.asarray((np.outer(first, second) + np.outer(second, first)) / 2)
+
+
+def _regulated(
+    exact: Regular, unit: Array, owner: Index, dampers: Sequence[SemiActive], vertex: int
+) -> Regulated:
+    A, B, E, C, D = (
+        np.array([[float(x) for x in row] for row in M])
+        for M in (exact.A, exact.B, exact.E, exact.C, exact.D)
+    )
+    C, D = unit[owner, None] * C, unit[owner, None] * D
+    # the cost is positive without multipliers, and where they are small
+    both, n = np.hstack([C, D]), len(A)
+    units = [
+        SMALL * float(np.linalg.norm(both[:, n + own.number]) or np.linalg.norm(both)) ** 2
+        for own in dampers
+    ]
+    products = [_product_of(own, vertex, B.shape[1]) for own in dampers]
+    forms = tuple(size * own for size, own in zip(units, products, strict=True))
+    return Regulated(A, B, E, C, D, owner, forms, tuple(units))
+
+
+def _rate(A: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(A)).max()) or 1.0
+
+
+def _matrices(plant: Regulated, weights: Array) -> Iterator[Rationals]:
+    """Yield P from the largest down."""
+    rate = _rate(plant.A)
+    if plant.forms:
+        with suppress(SolverError):
+            P = plant.riccati(weights)
+            for decay, _ in MARGINS[: len(MARGINS) // 2]:
+                less = decay * rate * np.diag(np.abs(np.diag(P)))
+                own = plant.riccati(weights, less=less)
+                yield [[Fraction(x) for x in row] for row in own.tolist()]
+        return
+    for decay, share in MARGINS:
+        try:
+            P = plant.riccati(weights, decay * rate)
+            if share:
+                less = share * decay * rate * np.diag(np.maximum(np.diag(P), 0.0))
+                P = plant.riccati(weights, decay * rate, less)
+        except SolverError:
+            continue
+        yield [[Fraction(x) for x in row] for row in P.tolist()]
+
+
+def _factor(plant: Regular, P: Rationals, allowed: Fraction | int) -> Fraction:
+    """Return what the limits may be multiplied by, a little less than P proves."""
+    E = np.array([[float(x) for x in row] for row in plant.E])
+    least = float(np.trace(E.T @ np.array(P, dtype=float) @ E))
+    if not (least > 0 and allowed > 0):
+        return Fraction(0)
+    return Fraction(float(np.sqrt(least / float(allowed))) * (1 - SHORT))
+
+
+def _lifted(P: Rationals, T: Rationals) -> Rationals:
+    """Return T'P T."""
+    columns = list(zip(*T, strict=True))
+    half = [[_dot(row, column) for column in columns] for row in P]
+    return [[_dot(left, right) for right in zip(*half, strict=True)] for left in columns]
+
+
+@dataclass(frozen=True)
+class Regular(Short):
+    """x' = A x + B u + E w, y = C x + D u with D of full column rank, x = T times the plant's."""
+
+    A: Rationals
+    B: Rationals
+    E: Rationals
+    C: Rationals
+    D: Rationals
+    T: Rationals
+
+
+def regular(A: Rationals, B: Rationals, E: Rationals, C: Rationals, D: Rationals) -> Regular | None:
+    """Return the plant of fewer states; None if no state or input is left."""
+    plant = _without_unseen(Regular(A, B, E, C, D, identity(len(A))))
+    while hidden := _null_space(plant.D):
+        found = _without_inputs(plant, hidden)
+        if found is None:
+            return None
+        plant = found
+    return _without_zeros(plant)
+
+
+def _without_unseen(plant: Regular) -> Regular:
+    """Return the plant without states, such as a sensor's, that no output depends on, if stable."""
+    size = range(len(plant.A))
+    kept = {i for i in size if any(row[i] for row in plant.C)}
+    while more := {k for i in kept for k in size if plant.A[i][k]} - kept:
+        kept |= more
+    left = sorted(set(size) - kept)
+    if not (left and kept):
+        return plant
+    dropped = np.array([[float(plant.A[i][k]) for k in left] for i in left])
+    if np.linalg.eigvals(dropped).real.max() >= 0:
+        return plant
+    rows = sorted(kept)
+    A, C = ([[row[k] for k in rows] for row in M] for M in (plant.A, plant.C))
+    B, E, T = ([M[i] for i in rows] for M in (plant.B, plant.E, plant.T))
+    return Regular([A[i] for i in rows], B, E, C, plant.D, T)
+
+
+def _without_inputs(plant: Regular, hidden: Rationals) -> Regular | None:
+    """Return the plant with what hidden inputs move as inputs in their place."""
+    n, (_, shown) = len(plant.A), _reduced(plant.D)
+    G, pivots = _reduced(_transposed(_product(plant.B, _transposed(hidden))))
+    if len(pivots) == n or not (pivots or shown):
+        return None
+    T, Y = _quotient(G, pivots, n)
+    V = [[g[i] for g in G] for i in range(n)]
+    moved = [
+        [*a, *(b[j] for j in shown)] for a, b in zip(_product(plant.A, V), plant.B, strict=True)
+    ]
+    seen = [
+        [*c, *(d[j] for j in shown)] for c, d in zip(_product(plant.C, V), plant.D, strict=True)
+    ]
+    A, C = _product(T, _product(plant.A, Y)), _product(plant.C, Y)
+    return Regular(A, _product(T, moved), _product(T, plant.E), C, seen, _product(T, plant.T))
+
+
+def _without_zeros(plant: Regular) -> Regular | None:
+    """Return the plant without the motions of zeros at s = 0."""
+    n, m = len(plant.A), len(plant.B[0])
+    DT = _transposed(plant.D)
+    both = [[*a, *b] for a, b in zip(_product(DT, plant.D), _product(DT, plant.C), strict=True)]
+    F = [[-x for x in row[m:]] for row in _reduced(both)[0]]
+    A, C = _sum(plant.A, _product(plant.B, F)), _sum(plant.C, _product(plant.D, F))
+    seen, power = _settled(_reduced(C)[0], A, C), _settled(_reduced(A)[0], A, [])
+    G, pivots = _reduced(_null_space([*seen, *power]) if seen or power else identity(n))
+    if not pivots:
+        return plant
+    if len(pivots) == n:
+        return None
+    T, Y = _quotient(G, pivots, n)
+    return Regular(
+        _product(T, _product(A, Y)),
+        _product(T, plant.B),
+        _product(T, plant.E),
+        _product(C, Y),
+        plant.D,
+        _product(T, plant.T),
+    )
+
+
+def _settled(rows: Rationals, A: Rationals, first: Rationals) -> Rationals:
+    """Return ``first`` and rows times A, reduced, again and again until their number stays."""
+    while rows and len(rows) < len(A):
+        more = _reduced([*first, *_product(rows, A)])[0]
+        if len(more) == len(rows):
+            break
+        rows = more
+    return rows
+
+
+def _quotient(G: Rationals, pivots: list[int], n: int) -> tuple[Rationals, Rationals]:
+    """Return T with T g = 0 for the rows g of a reduced basis, and Y with T Y = I."""
+    others = [q for q in range(n) if q not in pivots]
+    T = [[_ONE * (q == j) for j in range(n)] for q in others]
+    for row, q in zip(T, others, strict=True):
+        for g, p in zip(G, pivots, strict=True):
+            row[p] -= g[q]
+    return T, [[_ONE * (i == q) for q in others] for i in range(n)]
+
+
+def _transposed(matrix: Rationals) -> Rationals:
+    return [list(row) for row in zip(*matrix, strict=True)]
+
+
+def _product(a: Rationals, b: Rationals) -> Rationals:
+    columns = list(zip(*b, strict=True))
+    return [[_dot(row, column) for column in columns] for row in a]
+
+
+def _sum(a: Rationals, b: Rationals) -> Rationals:
+    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
+
+
+def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), _ZERO)
+
+
+def _reduced(matrix: Rationals) -> tuple[Rationals, list[int]]:
+    """Return the reduced row echelon form without rows of zeros, and its pivots' columns."""
+    rows, done, pivots = [row[:] for row in matrix], list[list[Fraction]](), list[int]()
+    for j in range(len(matrix[0]) if matrix else 0):
+        k = next((k for k, row in enumerate(rows) if row[j]), None)
+        if k is None:
+            continue
+        first = rows.pop(k)
+        first = [x / first[j] for x in first]
+        rows, done = (
+            [[x - row[j] * f for x, f in zip(row, first, strict=True)] for row in each]
+            for each in (rows, done)
+        )
+        done.append(first)
+        pivots.append(j)
+    return done, pivots
+
+
+def _null_space(matrix: Rationals) -> Rationals:
+    """Return a basis, as rows."""
+    rows, pivots = _reduced(matrix)
+    width = len(matrix[0])
+    basis = []
+    for j in (j for j in range(width) if j not in pivots):
+        vector = [_ONE * (i == j) for i in range(width)]
+        for row, p in zip(rows, pivots, strict=True):
+            vector[p] = -row[j]
+        basis.append(vector)
+    return basis
+
+
+@dataclass(frozen=True, eq=False)
+class Regulated(Short):
+    """Arrays A, B, E of a plant, and C, D of its outputs, each over the limit on its rms.
+
+    ``limit`` has the number of that limit for each row: a limit on a vector has more than one.
+    ``forms`` are quadratic forms of (x, u) that are never positive, in units of ``units``; their
+    weights, the multipliers, stand behind those of the limits.
+    """
+
+    A: Array
+    B: Array
+    E: Array
+    C: Array
+    D: Array
+    limit: Index
+    forms: tuple[Array, ...] = ()
+    units: tuple[float, ...] = ()
+
+    def weighted(self, weights: Array) -> tuple[Array, Array, Array]:
+        """Return Q, N and R of the weighted sum of outputs and forms."""
+        n, count = len(self.A), len(weights) - len(self.forms)
+        root = np.sqrt(weights[:count])[self.limit, None]
+        both = np.hstack([root * self.C, root * self.D])
+        whole = both.T @ both
+        for tau, form in zip(weights[count:], self.forms, strict=True):
+            whole = whole + tau * form
+        return whole[:n, :n], whole[:n, n:], whole[n:, n:]
+
+    def riccati(self, weights: Array, decay: float = 0.0, less: Array | None = None) -> Array:
+        """Return P of the regulator, for the plant with this much more decay, less so much cost.
+
+        Raises
+        ------
+        SolverError
+            If there is none.
+        """
+        from scipy.linalg import solve_continuous_are
+
+        A = self.A - decay * np.eye(len(self.A))
+        Q, N, R = self.weighted(weights)
+        Q = Q if less is None else Q - less
+        try:
+            with np.errstate(all="ignore"):
+                P = solve_continuous_are(A, self.B, Q, R, s=N)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise SolverError(f"no regulator: {error}") from error
+        if not np.isfinite(P).all():
+            raise SolverError("no regulator: its matrix is not finite")
+        return np.asarray((P + P.T) / 2)
+
+    def cost(self, P: Array) -> float:
+        """Return the least sum of the outputs' mean squares that P stands for."""
+        return float(np.trace(self.E.T @ P @ self.E))
+
+    def mean_squares(self, weights: Array, P: Array) -> Array:
+        """Return those of the outputs of each limit, and the forms' means, under the regulator.
+
+        Raises
+        ------
+        SolverError
+            If its loop is not stable.
+        """
+        from scipy.linalg import solve_continuous_lyapunov
+
+        _, N, R = self.weighted(weights)
+        K = -np.linalg.solve(R, self.B.T @ P + N.T)
+        loop = self.A + self.B @ K
+        poles = np.linalg.eigvals(loop)
+        if poles.real.max() >= -TINY * np.linalg.norm(loop):
+            raise SolverError("the regulator leaves a pole on the imaginary axis")
+        X = solve_continuous_lyapunov(loop, -self.E @ self.E.T)
+        Y = self.C + self.D @ K
+        squares = np.maximum(np.einsum("ij,jk,ik->i", Y, X, Y), 0.0)
+        loop = np.vstack([np.eye(len(X)), K])
+        means = [float(np.sum(form * (loop @ X @ loop.T))) for form in self.forms]
+        return np.concatenate([np.bincount(self.limit, squares), means])
+
+
+def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
+    """Return the weights of sum 1 for which the regulator costs most, and how much; 0 if nothing.
+
+    The cost is concave in the weights and its slopes are the mean squares: cutting planes, each an
+    upper bound everywhere, within a factor of the best weights so far.
+    """
+    count, reach = int(plant.limit.max()) + 1, REACH
+    slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
+    weights = best = _first(slower, count)
+    most, cuts = 0.0, list[Array]()
+    for _ in range(ROUNDS):
+        try:
+            P = slower.riccati(weights)
+            value, slopes = slower.cost(P), slower.mean_squares(weights, P)
+        except (SolverError, np.linalg.LinAlgError):
+            reach = np.sqrt(reach)
+        else:
+            cuts.append(slopes)
+            if value > most:
+                best, most = weights, value
+        if most <= 0:
+            break
+        weights, bound = _highest(np.array(cuts) / most, best, reach, count)
+        if not bound > 1 + CLOSE:
+            break
+    return best, most
+
+
+def _first(plant: Regulated, count: int) -> Array:
+    """Return equal weights, and the largest multipliers of the forms that leave a cost.
+
+    A force that shows behind a filter only has no cost of its own to compare its multiplier with.
+    """
+    weights = np.append(np.full(count, 1 / count), np.ones(len(plant.forms)))
+    for _ in range(SMALLER if plant.forms else 0):
+        with suppress(SolverError):
+            if plant.cost(plant.riccati(weights)) > 0:
+                break
+        weights[count:] *= FACTOR
+    return weights
+
+
+def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Array, float]:
+    """Return the weights of the largest t with t <= cuts @ weights, and t; 0 if not found.
+
+    The first ``count`` are those of limits, of sum 1, the others multipliers.
+    """
+    from scipy.optimize import linprog
+
+    bounds = [(max(LEAST, x / reach), min(1.0, x * reach)) for x in centre[:count]]
+    bounds += [(x / reach, x * reach) for x in centre[count:]]
+    found = linprog(
+        np.append(np.zeros(len(centre)), -1.0),
+        np.hstack([-cuts, np.ones((len(cuts), 1))]),
+        np.zeros(len(cuts)),
+        np.append(np.arange(len(centre)) < count, 0.0)[None],
+        [1.0],
+        [*bounds, (None, None)],
+    )
+    if not found.success or found.x is None:
+        return centre, 0.0
+    return np.asarray(found.x[:-1]), float(found.x[-1])

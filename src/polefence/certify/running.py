@@ -1,0 +1,124 @@
+"""A law that was designed at a sample time, as a computer runs it beside the plant itself.
+
+What the law keeps from sample to sample, the inputs on their way among it, are states of the law of
+the plant in continuous time: a state that is to be v at the next sample has the rate (v - x) / T in
+between, held as all rates of a law's states are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.base.explained import explained
+from polefence.certify.design import Design
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states, with_states
+from polefence.plant.outputs import Output, states
+from polefence.plant.system import Array
+from polefence.proof.short import Short
+from polefence.response.discrete import Sampling
+
+
+@dataclass(frozen=True, eq=False)
+class Running(Short):
+    """A plant in continuous time with the states that a law's computer keeps, and that law.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        Its last states are the law's, their rates its last inputs.
+    law : Law
+    sampling : Sampling
+        When it is run, and whether its inputs act a sample late.
+    """
+
+    plant: UncertainPlant
+    law: Law
+    sampling: Sampling
+
+
+@explained
+def running(plant: UncertainPlant, design: Design) -> Running:
+    """Return a design at a sample time as its computer runs it beside a plant.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        In continuous time, of the states, inputs and parameters that the design's is the samples
+        of.
+    design : Design
+        Of a plant that `polefence.at_sample_time` returned.
+
+    Raises
+    ------
+    InputError
+        If it is no such design, the plant has another shape, inputs act more than a sample late, or
+        the law cannot be written so.
+    """
+    own = design.plant.sampling
+    if own is None or design.plant.sample_time is None:
+        raise InputError(f"{design.plant.name}: the design is of no sample time")
+    if plant.sample_time is not None or own.plant.shape != plant.shape:
+        raise InputError(f"{plant.name} is not the plant that the design is the samples of")
+    if own.delay > 1:
+        raise InputError(
+            f"inputs that act {own.delay} samples late are not driven; design for a delay of 0 or 1"
+        )
+    late, T = own.delay * plant.shape[1], float(design.plant.sample_time)
+    kept = own_states(design.plant)
+    found = _law(design, plant, late, kept, T) if late or kept else design.law
+    return Running(with_states(plant, late + kept), found, Sampling(T, bool(own.delay), True))
+
+
+def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) -> Law:
+    """Return the law of the larger plant."""
+    law, (n, m) = design.law, plant.shape
+    total = design.plant.shape[0]
+    columns = [*range(n + late), *range(total - kept, total)]  # filters are between
+    if isinstance(law, FixedGain):
+        K = law.K[:, columns]
+        if np.any(np.delete(law.K, columns, axis=1)):
+            raise InputError("the law feeds back states of filters; it is not driven")
+        return FixedGain(_rows(K, n, m, late, T, 1.0))
+    if isinstance(law, ScheduledGain):
+        if total != len(columns):
+            raise InputError("the law feeds back states of filters; it is not driven")
+        rates = (law.Z[:, :late] - law.W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
+        return replace(law, Z=np.concatenate([law.Z, rates], axis=1))
+    measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
+    own = states(with_states(plant, late + kept))[n : n + late]
+    r = len(measured)
+    powers, ones = list(law.powers), law.one
+    powers += [e for e in ones if e not in powers]
+    gains = np.zeros((len(powers), m + late + kept, r + late))
+    for k, e in enumerate(powers):
+        G = law.gains[k] if k < len(law.gains) else np.zeros((m + kept, r))
+        wide = np.hstack([G, np.zeros((m + kept, late))])
+        gains[k] = _rows(wide, r, m, late, T, ones.get(e, 0))
+    return PolynomialGain(tuple(powers), gains, (*measured, *own), law.parameters)
+
+
+def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Array:
+    """Return K with the rates of the late inputs below those of the inputs: (u - x) / T.
+
+    Parameters
+    ----------
+    first : int
+        Column of the first of them.
+    one : float
+        How many times the identity is in this term.
+    """
+    rates = K[:m].copy()[:late]
+    rates[np.arange(late), first + np.arange(late)] -= one
+    return np.vstack([K[:m], rates / T, K[m:]])
+
+
+def _picked(y: Output, columns: list[int]) -> Output:
+    """Return a signal with some columns alone."""
+    if any(x for row in y.C for k, x in enumerate(row) if k not in columns):
+        raise InputError(f"the law measures a filter's {y.name!r}; it is not driven")
+    return replace(y, C=[[row[k] for k in columns] for row in y.C])

@@ -1,0 +1,324 @@
+"""Designs of other tools verified: their law, their Lyapunov matrices, the bounds they promise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import islice
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, require_type
+from polefence.base.explained import explained
+from polefence.base.processors import small_matrices
+from polefence.certify.bounds import Bound, best_bound, sampled, worst_of
+from polefence.certify.by_transfer import ByTransfer
+from polefence.certify.certificate import Certificate
+from polefence.certify.checks import in_time_of, require_region
+from polefence.certify.evidence import certificate_of, placeholder
+from polefence.certify.given import Analysis, analyse
+from polefence.law.laws import FixedGain, GainTable, Law, given_law
+from polefence.plant.card import card
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import values_at
+from polefence.plant.system import read_matrix
+from polefence.proof import laws
+from polefence.proof.claims.base import Verdict, prove
+from polefence.proof.claims.poles import Poles
+from polefence.proof.matrices import Rationals
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError
+from polefence.region.regions import Region
+from polefence.requirements.specification import Specification
+
+ELEVATIONS = (0, 1, 2, 3)  # of (sum of alpha)^d, one after the other
+FORMS = {"primal": "V = x' P x", "dual": "V = x' P^-1 x"}
+
+
+@dataclass(frozen=True)
+class GivenLyapunov(Short):
+    """Whether Lyapunov matrices that were given prove that a law keeps a region.
+
+    Attributes
+    ----------
+    form : str
+        "primal", V = x' P x, or "dual", V = x' P^-1 x, where it is proved; else "".
+    count : int
+        How many matrices: one, or one a vertex.
+    reason : str
+    """
+
+    form: str
+    count: int
+    reason: str
+
+    @property
+    def proved(self) -> bool:
+        """Whether they prove it."""
+        return bool(self.form)
+
+    @property
+    def words(self) -> str:
+        """The Lyapunov function that they are."""
+        return FORMS.get(self.form, "")
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedBound(Short):
+    """A limit on a signal, and what is proved of it.
+
+    Attributes
+    ----------
+    specification : Specification
+    answer : str
+        "proved", "exceeded" (at a point, computed in floats) or "undecided".
+    bound : Bound or None
+        The least bound that was proved, below the limit or not; None where the limit is exceeded.
+    worst : float
+        The largest of some samples, in the signal's unit.
+    alpha : tuple of float
+        Where that is.
+    values : dict or None
+        The parameters' values there.
+    """
+
+    specification: Specification
+    answer: str
+    bound: Bound | None
+    worst: float
+    alpha: tuple[float, ...]
+    values: dict[str, float] | None = None
+
+    def __repr__(self) -> str:
+        level = "none" if self.bound is None else f"{self.bound.level:.6g}"
+        name = self.specification.title
+        return f"<VerifiedBound: {name}, {self.answer}; {level} proved, {self.worst:.6g} sampled>"
+
+
+@dataclass(frozen=True, eq=False)
+class Verified(Short):
+    """What is proved of a design that was given.
+
+    Attributes
+    ----------
+    plant, law
+        The question.
+    analysis : Analysis
+        Of the poles; it makes the design file where it is proved.
+    lyapunov : GivenLyapunov or None
+        Of the matrices that came with the design.
+    bounds : tuple of VerifiedBound
+    """
+
+    plant: UncertainPlant
+    law: Law
+    analysis: Analysis
+    lyapunov: GivenLyapunov | None = None
+    bounds: tuple[VerifiedBound, ...] = ()
+
+    @property
+    def answer(self) -> str:
+        """Return "proved", "refuted" (a pole is outside, or a limit exceeded) or "undecided"."""
+        each = {self.analysis.answer, *(own.answer for own in self.bounds)}
+        if each == {"proved"}:
+            return "proved"
+        return "refuted" if each & {"refuted", "exceeded"} else "undecided"
+
+    @property
+    def proved(self) -> bool:
+        """Whether all that was asked is proved."""
+        return self.answer == "proved"
+
+    def __repr__(self) -> str:
+        return f"<Verified: {self.plant.name!r}, {self.answer}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        bounds = (
+            (
+                own.specification.title,
+                f"{own.answer}{'' if own.bound is None else f': {own.bound}'}",
+            )
+            for own in self.bounds
+        )
+        poles = ("poles", f"{self.analysis.answer}: in {self.analysis.region}")
+        return card(self.plant.name, [poles, *bounds])
+
+
+@explained
+@small_matrices()
+def verify(
+    plant: UncertainPlant,
+    law: Any,
+    region: Region,
+    lyapunov: Sequence[Any] = (),
+    limits: Sequence[Specification] = (),
+    budget: float | None = None,
+) -> Verified:
+    """Prove or refute what another tool says of its design.
+
+    The Lyapunov matrices, if there are some, are decided on as they are, in both forms. Whatever
+    they prove, the answer on the poles is the best that is found here: by them, by other Lyapunov
+    polynomials, or by a counterexample.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    law : (m, n) matrix, or any law of `polefence.law`
+        u = K x. Of lqr and place, whose u is -K x, give -K.
+    region : Region
+    lyapunov : sequence of (n, n) matrices
+        One, or one a vertex: P(alpha) is the sum of alpha_j P_j. Only for one gain K.
+    limits : sequence of Specification
+        Each with its limit, ``at_most``; without one the least bound that can be proved is asked
+        for.
+    budget : float, optional
+        As of `analyse` [s].
+
+    Raises
+    ------
+    InputError
+        If law, matrices or limits do not fit the plant.
+    """
+    if isinstance(law, GainTable):
+        raise InputError("a table of gains is analysed, not verified: polefence.analyse")
+    own = given_law(plant, law)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
+    require_region(plant, region)
+    for limit in limits:
+        limit.require_fit(plant)
+    given, certificate = None, None
+    if len(lyapunov):
+        if not isinstance(own, FixedGain):
+            raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
+        given, certificate = _given(plant, own, region, _matrices(plant, lyapunov))
+    if certificate is None:
+        analysis = analyse(plant, own, region, budget)
+    else:
+        reason = certificate.prove().reason
+        analysis = Analysis(plant, own, region, "proved", reason, certificate)
+    stable = analysis.answer != "refuted"
+    bounds = tuple(_bounded(plant, own, limit) for limit in limits) if stable else ()
+    if analysis.certificate is not None and analysis.proved:
+        claims = [own.bound.claim for own in bounds if own.bound is not None]
+        analysis.certificate.require_checkable(claims)
+    return Verified(plant, own, analysis, given, bounds)
+
+
+def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
+    """Return Lyapunov matrices in rationals."""
+    n, N = plant.shape[0], len(plant.vertices)
+    if len(given) not in (1, N):
+        raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one a vertex")
+    found = list[Rationals]()
+    for k, each in enumerate(given):
+        what = "the Lyapunov matrix" if len(given) == 1 else f"Lyapunov matrix {k + 1}"
+        P = read_matrix(each, what)
+        if len(P) != n or len(P[0]) != n:
+            raise InputError(f"{what} is {len(P)} x {len(P[0])}; {plant.name} has {n} states")
+        # solvers leave the last bits of one half unlike the other's
+        found.append([[(P[i][j] + P[j][i]) / 2 for j in range(n)] for i in range(n)])
+    return found
+
+
+def _given(
+    plant: UncertainPlant, law: FixedGain, region: Region, P: list[Rationals]
+) -> tuple[GivenLyapunov, Certificate | None]:
+    """Decide whether Lyapunov matrices prove a claim; and its certificate, if they are one."""
+    blank = [placeholder(plant, law)] * len(region.parts)
+    reasons = list[str]()
+    for on in _domains(plant, len(P)):
+        claim = replace(certificate_of(plant, law, region, blank).claim(), on=on)
+        for form, own in (("primal", _transposed(claim)), ("dual", claim)):
+            for evidence in _evidence(P):
+                try:
+                    verdict = prove(replace(own, evidence=(evidence,) * len(region.parts)))
+                except FormatError as problem:
+                    reasons.append(str(problem))
+                    break
+                if verdict.proved:
+                    given = GivenLyapunov(form, len(P), verdict.reason)
+                    return given, _certificate(plant, law, region, form, on, evidence)
+                reasons.append(_missed(own, evidence, region, verdict))
+    return GivenLyapunov("", len(P), reasons[0]), None
+
+
+def _domains(plant: UncertainPlant, count: int) -> tuple[str, ...]:
+    """Where matrices, one a vertex, may be weighed: P(alpha), or multi-affine in parameters."""
+    return ("simplex", "box") if count > 1 and len(plant.parameters) > 1 else ("simplex",)
+
+
+def _evidence(P: list[Rationals]) -> Iterator[laws.Evidence]:
+    degree = int(len(P) > 1)
+    for elevation in ELEVATIONS if degree else ELEVATIONS[:1]:
+        yield laws.Evidence(P, degree, elevation)
+
+
+def _transposed(claim: Poles) -> Poles:
+    """Return the claim about the transposed closed loops, which have the same poles.
+
+    Its Lyapunov inequalities in X are those of the loops themselves in P = X.
+    """
+    vertices = np.eye(len(claim.A), dtype=int).tolist()
+    loops = [claim.closed_loop([Fraction(a) for a in alpha]) for alpha in vertices]
+    A = [[list(row) for row in zip(*loop, strict=True)] for loop in loops if loop is not None]
+    n = len(A[0])
+    nothing = laws.Law(K=[[[Fraction(0)] * n]])
+    return replace(claim, A=A, B=[[[Fraction(0)] for _ in range(n)] for _ in A], law=nothing)
+
+
+def _missed(claim: Poles, evidence: laws.Evidence, region: Region, verdict: Verdict) -> str:
+    """Say which inequality fails, and by how much."""
+    whole = replace(claim, evidence=(evidence,) * len(region.parts))
+    block = next(islice((own for _, own in whole.blocks()), verdict.count, None), None)
+    if verdict.place is None or block is None:
+        return verdict.reason
+    largest = max(abs(entry) for row in block for entry in row) or 1
+    M = np.array([[float(Fraction(entry, largest)) for entry in row] for row in block])
+    values = np.linalg.eigvalsh(M)
+    share = values[0] / max(abs(values[-1]), abs(values[0]), np.finfo(float).tiny)
+    return f"{verdict.reason}: its least eigenvalue is about {share:.2g} times its largest"
+
+
+def _certificate(
+    plant: UncertainPlant,
+    law: FixedGain,
+    region: Region,
+    form: str,
+    on: str,
+    evidence: laws.Evidence,
+) -> Certificate | None:
+    """Return the matrices as a certificate that holds, None where in doubles they are none."""
+    X = np.array([[[float(e) for e in row] for row in own] for own in evidence.X])
+    if form == "primal":
+        if len(X) > 1:
+            return None  # the inverse of P(alpha) is no polynomial
+        with suppress(np.linalg.LinAlgError):
+            X = np.linalg.inv(X)
+        X = (X + X.swapaxes(1, 2)) / 2
+    own = {"X": X, "degree": evidence.degree, "elevation": evidence.elevation}
+    parts: dict[str, Any] = {"parts": (own,) * len(region.parts)}
+    parts |= {"on": on} if on != "simplex" else {}
+    found = Certificate(plant, region, "lyapunov", law, parts)
+    return found if found.holds() else None
+
+
+def _bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBound:
+    """Return what is proved of a limit; sampled first, for no proof passes a sample."""
+    most = inf if limit.at_most is None else limit.at_most
+    free = replace(limit, at_most=None)
+    found = sampled(plant, law, free)
+    worst, k = worst_of(found, ByTransfer.of(delta_form(plant), law, free))
+    alpha = tuple(float(a) for a in found.alpha[k])
+    own = limit, None, worst, alpha, values_at(plant, alpha)
+    if worst > most:
+        return VerifiedBound(limit, "exceeded", *own[1:])
+    bound = best_bound(plant, law, free)
+    answer = "proved" if bound is not None and bound.level <= most else "undecided"
+    return VerifiedBound(limit, answer, bound, *own[2:])

@@ -1,1 +1,0 @@
-"""Laws for regions and for signals: searched in floats, proved in exact arithmetic."""

@@ -1,1 +1,0 @@
-"""Laws for limits on signals: specifications, their bounds, trade-offs."""

@@ -1,0 +1,75 @@
+"""Closed loops as polynomials: a family under a law, with signals and saturated inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.law.laws import FixedGain, Law, PolynomialGain, domain_of
+from polefence.lmi.conditions.lyapunov import Loop
+from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
+from polefence.plant.polynomial import Domain, Polynomial, bernstein, elevated, times
+from polefence.plant.system import Array
+
+
+def loop_of(plant: UncertainPlant, law: Law) -> Loop:
+    """Return the closed loop as a quotient of polynomials."""
+    return _loop(plant, law, np.concatenate([plant.A, plant.B], axis=2))
+
+
+def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
+    """Return the closed loop with the rows of y = C x + D u, (N, p, n) and (N, p, m), below it."""
+    rows = [np.concatenate([plant.A, C], axis=1), np.concatenate([plant.B, D], axis=1)]
+    return _loop(plant, law, np.concatenate(rows, axis=2))
+
+
+def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
+    """Return a loop with how its inputs enter, and what they are: they are cut off."""
+    n, domain = plant.shape[0], loop.domain
+    if isinstance(law, FixedGain):
+        K = {(0,) * sum(domain.sizes): law.K}
+    elif isinstance(law, PolynomialGain):
+        K = {e: p[n:] for e, p in bernstein(domain, law.form, law.degree).items()}
+    else:
+        K = bernstein(domain, law.Z, law.degree)
+    return replace(loop, B=polynomial_of(plant, domain, plant.B, n), K=K)
+
+
+def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
+    n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
+    AB, motion, d = polynomial_of(plant, domain, rows), Motion.of(plant), plant.curve_degree
+    if isinstance(law, FixedGain):
+        eye = {(0,) * sum(domain.sizes): np.eye(n)}
+        both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
+        return Loop(elevated(eye, domain, d), times(AB, both), domain, step=step, motion=motion)
+    if isinstance(law, PolynomialGain):
+        both = bernstein(domain, law.form, law.degree)
+        eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + d)
+        return Loop(eye, times(AB, both), domain, step=step, motion=motion)
+    W = bernstein(domain, law.W, law.degree)
+    both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
+    return Loop(elevated(W, domain, d), times(AB, both), domain, W, step, motion)
+
+
+def polynomial_of(
+    plant: UncertainPlant, domain: Domain, rows: Array, column: int = 0
+) -> Polynomial:
+    """Return rows at the vertices as a polynomial; a plant's curve is added to the first n.
+
+    Of the curve's columns it begins with ``column``.
+    """
+    found, d = bernstein(domain, rows, 1), plant.curve_degree
+    if d == 1:
+        return found
+    if domain != plant.domain:
+        raise InputError(
+            f"{plant.name}: its samples are polynomials of the parameters; ask for a law on the "
+            "box of these (on = 'box')"
+        )
+    more = np.zeros((len(plant.curve), *rows.shape[1:]))
+    more[:, : plant.shape[0]] = plant.curve[:, :, column : column + rows.shape[2]]
+    found, curve = elevated(found, domain, d - 1), bernstein(domain, more, d)
+    return {e: found[e] + curve[e] for e in found}

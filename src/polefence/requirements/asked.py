@@ -1,0 +1,190 @@
+"""What is asked of a law: the requirements of a spec, with those of lines beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from polefence.base.errors import InputError, SpecError
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances
+from polefence.plant.vehicle import ACCELERATION
+from polefence.proof.text import quoted
+from polefence.requirements.gain_norm import GainNorm
+from polefence.requirements.rms import Rms
+from polefence.requirements.specification import Specification, disturbance
+from polefence.requirements.text import (
+    RoadSpectrum,
+    load_specifications,
+    parse_specification,
+    with_wheels,
+)
+
+COMFORT = f"rms of {ACCELERATION}"  # what is minimised of a quarter car that asks for nothing
+
+
+def wanted(
+    plant: UncertainPlant,
+    spec: str | Path,
+    minimise: str | None = None,
+    limits: Sequence[str] = (),
+    road: RoadSpectrum | None = None,
+    options: tuple[str, str] = ("--minimise", "--limit"),
+) -> tuple[Specification | None, tuple[Specification, ...]]:
+    """Return what is to be minimised, if anything, and the limits: of a spec, and of these lines.
+
+    Parameters
+    ----------
+    minimise : str, optional
+        In place of what the spec minimises.
+    limits : sequence of str
+        Beside those of the spec, or in place of one on the same kind and signal.
+    road : RoadSpectrum, optional
+        In place of the spec's.
+    options : tuple of two str
+        What these lines are called in messages.
+
+    Raises
+    ------
+    InputError
+        Naming the specification that cannot be used.
+    """
+    of_least, of_limit = options
+    least, written, road = _of_spec(plant, spec, road)
+    every = (*written, *([least] if least else []))
+    known = densities_of(every)
+    if minimise is not None:
+        least = in_units(_parsed(plant, minimise, of_least, road, known), written)
+        if least.at_most is not None:
+            raise InputError(f"{of_least} {minimise!r} has a limit; give it by {of_limit}")
+    found = {own.title: own for own in written}
+    if len(found) < len(written):
+        raise SpecError(f"{spec}: two limits on one kind and signal; keep the lower one")
+    given = set[str]()
+    for text in limits:
+        own = in_units(_parsed(plant, text, of_limit, road, known), written)
+        if own.at_most is None:
+            raise InputError(f"{of_limit} {text!r} has no limit; write for example {text!r} <= 1")
+        if own.title in given:
+            raise InputError(f"{of_limit}: {own.title} is given twice; give it once")
+        given.add(own.title)
+        found[own.title] = own
+    if least is None and not found:
+        raise InputError(
+            f"{spec}: nothing is asked; give {of_least} 'rms of SIGNAL' or {of_limit} 'rms of "
+            "SIGNAL <= LIMIT', or write [[specification]] tables"
+        )
+    return least, tuple(found.values())
+
+
+def promised(
+    plant: UncertainPlant, spec: str | Path, limits: Sequence[str], option: str
+) -> tuple[Specification, ...]:
+    """Return what a law that is given is to keep: these lines, or else all that the spec asks for.
+
+    Parameters
+    ----------
+    limits : sequence of str
+        One without a limit asks for the least bound that can be proved, as ``minimise`` of the spec
+        does.
+    option : str
+        What these lines are called in messages.
+
+    Raises
+    ------
+    InputError
+        Naming the specification that cannot be used.
+    """
+    least, written, road = _of_spec(plant, spec, None)
+    every = (*written, *([least] if least else []))
+    known = densities_of(every)
+    if not limits:
+        return every
+    each = (_parsed(plant, text, option, road, known) for text in limits)
+    return tuple(in_units(own, written) for own in each)
+
+
+def _of_spec(
+    plant: UncertainPlant, spec: str | Path, road: RoadSpectrum | None
+) -> tuple[Specification | None, tuple[Specification, ...], RoadSpectrum | None]:
+    """Return what a spec minimises, its limits, and the road that they are meant on."""
+    least, written = load_specifications(spec, road)
+    road = with_wheels(road, spec)
+    if road is not None:
+        _require_wheels(plant, spec, road)
+        written = tuple(road.acting(own, plant) for own in written)
+        least = None if least is None else road.acting(least, plant)
+    written = tuple(_begun(own, plant) for own in written)
+    least = least and _begun(least, plant)
+    for own in (*written, *([least] if least else [])):
+        _known(plant, own, str(spec), road)
+    return least, written, road
+
+
+def _require_wheels(plant: UncertainPlant, spec: str | Path, road: RoadSpectrum) -> None:
+    """Refuse a road under wheels that there are not."""
+    disturbance(plant)
+    for name in () if road.in_tracks else road.under:
+        if name not in [w.name for w in disturbances(plant)]:
+            raise SpecError(f"{spec}: road: under: {plant.name} has no disturbance {quoted(name)}")
+
+
+def _begun(own: Specification, plant: UncertainPlant) -> Specification:
+    """Return a spec's own of a plant at a sample time: no input is on its way at first."""
+    if plant.sampling is None:
+        return own
+    n = plant.sampling.plant.shape[0]
+    return own.extended(n, plant.shape[0] - n)
+
+
+def densities_of(written: Sequence[Specification]) -> dict[str, float]:
+    """Return the density by signal, as the spec's tables have it."""
+    return {own.name: own.density for own in written if isinstance(own, Rms)}
+
+
+def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
+    """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
+    if isinstance(own, GainNorm):
+        for other in limits:
+            if isinstance(other, GainNorm):
+                return replace(own, rows=other.rows, columns=other.columns)
+    return own
+
+
+def _parsed(
+    plant: UncertainPlant,
+    text: str,
+    option: str,
+    road: RoadSpectrum | None,
+    known: Mapping[str, float],
+) -> Specification:
+    try:
+        own = parse_specification(text, road, known)
+        own = own if road is None else road.acting(own, plant)
+    except InputError as error:
+        raise InputError(f"{option} {error}") from error
+    _known(plant, own, f"{option} {text!r}", road)
+    return own
+
+
+def _known(
+    plant: UncertainPlant, own: Specification, where: str, road: RoadSpectrum | None
+) -> None:
+    """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
+    try:
+        own.require_fit(plant)
+        if isinstance(own, Rms) and road is not None and own.density == road.density:
+            acting: Sequence[float] = plant.physical
+            if own.disturbances is not None:
+                acting = own.scales(plant) or (1.0,) * plant.disturbance_count
+            pairs = zip(disturbances(plant), acting, strict=True)
+            names = [w.name for w, acts in pairs if acts]
+            if len(names) != 1 and not set(names) <= set(road.under):
+                raise InputError(
+                    f"{plant.name} has {len(names)} disturbances; a road is one; name those that "
+                    "are roads, each by itself, by under = [NAMES] in [road], or give density, or "
+                    "disturbances = [NAME] (on a line: from [NAME])"
+                )
+    except InputError as error:
+        raise type(error)(f"{where}: {error}") from error

@@ -1,0 +1,113 @@
+"""Gain from the disturbances to a signal in L2: its H-infinity norm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.law.laws import Law
+from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import DualProblem
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances, stacked
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.requirements.rms import Rms
+from polefence.requirements.slopes import Loops, Slopes
+from polefence.requirements.specification import Specification
+from polefence.response.closed import close
+from polefence.response.modes import Modes
+from polefence.response.peaks import on_grid, peaks, response
+from polefence.response.stationary import stationary
+
+UNIT = 2.0  # one-sided density of noise of intensity one
+NEAR = 0.7  # singular values that have slopes, of the largest at a peak
+FEW = 20  # points, the worst of a grid, at which peaks are found
+
+
+@dataclass(frozen=True)
+class Gain(Specification):
+    """The L2 gain (H-infinity norm) from the disturbances to a signal, or to a vector of them."""
+
+    kind = "gain"
+    keys = ("disturbances",)
+    vector = True
+    power = 1
+    direct = True
+
+    def as_noise(self, bandwidth: float) -> Rms:
+        """Return the rms of a signal of this gain, of noise in a band that it follows [rad/s].
+
+        It is about the gain times the root of the bandwidth.
+        """
+        level = None if self.at_most is None else self.at_most * bandwidth**0.5
+        return Rms(self.signal, level, UNIT, disturbances=self.disturbances)
+
+    def unit(self, plant: UncertainPlant) -> str:
+        """Return the signal's unit per unit of the disturbances."""
+        known = disturbances(plant)
+        acting = self.scales(plant) or (1.0,) * len(known)
+        units = {own.unit for own, scale in zip(known, acting, strict=True) if scale}
+        per = units.pop() if len(units) == 1 else ""
+        return f"{super().unit(plant) or 1} per {per or 'unit'}"
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+        """Return the way the disturbances enter."""
+        return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
+
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
+        """Return the closed loops of the dual form."""
+        return self._dual(plant, law, 1.0, gain=True)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the gain."""
+        scales = tuple(map(Fraction, self.scales(plant)))
+        return proof.Gain(subject, self.exact_outputs(plant), level, scales=scales)
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it, with what of the disturbance passes straight into the signal."""
+        source, own = super().condition(plant, domain, unit)
+        _, _, F = stacked(plant, self.outputs(plant))
+        return source, replace(own, F=self.scaled(plant, F) if np.any(F) else None)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the gain on a grid of frequencies, and exactly at the worst points."""
+        stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
+        own, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
+        loops = own.closed(closed.K, Modes(closed.closed, closed.step))
+        values = on_grid(loops.modes, loops.E, loops.C, loops.F)
+        worst = np.argsort(-values)[:FEW]
+        modes = Modes(loops.A[worst], closed.step)
+        points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst])
+        np.maximum.at(values, worst[points], height)
+        return values
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return peaks of the largest singular value with their slopes."""
+        A, E, C, F = loops.A, loops.E, loops.C, loops.F
+        step = loops.modes.step
+        points, w, _ = peaks(loops.modes, E, C, F)
+        s = 1j * w / (1 - 0.5j * w * step)
+        A, E, C, F = (M[points] for M in (A, E, C, F))
+        G = response(A, E, C, F, s[:, None])[:, 0]
+        u, values, vt = np.linalg.svd(G, full_matrices=False)
+        some, which = np.nonzero(values >= NEAR * values[:, :1])
+        u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
+        points, s, A, E, C = (own[some] for own in (points, s, A, E, C))
+        s = s[:, None, None] * np.eye(A.shape[-1]) - A
+        right = np.linalg.solve(s, E @ v[:, :, None])[:, None, :, 0]
+        left = np.linalg.solve(np.swapaxes(s.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None])
+        dA, dC = (left.conj() * right).real, (u.conj()[:, :, None] * right).real
+        return Slopes(values, points, dA, dC)

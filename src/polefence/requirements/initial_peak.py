@@ -1,0 +1,357 @@
+"""Peak of a signal from initial states, or after impulses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from polefence.base.errors import InputError, SpecError
+from polefence.base.explained import explained_fields
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import stacked, states
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.requirements.specification import (
+    Row,
+    Specification,
+    disturbance,
+    is_number,
+    number,
+)
+from polefence.response.closed import close
+from polefence.response.grid import MOST_CHOSEN
+from polefence.response.linear import simulate
+from polefence.response.stationary import STABLE, growth, stationary
+
+# Time followed, of the slowest pole's time constant; step, of the fastest's.
+FOLLOWED, STEP = 5.0, 0.25
+GROUP = 2_000_000  # samples at once
+# For slopes: time constants followed, steps a radian and a mode; peaks that count, so many a loop.
+LASTING, A_RADIAN, MOST_STEPS = 14.0, 4, 800
+NEAR, MOST = 0.8, 3
+TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True)
+class InitialPeak(Specification):
+    """The largest value of a signal from given initial states, or after impulses.
+
+    Attributes
+    ----------
+    points : tuple of tuple of float
+        Initial states; with them their convex hull and their negatives.
+    impulse : float
+        Of the disturbance, at rest [its unit times s]; zero for none.
+    ellipsoid : (n, n) nested tuple, optional
+        X0, symmetric without negative eigenvalues, numbers or exact (Fraction): all initial states
+        with x0' X0^-1 x0 <= 1. A diagonal X0 has the squares of the half-axes on it. A box is the
+        hull of its corners: give them as ``points``.
+    """
+
+    points: tuple[tuple[float, ...], ...] = ()
+    impulse: float = 0.0
+    ellipsoid: tuple[tuple[float | Fraction, ...], ...] = ()
+    kind = "initial peak"
+    keys: ClassVar[tuple[str, ...]] = ("points", "impulse", "ellipsoid", "disturbances")
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_square(self.name, self.ellipsoid)
+        self._settle("ellipsoid", tuple(map(tuple, self.ellipsoid)))
+        try:
+            self._settle("points", tuple(map(tuple, self.points)))
+        except TypeError as error:
+            raise InputError(
+                f"{self.name!r}: points must be a list of initial states, [[...], [...]]"
+            ) from error
+        if self.disturbances is not None and not any(self._sizes):
+            raise InputError(
+                f"{self.name!r}: disturbances only apply together with an impulse; give one, or "
+                "leave them out"
+            )
+        numbers = [
+            *self._sizes,
+            *(x for own in (self.points, self.ellipsoid) for p in own for x in p),
+        ]
+        if not all(isinstance(x, Fraction) or is_number(x) for x in numbers) or not any(numbers):
+            raise InputError(
+                f"{self.name!r}: give points or an impulse, or an ellipsoid, finite numbers"
+            )
+        X0 = [[Fraction(x) for x in row] for row in self.ellipsoid]
+        if [list(row) for row in zip(*X0, strict=True)] != X0 or not proof.is_semidefinite(X0):
+            raise InputError(
+                f"{self.name!r}: the ellipsoid must be symmetric, without negative eigenvalues"
+            )
+
+    @property
+    def _sizes(self) -> tuple[float, ...]:
+        """How large what the disturbances do is."""
+        return (self.impulse,)
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        points = matrix(row, "points", "initial states", number)
+        ellipsoid = matrix(row, "ellipsoid", "rows of a matrix", _exact)
+        numbers = row.given(*(key for key in cls.keys if key in ("impulse", "norm")))
+        return cls(row.table["signal"], points=points, ellipsoid=ellipsoid, **numbers)
+
+    def extended(self, n: int, more: int) -> InitialPeak:
+        """Return it from initial states at which the further states are at rest."""
+        zeros = (0.0,) * more
+        points = tuple((*point, *zeros) if len(point) == n else point for point in self.points)
+        X0 = self.ellipsoid
+        if len(X0) == n:
+            X0 = (*((*row, *zeros) for row in X0), *((0.0,) * (n + more),) * more)
+        return replace(self, points=points, ellipsoid=X0)
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant without the signal; one without disturbance takes no impulse.
+
+        Initial states have as many numbers as the plant has states.
+        """
+        self.outputs(plant)
+        self._require_states(plant)
+        if self.impulse:
+            disturbance(plant)
+        self.scales(plant)
+        self._require_still(plant)
+
+    def _require_still(self, plant: UncertainPlant) -> None:
+        """Refuse an impulse of which parameters have moved when it has acted."""
+        if not self.impulse or not plant.moving or not (plant.sample_time or plant.step):
+            return
+        E = disturbance(plant)
+        if np.any(E[:1] != E):
+            raise InputError(
+                f"{self.title}: when an impulse has acted, {plant.moving[0].name} has moved, and E "
+                "varies; give initial states as points"
+            )
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+        """Return the initial states."""
+        self._require_states(plant)
+        return self._starts(plant, "points")
+
+    def _starts(self, plant: UncertainPlant, kind: str) -> conditions.Points:
+        """Return the initial states under a name that begins with a word."""
+        N = len(plant.vertices)
+        found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
+        if self.impulse:
+            E, acting = self.entering(plant), self._impulses(plant)
+            found += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
+        X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
+        own = self.points, self.impulse, self.ellipsoid, self.scales(plant)
+        name = f"{kind} {own!r}"  # a hash would take -1 for -2
+        return conditions.Points(name, tuple(found), X0)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the peak."""
+        return proof.InitialPeak(subject, self.exact_outputs(plant), level, *self._exact(plant))
+
+    def _exact(self, plant: UncertainPlant) -> tuple[Any, Any, Any]:
+        """Return points, impulses and ellipsoid in exact numbers."""
+        points = tuple(tuple(Fraction(x) for x in point) for point in self.points)
+        impulses = tuple(map(Fraction, self._impulses(plant)))
+        impulses = tuple(Fraction(self.impulse) * scale for scale in impulses)
+        X0 = tuple(tuple(Fraction(x) for x in row) for row in self.ellipsoid)
+        return points, impulses, X0
+
+    def _require_states(self, plant: UncertainPlant) -> None:
+        n = plant.shape[0]
+        names = f": {', '.join(own.name for own in states(plant))}" if plant.states else ""
+        for k, point in enumerate(self.points, 1):
+            if len(point) != n:
+                raise InputError(
+                    f"{self.kind} of {self.name!r}: initial state {k} of points has {len(point)} "
+                    f"numbers; {plant.name} has {n} states{names}"
+                )
+        if self.ellipsoid and len(self.ellipsoid) != n:
+            raise InputError(
+                f"{self.kind} of {self.name!r}: the ellipsoid is {len(self.ellipsoid)} x "
+                f"{len(self.ellipsoid)}; {plant.name} has {n} states{names}"
+            )
+
+    def _impulses(self, plant: UncertainPlant) -> tuple[float, ...]:
+        """Return how many times the impulse each disturbance has; nothing without an impulse."""
+        if not self.impulse:
+            return ()
+        return self.scales(plant) or (1.0,) * plant.disturbance_count
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the peak by exact responses at close instants.
+
+        From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns.
+        """
+        (signal,), own, acting = self.outputs(plant), self, self._impulses(plant)
+        if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
+            plant = _moved_by_nothing(plant)
+        loops = close(plant, law, alpha)
+        count = len(loops.closed)
+        starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
+        if own.impulse:
+            starts += [own.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
+        stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
+        poles = loops.poles()
+        fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)
+        slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
+        each = loops.step or STEP / fastest
+        steps = max(2, int(min(FOLLOWED / slowest / each + 1, MOST_CHOSEN)))
+        time, size = each * np.arange(steps), max(1, GROUP // steps)
+
+        def squares(start: Array, part: slice) -> Array:
+            one = simulate(plant, law, alpha[part], None, time, [signal], "held", start[part])
+            return np.asarray(one.values[:, :, 0] ** 2)
+
+        found = np.zeros(count)
+        axes = [np.tile(axis, (count, 1)) for axis in axes_of(own)]
+        for first in range(0, count, size):
+            part = slice(first, first + size)
+            each = [squares(start, part) for start in starts]
+            if axes:  # c e^At L L' e^A't c' of X0 = L L'
+                each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
+            found[part] = np.max([y.max(axis=1) for y in each], axis=0)
+        return np.sqrt(found)
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
+        C, D, _ = stacked(plant, self.outputs(plant))
+        starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *axes_of(self))]
+        each = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
+        if self.impulse:
+            E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
+            each.insert(len(self.points), np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1))
+        C, D = (np.tensordot(alpha, M, 1) for M in (C, D))
+        E = np.concatenate(each, axis=2)
+        return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the peaks with their slopes."""
+        from scipy.linalg import expm  # deferred: slow to import
+
+        q = loops.E.shape[2]
+        alone = q - len(self.ellipsoid)
+        groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
+        found = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
+        points, which, time = (np.array(column) for column in zip(*found, strict=True))
+        A, C, step = loops.A[points], loops.C[points], loops.modes.step
+        n = A.shape[1]
+
+        def moved(M: Array, one: Array) -> Array:
+            """Return e^Mt, or the power of one + step M that a time is."""
+            if not step:
+                return np.asarray(expm(M * time[:, None, None]))
+            each = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
+            return np.stack([np.linalg.matrix_power(own, count) for own, count in each])
+
+        motion = moved(A, np.eye(n))
+        y = C @ motion @ loops.E[points]
+        own = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
+        y *= np.array(own)[:, None]
+        values = np.sqrt((y**2).sum(axis=(1, 2)))
+        start = loops.E[points] @ np.swapaxes(y, 1, 2) / np.maximum(values, TINY)[:, None, None]
+        # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
+        both = np.zeros((len(A), 2 * n, 2 * n))
+        both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
+        both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
+        dA = moved(both, np.eye(2 * n))[:, :n, n:]
+        return Slopes(values, points, dA, np.swapaxes(motion @ start, 1, 2))
+
+
+def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, float]]:
+    """Return loop, group of columns and instant of the peaks that count, the highest first."""
+    poles, step = loops.modes.poles[k], loops.modes.step
+    if step:  # at samples z^k = e^(log z k)
+        z = (1 + step * poles).astype(complex)
+        poles = np.log(np.where(z == 0, TINY, z)) / step
+    each = [np.zeros(1)]
+    for pole in poles:
+        lasting = LASTING / max(-pole.real, TINY)
+        steps = int(np.clip(lasting * abs(pole) * A_RADIAN, 20, MOST_STEPS))
+        each.append(np.linspace(0, lasting, steps))
+    time = np.unique(np.concatenate(each))
+    time = np.unique(np.rint(time / step)) * step if step else time
+    left, right = loops.C[k] @ loops.modes.right[k], loops.modes.left[k] @ loops.E[k]
+    found = []
+    for g, group in enumerate(groups):
+
+        def response(t: Array, most: int, own: Any = right[:, group]) -> list[Array]:
+            each = left * np.exp(np.outer(t, poles))
+            return [((each * poles**j) @ own).real for j in range(most)]
+
+        y = np.sum(response(time, 1)[0] ** 2, axis=1)
+        inner = (y >= np.append(-1.0, y[:-1])) & (y > np.append(y[1:], -1.0))
+        at = np.flatnonzero(inner)
+        at = at[np.argsort(-y[at], kind="stable")][:MOST]
+        t = time[at]
+        low, high = time[np.maximum(at - 1, 0)], time[np.minimum(at + 1, len(time) - 1)]
+        for _ in range(0 if step else 4):  # Newton's steps to where the square is at its highest
+            y, v, a = response(t, 3)
+            slope, bend = 2 * (y * v).sum(axis=1), 2 * (v * v + y * a).sum(axis=1)
+            by = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
+            t = np.clip(t - by, low, high)
+        peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
+        found += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
+    found.sort(key=lambda row: -row[0])
+    return [row[1:] for row in found[:MOST] if row[0] >= NEAR**2 * found[0][0]]
+
+
+def _require_square(name: str, ellipsoid: Any) -> None:
+    try:
+        widths = [len(row) for row in ellipsoid]
+    except TypeError:
+        widths = [-1]
+    if any(width != len(widths) for width in widths):
+        raise InputError(f"{name!r}: the ellipsoid must be a square matrix, [[...], [...]]")
+
+
+def _exact(value: Any, where: str) -> Fraction:
+    number(value, where)
+    return Fraction(value)
+
+
+def matrix(
+    row: Row, key: str, what: str, read: Callable[[Any, str], Any]
+) -> tuple[tuple[Any, ...], ...]:
+    """Return a list of rows, none where it is not given.
+
+    Raises
+    ------
+    SpecError
+        If it is no list of lists of numbers.
+    """
+    value = row.table.get(key, [])
+    if not isinstance(value, list) or not all(isinstance(point, list) for point in value):
+        raise SpecError(f"{key} must be a list of {what}, [[...], [...]]")
+    return tuple(tuple(read(x, key) for x in point) for point in value)
+
+
+def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
+    """Return the plant with a disturbance that does not enter: responses from states need none."""
+    zero = tuple((Fraction(0),) for _ in range(plant.shape[0]))
+    vertices = tuple(replace(vertex, exact_E=zero) for vertex in plant.vertices)
+    return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)
+
+
+def axes_of(own: InitialPeak) -> Array:
+    """Return the columns of L, X0 = L L', as rows."""
+    if not own.ellipsoid:
+        return np.zeros((0, 0))
+    X0 = np.array(own.ellipsoid, dtype=float)
+    # scaled before its eigenvalues are taken: states' units may lie decades apart
+    scale = np.sqrt(np.where(np.diag(X0) > 0, np.diag(X0), 1.0))
+    values, vectors = np.linalg.eigh(X0 / np.outer(scale, scale))
+    return np.asarray((scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T)

@@ -1,0 +1,196 @@
+"""Rms of a signal under white noise, weighted or not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained_fields
+from polefence.law.laws import Law
+from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import DualProblem
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.requirements.slopes import Channel, Loops, Slopes, of_noise
+from polefence.requirements.specification import Row, Specification, is_number, listed
+from polefence.requirements.weights import (
+    WEIGHTS,
+    behind,
+    filters_of,
+    wider,
+    with_weights,
+)
+from polefence.response.stationary import stationary
+
+PLAIN = "none"  # of an entry that goes through no filter
+
+
+@dataclass(frozen=True)
+class Rms(Specification):
+    """The worst rms of a signal for white disturbances; of a vector z, the root of E z'z.
+
+    Attributes
+    ----------
+    density : float
+        One-sided density of the disturbance [its unit squared per Hz]; of a road's velocity see
+        `polefence.vehicle.velocity_density`.
+    weight : str or sequence of str, optional
+        "Wk", "Wd", "We" or "Wf" of ISO 2631-1: the rms of the signal so weighted, of a vector each
+        entry; or one for each entry, "none" among them. The filters are no states of the plant:
+        no law feeds them back, and the region is not about their poles.
+    """
+
+    density: float = 1.0
+    weight: str | Sequence[str] | None = None
+    kind = "rms"
+    keys = ("density", "weight", "disturbances")
+    vector = True
+    limits_rms = True
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (is_number(self.density) and self.density > 0):
+            raise InputError(f"density = {self.density!r} must be a positive number")
+        if self.weight is not None:
+            self._settle("weight", _weights(self.weight, len(self.entries)))
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says; the road says the density of one that has none."""
+        weight = row.table.get("weight")
+        names = weight if isinstance(weight, list) else [weight]
+        if weight is not None and not all(isinstance(name, str) for name in names):
+            raise SpecError(
+                f'{row.where}: weight = {shown(weight)} must be text, for example "Wk", or a list '
+                "of them, one for each entry of the signal"
+            )
+        density = row.given("density").get("density", row.density)
+        if density is None:
+            density = cls.without_density(row.where)
+        return cls(row.table["signal"], **row.given() | {"density": density}, weight=weight)
+
+    @classmethod
+    def without_density(cls, where: str) -> float:
+        """Return the density that will do where none is given; refuse where none will."""
+        raise SpecError(
+            f"{where}: neither density nor a road is given; write density = D (on a line: with "
+            "density D), one-sided, in the disturbance's unit squared per Hz, or for a car a table "
+            "[road] with class and speed"
+        )
+
+    @property
+    def filters(self) -> tuple[str | None, ...]:
+        """Names of the weightings, one an entry."""
+        own = self.weight
+        if own is None or isinstance(own, str):
+            return (own,) * len(self.entries)
+        return tuple(None if name == PLAIN else name for name in own)
+
+    @property
+    def title(self) -> str:
+        """Kind, signal, chosen disturbances and weight, as a line has them."""
+        own = self.weight
+        if own is None:
+            return super().title
+        return f"{super().title} with weight {own if isinstance(own, str) else listed(own)}"
+
+    def filtered(self, signals: Sequence[str | Output]) -> Rms:
+        """Return it of the weighted signals."""
+        return replace(self, signal=signals, weight=None)
+
+    def of(self, output: Output) -> Rms:
+        """Return it of one other output, behind the filter that a signal of this name has."""
+        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        weight = self.weight
+        if not (weight is None or isinstance(weight, str)):
+            known = dict(zip(names, self.filters, strict=True))
+            weight = known.get(output.name)
+        return replace(self, signal=output, weight=weight)
+
+    def unweighted(self) -> Rms:
+        """Return it of the signal itself."""
+        return replace(self, weight=None)
+
+    @property
+    def unnamed_noise(self) -> float:
+        """Scale that makes the density 1."""
+        return float(1 / np.sqrt(self.density))
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+        """Return white noise."""
+        name = f"noise {self.density!r}{self.scales(plant) or ''}"
+        E, degree = self.driving(plant)
+        return conditions.noise(name, domain, E, self.density / 2, degree)
+
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
+        """Return the closed loops of the dual form."""
+        return self._dual(plant, law, (self.density / 2) ** 0.5)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim about the rms."""
+        scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
+        outputs, filters = self.exact_outputs(plant), filters_of(plant, self)
+        return proof.Rms(subject, outputs, level, intensity, scales=scales, filters=filters)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the rms, by a Lyapunov equation at each point."""
+        return of_one_noise(plant, law, [self], alpha)[0]
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with disturbances of unit intensity, and with its filters."""
+        wide = behind(plant, None, self)
+        own = Specification.channel(wide.specification, wide.plant, alpha)
+        more = wide.plant.shape[0] - plant.shape[0]
+        return replace(own, E=(self.density / 2) ** 0.5 * own.E, filters=more)
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return the rms with its slopes."""
+        return of_noise(loops)
+
+
+def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...] | None:
+    """Return one weighting for all entries, or one for each."""
+    if not isinstance(weight, str):
+        weight = tuple(weight)
+        if len(weight) != entries:
+            raise InputError(
+                f"weight names {len(weight)} for {entries} entries of the signal; name one for "
+                f'each, "{PLAIN}" where an entry has none'
+            )
+    for name in (weight,) if isinstance(weight, str) else weight:
+        if name not in WEIGHTS and (isinstance(weight, str) or name != PLAIN):
+            raise InputError(f"weight = {name!r} is unknown; {suggest(str(name), WEIGHTS)}")
+    if isinstance(weight, str):
+        return weight
+    return None if set(weight) == {PLAIN} else weight
+
+
+def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Array) -> list[Array]:
+    """Return the values of each, by one covariance: all are of the same noise.
+
+    Raises
+    ------
+    InputError
+        As `stationary` raises, of all of them together.
+    """
+    psd, bare = owns[0].density * owns[0].squares(plant), plant
+    plant, plain = with_weights(plant, owns)
+    law = wider(law, bare, plant)
+    outputs = [own.outputs(plant) for own in plain]
+    rms = stationary(plant, law, alpha, psd, [one for own in outputs for one in own]).rms
+    ends = np.cumsum([len(own) for own in outputs])[:-1]
+    return [np.asarray(np.linalg.norm(part, axis=1)) for part in np.split(rms, ends, axis=1)]

@@ -1,0 +1,212 @@
+"""Inputs that are cut off: the least limit at which the loop still comes to rest.
+
+From initial states, or from rest under disturbances of bounded energy. A set of states that is
+larger asks for a limit that is larger by the same factor: where a limit of U is there and u is
+proved to be enough, U / u times the set is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.base.explained import explained_fields
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import inputs
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.proof.claims.saturation import MAX_INPUTS
+from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.initial_peak import InitialPeak, axes_of
+from polefence.requirements.slopes import Loops, Slopes
+from polefence.requirements.specification import Specification, is_number
+from polefence.response.closed import Loops as Closed
+from polefence.response.closed import close
+
+# Of limits at which a loop is simulated: parts of an interval, how often it is divided into these,
+# and points of the family at most.
+LEVELS, TURNS, MOST_POINTS = 10, 3, 300
+STEP, MOST_STEPS = 0.1, 1500  # of the fastest pole's time constant
+LASTING = 6.0  # time constants of the slowest
+GROWN = 10.0  # a state that has grown by so much, and grows on, does not come to rest
+
+
+@dataclass(frozen=True)
+class Saturation(InitialPeak):
+    """The least limit of an input, or of several, at which the loop still comes to rest.
+
+    Attributes
+    ----------
+    points, impulse, ellipsoid
+        Initial states, as `InitialPeak` has them.
+    norm : float
+        In place of initial states, from rest: of disturbances in L2, at most [the disturbance's
+        unit times s^0.5]; zero for none.
+    """
+
+    norm: float = 0.0
+    kind = "saturation"
+    keys = ("points", "impulse", "ellipsoid", "norm", "disturbances")
+    vector = True
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        if not (is_number(self.norm) and self.norm >= 0):
+            raise InputError(f"norm = {self.norm!r} must be a number, zero or more")
+        super().__post_init__()
+        if self.norm and (self.points or self.impulse or self.ellipsoid):
+            raise InputError(
+                f"{self.name!r}: give initial states, or a norm of disturbances: then the loop "
+                "begins at rest"
+            )
+
+    @property
+    def _sizes(self) -> tuple[float, ...]:
+        return self.impulse, self.norm
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse signals that are no inputs, too."""
+        super().require_fit(plant)
+        self.cut_off(plant)
+        if self.norm:
+            self.entering(plant)
+
+    def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:
+        """Return the numbers of the inputs.
+
+        Raises
+        ------
+        InputError
+            If a signal is none, or there are too many.
+        """
+        names = [own.name for own in inputs(plant)]
+        signals = [own.name for own in self.outputs(plant)]
+        for name in signals:
+            if name not in names:
+                raise InputError(f"saturation is of inputs: {name!r} is none of {', '.join(names)}")
+        if len(signals) > MAX_INPUTS:
+            raise InputError(f"saturation of {len(signals)} inputs; at most {MAX_INPUTS}")
+        return tuple(names.index(name) for name in signals)
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+        """Return the initial states, or disturbances of unit norm as noise."""
+        if self.norm:
+            (E, degree), scales = self.driving(plant), self.scales(plant)
+            name = f"saturation {self.norm} {scales}"
+            return conditions.noise(name, domain, self.norm * E, 1.0, degree)
+        self._require_states(plant)
+        return self._starts(plant, "saturation")
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it with the numbers of the inputs that are cut off."""
+        source, own = super().condition(plant, domain, unit)
+        return source, replace(own, held=self.cut_off(plant))
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim, with what its evidence holds of the inputs."""
+        held, chosen = subject.evidence.held, self.cut_off(plant)
+        Y = tuple(tuple(tuple(M[i]) for i in chosen) for M in held)
+        degree = subject.evidence.held_degree
+        subject = replace(subject, evidence=replace(subject.evidence, held=(), held_degree=0))
+        own = proof.Saturation(
+            subject, self.exact_outputs(plant), level, held=Y, held_degree=degree
+        )
+        if self.norm:
+            scales = self.scales(plant) or (1.0,) * plant.disturbance_count
+            return replace(own, norms=tuple(Fraction(self.norm) * Fraction(s) for s in scales))
+        points, impulses, X0 = self._exact(plant)
+        return replace(own, points=points, impulses=impulses, ellipsoid=X0)
+
+    def tuned(self, times: float) -> tuple[Specification, ...]:
+        """Return the peaks that inputs would have otherwise, at most so many times the limit."""
+        level = None if self.at_most is None else times * self.at_most
+        names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
+        own: dict[str, Any] = {"disturbances": self.disturbances}
+        if level == np.inf:
+            return ()
+        if self.norm:
+            return tuple(EnergyPeak(name, level, norm=self.norm, **own) for name in names)
+        own |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
+        return tuple(InitialPeak(name, level, **own) for name in names)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return limits at which simulated loops do not come to rest, zero where none is found.
+
+        At some of the points, from initial states; of disturbances no worst one is looked for.
+        """
+        found = np.zeros(len(alpha))
+        starts = [np.array(point, dtype=float) for point in (*self.points, *axes_of(self))]
+        if self.norm or not starts:
+            return found
+        at = np.unique(np.linspace(0, len(alpha) - 1, MOST_POINTS).astype(int))
+        plant = delta_form(plant)
+        loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
+        found[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
+        return found
+
+    def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
+        """Refuse: what a loop does when it is cut off has no slopes.
+
+        Raises
+        ------
+        InputError
+        """
+        raise InputError(
+            f"{self.title}: an input that is cut off has no slopes; its peaks have, as `tuned` says"
+        )
+
+
+def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: float) -> Array:
+    """Return for each loop the largest limit at which it is seen not to come to rest."""
+    A, B, K, poles = loops.A, loops.B, loops.K, loops.poles()
+    fastest = np.abs(np.concatenate([poles, np.linalg.eigvals(A)], axis=-1)).max()
+    # how fast it comes to rest, or is lost where nothing acts
+    rates = np.concatenate([-poles.real, np.abs(np.linalg.eigvals(A).real)], axis=-1)
+    slowest = float(rates[rates > 1e-6 * float(fastest)].min(initial=float(fastest)))
+    dt = step or STEP / float(fastest)
+    steps = int(min(LASTING / slowest / dt + 1, MOST_STEPS))
+    x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
+    A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
+    size = np.linalg.norm(x0, axis=-1)
+
+    def run(limit: Array) -> tuple[Array, Array]:
+        """Return whether loops run away at limits (..., starts, loops), and what they ask for."""
+        x = np.broadcast_to(x0, (*limit.shape, x0.shape[2]))[..., None, :]
+        most, cut = np.zeros(limit.shape), limit[..., None, None]
+        before = most
+        for k in range(steps):
+            u = x @ K
+            asked = u[..., chosen]
+            most = np.maximum(most, np.abs(asked).max(axis=(-1, -2)))
+            u[..., chosen] = np.clip(asked, -cut, cut)
+            slope = x @ A + u @ B
+            if not step:  # the input held within a step
+                slope = slope + dt / 2 * slope @ A
+            x = np.clip(x + dt * slope, -1e100, 1e100)
+            if k == steps // 2:
+                before = np.linalg.norm(x, axis=(-1, -2))
+        end = np.linalg.norm(x, axis=(-1, -2))
+        return (end > GROWN * size) & (end > before), most
+
+    _, high = run(np.full(size.shape, np.inf))
+    low = np.zeros(size.shape)
+    shares = np.arange(1, LEVELS)[:, None, None] / LEVELS
+    for _ in range(TURNS):
+        lost, _ = run(low + shares * (high - low))
+        count = np.where(lost, shares * LEVELS, 0.0).max(axis=0)  # of the highest at which it is
+        low, high = (low + (count + k) / LEVELS * (high - low) for k in (0, 1))
+    return np.asarray(low.max(axis=0))

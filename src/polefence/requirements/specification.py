@@ -1,0 +1,568 @@
+"""Specifications: what of a signal, or of the law, is to be small or to stay within a limit."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self, cast
+
+import numpy as np
+
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained_fields
+from polefence.law.laws import Law
+from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.gramians import DualProblem
+from polefence.plant.delta import delta_form
+from polefence.plant.exact import matrices_of, ranges_of
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, Signal, disturbances, stacked
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import claims as proof
+from polefence.proof import laws
+from polefence.proof.claims.signal import MAX_ENTRIES
+from polefence.proof.laws import Evidence
+from polefence.proof.matrices import Rationals
+from polefence.proof.short import Short
+from polefence.proof.text import exactly
+from polefence.requirements.slopes import Channel, Loops, Slopes
+
+SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
+SIGNAL_REMEDY = (
+    'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'
+)
+# Names that need no quotes in a list.
+_PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
+
+
+@dataclass(frozen=True)
+class Row(Short):
+    """A requirement as a spec, or a line, writes it.
+
+    Attributes
+    ----------
+    table : mapping
+        Its keys and values.
+    where : str
+        For messages.
+    density : float, optional
+        Of a disturbance that names none: that of the road, or of the spec's own tables.
+    """
+
+    table: Mapping[str, Any]
+    where: str
+    density: float | None = None
+
+    def given(self, *keys: str) -> dict[str, Any]:
+        """Return limit, disturbances and these keys as numbers, those of them that are given."""
+        own, where = self.table, self.where
+        found: dict[str, Any] = {
+            key: number(own[key], f"{where}: {key}") for key in ("at_most", *keys) if key in own
+        }
+        if "disturbances" in own:
+            found["disturbances"] = _chosen(own["disturbances"], f"{where}: disturbances")
+        return found
+
+
+@dataclass(frozen=True)
+class Specification(Short):
+    """A signal, and the largest value that it may have; None where it is to be small.
+
+    Attributes
+    ----------
+    signal : str or Output, or a sequence of them
+        A state, an input or an output; for some kinds a vector of up to `MAX_ENTRIES`, each once.
+    at_most : float, optional
+        In the signal's unit.
+    disturbances : sequence of str, or mapping of str to float, optional
+        Those that act, by name; with a mapping this many times each: w = diag(s) v, and what is
+        bounded is of v. All, as they are, by default; but noise of sensors (`UncertainPlant.noise`)
+        acts by default on an rms alone, and with its own density. Held as pairs of name and number.
+
+    Raises
+    ------
+    InputError
+        If the limit or a scale is no positive number, or the signal is none that the kind is of.
+    """
+
+    signal: str | Output | Signal | Sequence[str | Output]
+    at_most: float | None = None
+    disturbances: Any = field(default=None, kw_only=True)
+
+    vector: ClassVar[bool] = False  # whether it may be of a vector of signals
+    keys: ClassVar[tuple[str, ...]] = ()  # of a table, besides kind, signal, at_most, minimise
+    of_signal: ClassVar[bool] = True  # else of the law
+    limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
+    direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
+    power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        self._settle("signal", _signals(self.signal, self.kind, self.vector))
+        if self.disturbances is not None:
+            if not self.of_signal:
+                raise InputError(f"a {self.kind} is about no disturbance; leave disturbances out")
+            self._settle("disturbances", _channels(self.disturbances))
+        value = self.at_most
+        if value is not None and not (is_number(value) and value > 0):
+            raise InputError(f"at_most = {value!r} of {self.name!r} must be a positive number")
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says.
+
+        Raises
+        ------
+        InputError
+            Naming the value that cannot be used.
+        """
+        return cls(row.table["signal"], **row.given())
+
+    @classmethod
+    def signal_of(cls, value: Any) -> Any:
+        """Return the signal that a table, or a list on a line, writes: by default a name, or names.
+
+        Parameters
+        ----------
+        value : Any
+            Of a list on a line with numbers, ``[a * 2, b]``, a mapping.
+
+        Raises
+        ------
+        SpecError
+            If the kind is of no such signal.
+        """
+        names = value if isinstance(value, list) else [value]
+        if names and all(isinstance(name, str) for name in names):
+            return value
+        if isinstance(value, Mapping):
+            raise SpecError("signals have no scales; define a weighted one in [outputs]")
+        for k, name in enumerate(names):
+            if isinstance(value, list) and not isinstance(name, str):
+                raise SpecError(f"signal[{k + 1}] = {shown(name)} must be text; {SIGNAL_REMEDY}")
+        found = "an empty list" if value == [] else shown(value)
+        raise SpecError(f"signal = {found} must be text, or a list of names; {SIGNAL_REMEDY}")
+
+    def of(self, output: Output) -> Specification:
+        """Return it of one other output."""
+        return replace(self, signal=output)
+
+    def _settle(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)  # it is frozen
+
+    @property
+    def entries(self) -> tuple[str | Output, ...]:
+        """The signals, one or the entries of a vector."""
+        found = self.signal if isinstance(self.signal, tuple) else (self.signal,)
+        return cast("tuple[str | Output, ...]", found)  # one on the law has none, and is not asked
+
+    @property
+    def name(self) -> str:
+        """The signal's name; of a vector its entries' names, ``[a, b]``."""
+        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        return listed(names) if len(names) > 1 else names[0]
+
+    @property
+    def title(self) -> str:
+        """Kind, signal and chosen disturbances, as a line has them."""
+        text = f"{self.kind} of {self.name}"
+        if self.disturbances is None:
+            return text
+        chosen = {name: "" if s == 1 else f" * {exactly(s)}" for name, s in self.disturbances}
+        return f"{text} from {listed(list(chosen), list(chosen.values()))}"
+
+    @property
+    def kind(self) -> str:
+        """The bounded measure of the signal."""
+        raise NotImplementedError
+
+    @property
+    def filters(self) -> tuple[str | None, ...]:
+        """Name of the filter that each entry of the signal goes through first."""
+        return (None,) * len(self.entries)
+
+    def filtered(self, signals: Sequence[str | Output]) -> Specification:
+        """Return it of the signals behind their filters."""
+        return replace(self, signal=signals)
+
+    def unweighted(self) -> Specification:
+        """Return it of the signal itself."""
+        return self
+
+    def extended(self, n: int, more: int) -> Specification:  # noqa: ARG002
+        """Return it for a plant with more states behind its n, which are at rest at first."""
+        return self
+
+    def as_noise(self, bandwidth: float) -> Specification:  # noqa: ARG002
+        """Return what an rms would have to be for it, of noise in a band [rad/s]."""
+        return self
+
+    def absolute(self) -> Specification:
+        """Return what it bounds without comparison with another law."""
+        return self
+
+    def level(self, r: float) -> float:
+        """Return the bound that a condition's r is, where it has no limit."""
+        return float(r if self.power == 1 else math.sqrt(r))
+
+    def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return the signal, or the entries of a vector.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        return tuple(plant.signal(s) if isinstance(s, str) else s for s in self.entries)
+
+    def scales(self, plant: UncertainPlant) -> tuple[float, ...]:
+        """Return how many times each disturbance acts; nothing where each does as it is.
+
+        Where none are named, noise of sensors counts `unnamed_noise` times.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        if self.disturbances is None:
+            physical = plant.physical
+            if all(physical) or not (any(physical) or self.unnamed_noise):
+                return ()
+            return tuple(1.0 if own else self.unnamed_noise for own in physical)
+        disturbance(plant)
+        names, chosen = [own.name for own in disturbances(plant)], dict(self.disturbances)
+        for name in chosen:
+            if name not in names:
+                raise InputError(f"no disturbance {name!r}; {suggest(name, names)}")
+        found = tuple(float(chosen.get(name, 0.0)) for name in names)
+        return () if all(scale == 1 for scale in found) else found
+
+    @property
+    def unnamed_noise(self) -> float:
+        """How many times noise of sensors acts where no disturbances are named: not at all."""
+        return 0.0
+
+    def scaled(self, plant: UncertainPlant, matrices: Any) -> Any:
+        """Return E, F or a response (..., q), each column times its disturbance's scale."""
+        scales = self.scales(plant)
+        return matrices * np.array(scales) if scales else matrices
+
+    def squares(self, plant: UncertainPlant) -> Any:
+        """Return the squares of the disturbances' scales, (q,); 1 where each acts as it is."""
+        scales = self.scales(plant)
+        return np.square(scales) if scales else 1.0
+
+    def entering(self, plant: UncertainPlant) -> Array:
+        """Return E at the vertices, (N, n, q), of the disturbances as they are scaled.
+
+        Raises
+        ------
+        InputError
+            If the plant has none.
+        """
+        return np.asarray(self.scaled(plant, disturbance(plant)))
+
+    def driving(self, plant: UncertainPlant) -> tuple[Array, int]:
+        """Return Bernstein coefficients of E, scaled, (count, n, q), and their degree.
+
+        Raises
+        ------
+        InputError
+            If the plant has none.
+        """
+        degree, domain = plant.curve_degree, plant.domain
+        if degree == 1:
+            return self.entering(plant), 1
+        disturbance(plant)
+        found = domain.interpolated(plant.driven(domain.nodes(degree)), degree)
+        return np.asarray(self.scaled(plant, found)), degree
+
+    def unit(self, plant: UncertainPlant) -> str:
+        """Return the unit of the bound, or the units of the entries where they differ."""
+        units = [own.unit for own in self.outputs(plant)]
+        if len(set(units)) > 1:
+            return f"mixed units: {', '.join(unit or '1' for unit in units)}"
+        return units[0]
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant without the signal, or without what moves it.
+
+        Raises
+        ------
+        InputError
+            Saying what is missing.
+        """
+        disturbance(plant)
+        self.exact_outputs(plant)
+
+    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+        """Return what moves the signal."""
+        raise NotImplementedError
+
+    def condition(
+        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return it as an LMI has it; with a ``unit`` its bound is not fixed."""
+        outputs = self.exact_outputs(plant)
+        C, D = (
+            np.concatenate([floats(getattr(own, key)) for own in outputs], axis=1) for key in "CD"
+        )
+        source, level = self.source(plant, domain), self.at_most if unit is None else unit
+        level = 1.0 if level is None else level
+        return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
+
+    @property
+    def driven_by(self) -> float:
+        """How many times the disturbances of X in its claim those of `dual` are."""
+        return 1.0
+
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:  # noqa: ARG002
+        """Return the closed loops as the dual form of the bound has them; None where it has none.
+
+        The bound is then the root of tr E'QE, or the gain.
+        """
+        return None
+
+    def _dual(
+        self, plant: UncertainPlant, law: Law, size: float, gain: bool = False
+    ) -> DualProblem:
+        """Return the loops whose disturbances are so many times as large."""
+        C, D, F = stacked(plant, self.outputs(plant))
+        E = size * self.entering(plant)
+        return DualProblem(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
+
+    def exact_outputs(self, plant: UncertainPlant) -> tuple[proof.Output, ...]:
+        """Return the signal, or the entries of a vector, in exact rationals.
+
+        Raises
+        ------
+        InputError
+            If a disturbance passes straight into one, unless it may, or goes through a filter.
+        """
+        found = []
+        for own, name in zip(self.outputs(plant), self.filters, strict=True):
+            acts = np.any(self.scaled(plant, own.arrays(plant)[2]))
+            direct = self.direct or name is not None
+            C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, direct)
+            F = tuple([list(row)] for row in own.exact(plant)[2]) if own.F else ()
+            found.append(proof.Output(C, D, own.name, F))
+        return tuple(found)
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,
+    ) -> proof.BoundClaim:
+        """Return the claim that the bound is kept."""
+        raise NotImplementedError
+
+    def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:  # noqa: ARG002
+        """Return the numbers of inputs that are cut off at the bound."""
+        return ()
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return what is bounded at points alpha (count, N), in floats.
+
+        Raises
+        ------
+        InputError
+            If a loop is not stable, or a response cannot be computed.
+        """
+        raise NotImplementedError
+
+    def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
+        """Return what the search for a law of a structure has in its place.
+
+        Parameters
+        ----------
+        times : float
+            How far an input that is cut off may go beyond its limit.
+        """
+        return (self,)
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return what moves its signal, and the signal, at points alpha (count, N)."""
+        C, D, F = stacked(plant, self.outputs(plant))
+        disturbance(plant)
+        E, moved = self.scaled(plant, plant.driven(alpha)), (C, D, self.scaled(plant, F))
+        C, D, F = (np.tensordot(alpha, M, 1) for M in moved)
+        return Channel(*plant.at(alpha), E, C, D, F)
+
+    def slopes(self, loops: Loops) -> Slopes:
+        """Return what is bounded in closed loops of its `channel`, with slopes; they are stable."""
+        raise NotImplementedError
+
+
+def limit_text(own: Specification) -> str:
+    """Return a specification and its limit, which reads back as it is."""
+    return own.title if own.at_most is None else f"{own.title} <= {exactly(own.at_most)}"
+
+
+def listed(names: Sequence[str], ends: Sequence[str] = ()) -> str:
+    """Return names as ``[a, b]``, those in quotes that would be read as something else.
+
+    Parameters
+    ----------
+    ends : sequence of str, optional
+        What follows each.
+    """
+    plain = [
+        name if _PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False) for name in names
+    ]
+    return f"[{', '.join(map(str.__add__, plain, ends or [''] * len(plain)))}]"
+
+
+def _signals(value: Any, kind: str, vector: bool) -> Any:
+    """Return one signal, or a vector of them as a tuple."""
+    if isinstance(value, str | Signal):
+        return value
+    found = tuple(value) if isinstance(value, Sequence) else ()
+    if not found or not all(isinstance(own, str | Output) for own in found):
+        raise InputError(
+            f"signal of {kind} = {value!r} must be a name, an Output or a list of them"
+        )
+    names = [own if isinstance(own, str) else own.name for own in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"signal {listed(names)}: {twice[0]!r} is there twice; give it once")
+    if len(found) == 1:
+        return found[0]
+    if not vector:
+        raise InputError(
+            f"signal {listed(names)} is a vector; {kind} is of one signal, rms and gain of more"
+        )
+    if len(found) > MAX_ENTRIES:
+        raise InputError(f"{kind} of {len(found)} signals; at most {MAX_ENTRIES} are supported")
+    return found
+
+
+def _channels(value: Any) -> tuple[tuple[str, float], ...]:
+    """Return pairs of a disturbance's name and scale."""
+    value = [value] if isinstance(value, str) else value
+    pairs = list(value.items()) if isinstance(value, Mapping) else value
+    if isinstance(pairs, Sequence):
+        pairs = [(own, 1.0) if isinstance(own, str) else own for own in pairs]
+    good = isinstance(pairs, Sequence) and all(
+        isinstance(own, tuple) and len(own) == 2 and isinstance(own[0], str) for own in pairs
+    )
+    if not good or not pairs:
+        raise InputError(
+            f"disturbances = {value!r} must be names, or a mapping of names to numbers; name one"
+        )
+    names = [name for name, _ in pairs]
+    for name, scale in pairs:
+        if names.count(name) > 1:
+            raise InputError(f"disturbance {name!r} is there twice; give it once")
+        if not (is_number(scale) and scale > 0):
+            raise InputError(f"disturbance {name!r} times {shown(scale)}: give a positive number")
+        if not SMALLEST <= scale <= LARGEST:
+            raise InputError(
+                f"disturbance {name!r} times {scale:g}: give a number from {SMALLEST:g} to "
+                f"{LARGEST:g}, or use another unit"
+            )
+    return tuple((name, float(scale)) for name, scale in pairs)
+
+
+def _chosen(value: Any, where: str) -> Any:
+    """Return disturbances as a spec has them: a list of names, or a table of numbers."""
+    if isinstance(value, dict):
+        return {name: number(scale, f"{where}.{name}") for name, scale in value.items()}
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise SpecError(
+            f'{where} = {shown(value)} must be a list of names, ["road"], or a table of numbers, '
+            "{road = 0.5}"
+        )
+    return value
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # of an integer that is no double
+        return False
+
+
+def number(value: Any, where: str) -> float:
+    """Return a spec's number in floats.
+
+    Raises
+    ------
+    SpecError
+        If it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | Fraction):
+        raise SpecError(f"{where} = {shown(value)} must be a finite number, without quotes")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise SpecError(f"{where} is too large a number") from error
+
+
+def disturbance(plant: UncertainPlant) -> Array:
+    """Return E at the vertices, (N, n, q).
+
+    Raises
+    ------
+    InputError
+        If the plant has none.
+    """
+    found = [v.E for v in plant.vertices]
+    if any(E is None for E in found):
+        raise InputError(
+            f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or in "
+            "[matrices]"
+        )
+    return np.stack([E for E in found if E is not None])
+
+
+def rows(
+    plant: UncertainPlant, signal: Output, direct: bool = False
+) -> tuple[list[Rationals], list[Rationals]]:
+    """Return C and D of the signal at every vertex, exactly.
+
+    Raises
+    ------
+    InputError
+        If a disturbance passes straight into it, unless it may.
+    """
+    if signal.F and not direct:
+        raise InputError(
+            f"a disturbance passes straight into {signal.name!r}; bound its gain, or choose others "
+            "by disturbances"
+        )
+    C, D, _ = signal.exact(plant)
+    return [[list(row)] for row in C], [[list(row)] for row in D]
+
+
+def floats(matrices: list[Rationals]) -> Array:
+    """Return exact matrices as an array."""
+    return np.array([[[float(x) for x in row] for row in M] for M in matrices])
+
+
+def claim_of(
+    plant: UncertainPlant,
+    law: laws.Law,
+    on: str,
+    specification: Specification,
+    evidence: Evidence,
+    level: Fraction,
+) -> proof.BoundClaim:
+    """Return a specification of a law as a claim, in exact rationals.
+
+    Of a plant in discrete time, or in its delta form.
+    """
+    plant = delta_form(plant)
+    motion = ranges_of(plant) if plant.moving else ()
+    matrices, own = matrices_of(plant), (plant.step, plant.remainder, motion)
+    subject = proof.Subject(*matrices, law, evidence, on, *own)
+    return specification.claim(subject, level, plant)

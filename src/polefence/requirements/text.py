@@ -1,0 +1,383 @@
+"""Specifications as people write them: ``[[specification]]`` tables of a spec, a line of text."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from polefence.base.errors import InputError, SpecError, shown, suggest
+from polefence.base.explained import explained
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import disturbances
+from polefence.plant.spec import specification_tables
+from polefence.plant.tracks import SOURCES
+from polefence.proof.claims.gain_norm import LAW
+from polefence.proof.short import Short
+from polefence.proof.text import exactly
+from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.gain import Gain
+from polefence.requirements.gain_norm import GainNorm
+from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.relative_rms import RelativeRms
+from polefence.requirements.rms import Rms
+from polefence.requirements.saturation import Saturation
+from polefence.requirements.specification import (
+    SIGNAL_REMEDY,
+    Row,
+    Specification,
+    listed,
+    number,
+)
+from polefence.response.stationary import velocity_density
+
+KINDS: dict[str, type[Specification]] = {
+    str(own.kind): own
+    for own in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
+}
+COMMON = ("kind", "signal", "at_most", "minimise")
+ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
+EXAMPLE = "rms of NAME <= 700"
+VELOCITY = "m/s"  # unit of a road
+NOTHING: Mapping[str, float] = MappingProxyType({})
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# A list, as `polefence.requirements.specification.listed` writes it.
+_ENTRY = r'(?:"(?:[^"\\]|\\.)*"|[^,*\[\]"]+?)'
+_ITEM = re.compile(rf"\s*(?P<name>{_ENTRY})\s*(?:\*\s*(?P<scale>{_NUMBER})\s*)?(?:,|$)")
+_LIMIT_ELSE = re.compile(r"(?:[<=]\s*-?|,)\d[\d.,]*$")  # written in another way
+_FROM = re.compile(r"(?P<rest>.*\S)\s+from\s+\[(?P<items>.*)\]\s*")
+_WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\[[^\]]*\]|\S+)\s*")
+
+
+@dataclass(frozen=True)
+class RoadSpectrum(Short):
+    """The road that rms values are asked for.
+
+    Attributes
+    ----------
+    road_class : str
+        "A" to "H" of ISO 8608.
+    speed : float
+        [m/s]
+    under : tuple of str
+        Disturbances that are roads under several wheels, each of this spectrum and independent of
+        the others. An rms that names no disturbances is one of these alone.
+    in_tracks : bool
+        Whether the plant has delays and filters of the road, at this speed.
+    """
+
+    road_class: str
+    speed: float
+    under: tuple[str, ...] = ()
+    in_tracks: bool = False
+
+    @property
+    def density(self) -> float:
+        """One-sided density of its vertical velocity [m2/s2 per Hz].
+
+        Raises
+        ------
+        InputError
+            If there is no such class, or the speed is not above zero.
+        """
+        return velocity_density(self.road_class, self.speed)
+
+    def acting(self, own: Specification, plant: UncertainPlant) -> Specification:
+        """Return an rms that names no disturbances as one of these roads, where others act too.
+
+        Only what is no velocity is left out: a wheel whose road nobody named is refused later.
+        """
+        chosen = own.disturbances is not None or not self.under
+        if chosen or not isinstance(own, Rms) or own.density != self.density:
+            return own
+        pairs = list(zip(disturbances(plant), plant.physical, strict=True))
+        others = {w.unit for w, physical in pairs if physical and w.name not in self.under}
+        if not others or VELOCITY in others:
+            return own
+        noise = {w.name: own.unnamed_noise for w, physical in pairs if not physical}
+        roads = {w.name: 1.0 for w, _ in pairs if w.name in self.under}
+        return replace(own, disturbances=roads | noise)
+
+
+@explained
+def load_specifications(
+    path: str | Path, road: RoadSpectrum | None = None
+) -> tuple[Specification | None, tuple[Specification, ...]]:
+    """Read what a spec file asks to be minimised, None where it does not say, and the limits.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML spec with ``[[specification]]`` tables.
+    road : RoadSpectrum, optional
+        In place of the spec's table ``[road]``, for every rms that names no density.
+
+    Raises
+    ------
+    SpecError
+        If the file cannot be read, or a table says something that cannot be used: one line with
+        file, key, value and remedy.
+    """
+    own = spec_road(path)  # even where another takes its place it must make sense
+    road = road or own
+    tables, _ = specification_tables(path)
+    try:
+        found = [_read(table, f"specification {k + 1}", road) for k, table in enumerate(tables)]
+    except InputError as error:
+        raise SpecError(f"{path}: {' '.join(str(error).split())}") from error
+    least = [each for each, minimised in found if minimised]
+    if len(least) > 1:
+        names = " and ".join(s.title for s in least)
+        raise SpecError(f"{path}: minimise = true for {names}; keep it for one")
+    return least[0] if least else None, tuple(each for each, minimised in found if not minimised)
+
+
+def spec_road(path: str | Path) -> RoadSpectrum | None:
+    """Return the road of a spec's table ``[road]``, None where it has none.
+
+    Raises
+    ------
+    SpecError
+        As `load_specifications` raises.
+    """
+    _, table = specification_tables(path)
+    try:
+        return None if table is None else _road(table)
+    except InputError as error:
+        raise SpecError(f"{path}: {error}") from error
+
+
+def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | None:
+    """Return a road under the wheels that a spec names, or the spec's own road in its place."""
+    own = spec_road(path)
+    if road is None or own is None:
+        return road or own
+    if own.in_tracks and own.speed != road.speed:
+        raise SpecError(
+            f"{path}: road.tracks: wheels behind are later by a speed of {own.speed:g} m/s, which "
+            "is in the plant; change it in the spec"
+        )
+    return replace(road, under=own.under, in_tracks=own.in_tracks)
+
+
+@explained
+def parse_specification(
+    text: str, road: RoadSpectrum | None = None, known: Mapping[str, float] = NOTHING
+) -> Specification:
+    """Read a specification from a line, ``KIND of SIGNAL [<= LIMIT] [with KEY VALUE] ...``.
+
+    For example ``rms of actuator force <= 700`` or ``initial peak of suspension deflection <= 0.08
+    with impulse 0.05``. A vector of signals is ``[a, b]``, and what acts of the disturbances stands
+    behind it: ``gain of [a, b] from [road * 0.5, wind] <= 2``. Names with one of ``,*[]"`` in them
+    are in quotes there.
+
+    Parameters
+    ----------
+    road : RoadSpectrum, optional
+        For an rms that names no density.
+    known : mapping
+        Without a road: the density by signal, as the spec's own tables have it.
+
+    Raises
+    ------
+    InputError
+        Naming the word that cannot be used.
+    """
+    table = dict[str, Any]()
+    rest = _without_ends(text, text, table)
+    what, less, limit = rest.partition("<=")
+    if less:  # a title has its ends before its limit
+        what = _without_ends(what, text, table)
+    if not less and (found := _LIMIT_ELSE.search(what)):
+        raise InputError(
+            f"{text!r}: {found[0]!r} at its end; a limit is written <= NUMBER, with a decimal point"
+        )
+    kind, of, signal = what.partition(" of ")
+    if not of or not signal.strip() or (less and not limit.strip()):
+        raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")
+    if match := _FROM.fullmatch(signal):
+        signal, table["disturbances"] = match["rest"], _acting(match["items"], text)
+    signal = signal.strip()
+    table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal}
+    if signal.startswith("[") and signal.endswith("]"):
+        names = _items(signal[1:-1], text)
+        weighted = any(scale is not None for _, scale in names)
+        table["signal"] = (
+            _scaled(names, text, "signal") if weighted else [name for name, _ in names]
+        )
+    if less:
+        table["at_most"] = _value(limit.strip())
+    return _specification(table, repr(text), road, known)
+
+
+def _without_ends(part: str, text: str, table: dict[str, Any]) -> str:
+    """Return a part of a line without `with KEY VALUE` at its end, which is read into a table."""
+    while match := _WITH.fullmatch(part):
+        part, key = match["rest"], match["key"]
+        if key in (*COMMON, *ONLY_TABLES):
+            told = (
+                "name disturbances by from [NAME]"
+                if key == "disturbances"
+                else "give the limit by <="
+            )
+            raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
+        if key in table:
+            raise InputError(f"{text!r}: {key} is given twice; give it once")
+        table[key] = _value(match["value"])
+    return part
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """Read a list of names from a line, ``A, B``; a name with one of ``,*[]"`` in it in quotes.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    found = _items(text, text)
+    if any(scale is not None for _, scale in found):
+        raise InputError(f"{text!r}: names have no numbers here; write NAME, NAME")
+    return tuple(name for name, _ in found)
+
+
+def _items(items: str, text: str) -> list[tuple[str, Fraction | None]]:
+    """Return the names of a list, and what each is multiplied by."""
+    found, at = list[tuple[str, Fraction | None]](), 0
+    while match := _ITEM.match(items, at):
+        name, scale, at = match["name"], match["scale"], match.end()
+        found.append((_unquoted(name, text), None if scale is None else Fraction(scale)))
+        if at == len(items) and not items.endswith(","):
+            return found
+    raise InputError(f"{text!r}: cannot read [{items}]; write [NAME, NAME], or [NAME * 0.5]")
+
+
+def _unquoted(name: str, text: str) -> str:
+    try:
+        return str(json.loads(name)) if name.startswith('"') else name
+    except ValueError as error:
+        raise InputError(f"{text!r}: cannot read {name}; mend its quotes") from error
+
+
+def _acting(items: str, text: str) -> dict[str, Fraction]:
+    """Return the disturbances that act, with scales."""
+    return _scaled(_items(items, text), text, "disturbance")
+
+
+def _scaled(found: list[tuple[str, Fraction | None]], text: str, what: str) -> dict[str, Fraction]:
+    """Return names with what each is multiplied by, one where that is left out."""
+    names = [name for name, _ in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{text!r}: {what} {name!r} is there twice; give it once")
+    return {name: Fraction(1) if scale is None else scale for name, scale in found}
+
+
+def _value(word: str) -> Any:
+    if word.startswith("[") and word.endswith("]"):
+        return [name.strip() for name in word[1:-1].split(",")]
+    return Fraction(word) if re.fullmatch(_NUMBER, word) else word
+
+
+def _road(table: Mapping[str, Any]) -> RoadSpectrum:
+    _known(table, ("class", "speed", "under", "tracks"), "road")
+    for key in ("class", "speed"):
+        if key not in table:
+            raise SpecError(f'road: {key} is missing; write class = "C" and speed = 20  # m/s')
+    if not isinstance(table["class"], str):
+        raise SpecError(f'road: class = {shown(table["class"])} must be text, for example "C"')
+    under = table.get("under", [])
+    if not isinstance(under, list) or not all(isinstance(name, str) for name in under):
+        raise SpecError(f"road: under = {shown(under)} must be a list of names of disturbances")
+    if "tracks" in table and under:
+        raise SpecError("road: under and tracks: all wheels are in tracks; leave under out")
+    road = RoadSpectrum(
+        table["class"],
+        number(table["speed"], "road: speed"),
+        SOURCES if "tracks" in table else tuple(under),
+        "tracks" in table,
+    )
+    try:
+        _ = road.density
+    except InputError as error:
+        raise SpecError(f"road: {error}") from error
+    return road
+
+
+def _read(
+    table: Mapping[str, Any], where: str, road: RoadSpectrum | None
+) -> tuple[Specification, bool]:
+    """Return a table's specification, and whether it is to be minimised."""
+    minimised = table.get("minimise", False)
+    if not isinstance(minimised, bool):
+        raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
+    found = _specification(table, where, road)
+    if minimised == ("at_most" in table):
+        raise SpecError(
+            f"{where}, {found.title}: give at_most = LIMIT or minimise = true, one of them"
+        )
+    return found, minimised
+
+
+def _specification(
+    table: Mapping[str, Any],
+    where: str,
+    road: RoadSpectrum | None,
+    known: Mapping[str, float] = NOTHING,
+) -> Specification:
+    kind = table.get("kind")
+    own = KINDS.get(kind) if isinstance(kind, str) else None
+    if own is not None and not own.of_signal:
+        table = {"signal": LAW} | dict(table)
+    for key in ("kind", "signal"):
+        if key not in table:
+            raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
+    if not isinstance(kind, str):
+        raise SpecError(f"{where}: kind = {shown(kind)} must be text; {_remedy('kind')}")
+    if own is None:
+        raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
+    try:
+        signal = _words(own.signal_of(table["signal"]))
+    except SpecError as error:
+        raise SpecError(f"{where}: {error}") from error
+    if not own.of_signal and signal != LAW:
+        raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
+    where = f"{where}, {kind} of {signal}"
+    _known(table, (*COMMON, *own.keys), where)
+    try:
+        density = known.get(signal) if road is None else road.density
+        return own.read(Row(table, where, density))
+    except SpecError as error:
+        raise SpecError(_placed(str(error), where)) from error
+    except InputError as error:
+        raise SpecError(f"{where}: {error}") from error
+
+
+def _words(signal: Any) -> str:
+    """Return a signal as a line has it: a name, a list, or a list with numbers."""
+    if isinstance(signal, Mapping):
+        ends = ["" if x == 1 else f" * {exactly(float(x))}" for x in signal.values()]
+        return listed(list(signal), ends)
+    names = signal if isinstance(signal, list) else [signal]
+    return str(names[0]) if len(names) == 1 else listed(names)
+
+
+def _placed(text: str, where: str) -> str:
+    return text if text.startswith(where) else f"{where}: {text}"
+
+
+def _known(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key, value in table.items():
+        if key not in known:
+            raise SpecError(f"{where}: unknown key {key} = {shown(value)}; {suggest(key, known)}")
+
+
+def _remedy(key: str) -> str:
+    if key == "kind":
+        return f"one of {', '.join(map(repr, KINDS))}"
+    return SIGNAL_REMEDY

@@ -1,0 +1,212 @@
+"""Weightings behind signals: the larger plant in which a weighted signal is an output.
+
+This is the one place where filters enlarge a plant. Nothing acts on their states, no law feeds them
+back, and what is designed, driven and exported is the plant without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from operator import mul
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.law.laws import FixedGain, GainTable, PolynomialGain, ScheduledGain, given_law
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import with_dynamics
+from polefence.plant.outputs import Output, padded
+from polefence.plant.system import Exact
+from polefence.proof.filters import Filter, Filters
+from polefence.proof.matrices import Integers, Rationals, plus, transposed
+from polefence.response.weighting import WD, WE, WF, WK, Weighting
+
+if TYPE_CHECKING:
+    from polefence.requirements.specification import Specification
+
+BITS, TERMS = 192, 42  # of the exponential of a norm of 1/2: (1/2)^42 / 42! is below 2^-192
+WEIGHTS: Mapping[str, Weighting] = MappingProxyType({"Wk": WK, "Wd": WD, "We": WE, "Wf": WF})
+
+
+@dataclass(frozen=True, eq=False)
+class Behind:
+    """A requirement without weights, of the plant with its filters, and the law of that plant.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        Its last states are the filters', its last outputs what comes out of them.
+    law : Law, GainTable or None
+        That leaves the filters alone.
+    specification : Specification
+    """
+
+    plant: UncertainPlant
+    law: Any
+    specification: Specification
+
+
+def behind(plant: UncertainPlant, law: Any, specification: Specification) -> Behind:
+    """Return a requirement as one of the plant with its filters; as it is where it has none."""
+    if not any(specification.filters):
+        return Behind(plant, law, specification)
+    larger, (own,) = with_weights(plant, (specification,))
+    return Behind(larger, wider(law, plant, larger), own)
+
+
+def with_weights(
+    plant: UncertainPlant, specifications: Sequence[Specification]
+) -> tuple[UncertainPlant, tuple[Specification, ...]]:
+    """Return the plant with the filters that specifications ask for, and those without weights.
+
+    What comes out of a filter is an output of the larger plant, called "SIGNAL, WEIGHT": it goes
+    along wherever that plant is enlarged further.
+
+    Raises
+    ------
+    InputError
+        If the plant has no such signal, or has one of the name that the weighted one would have.
+    """
+    made: dict[tuple[str, str], str] = {}
+    bare, n = plant, plant.shape[0]
+    for own in specifications:
+        for signal, name in _pairs(bare, own):
+            if name is not None and (signal.name, name) not in made:
+                wide = padded(signal, plant.shape[0] - n)
+                plant, made[signal.name, name] = _with_filter(plant, wide, name)
+    found: list[Specification] = []
+    more = plant.shape[0] - n
+    for own in specifications:
+        pairs = _pairs(bare, own)
+        if pairs:
+            own = own.filtered(
+                [padded(y, more) if name is None else made[y.name, name] for y, name in pairs]
+            )
+        else:
+            own = own.extended(n, more) if more else own
+        found.append(own)
+    return plant, tuple(found)
+
+
+def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
+    """Return the filter of each entry as a claim has it, nothing where no entry has one."""
+    names = specification.filters
+    if not any(names):
+        return ()
+    T = plant.sample_time or plant.step
+    return tuple(None if name is None else filter_of(name, T) for name in names)
+
+
+@lru_cache(maxsize=64)
+def filter_of(name: str, T: Fraction | None) -> Filter:
+    """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
+
+    Parameters
+    ----------
+    T : Fraction or None
+        The sample time [s]; none, or zero, in continuous time.
+    """
+    A, B, C, _ = WEIGHTS[name].state_space()  # the low-pass leaves no direct way through
+    if not T:
+        return Filter(_exact(A), _exact(B), _exact(C), name)
+    rows = _held(_exact(A), _exact(B), T)
+    a = [[(x - (i == j)) / T for j, x in enumerate(row[:-1])] for i, row in enumerate(rows)]
+    return Filter(a, [[row[-1] / T] for row in rows], _exact(C), name)
+
+
+def _held(a: Rationals, b: Rationals, T: Fraction) -> Rationals:
+    """Return [Phi, Gamma] of a filter whose one input is held for T, rounded to doubles.
+
+    In whole numbers, for files claim these numbers: floats differ in last bits by the machine.
+    """
+    M = [[T * x for x in (*row, *own)] for row, own in zip(a, b, strict=True)]
+    M.append([Fraction(0)] * len(M[0]))
+    norm, halvings = max(sum(map(abs, row), Fraction(0)) for row in M), 0
+    while norm > Fraction(1, 2):
+        norm, halvings = norm / 2, halvings + 1
+    unit = 1 << BITS
+    X = [[round(x * unit / 2**halvings) for x in row] for row in M]
+    term = found = [[unit * (i == j) for j in range(len(M))] for i in range(len(M))]
+    for k in range(1, TERMS):
+        term = _shortened(term, X, unit * k)
+        found = plus(found, term)
+    for _ in range(halvings):
+        found = _shortened(found, found, unit)
+    return [[Fraction(x / unit) for x in row] for row in found[:-1]]
+
+
+def _shortened(P: Integers, Q: Integers, unit: int) -> Integers:
+    """Return the product of two matrices over a number."""
+    columns = transposed(Q)
+    return [[sum(map(mul, row, column)) // unit for column in columns] for row in P]
+
+
+def _with_filter(plant: UncertainPlant, signal: Output, name: str) -> tuple[UncertainPlant, str]:
+    """Return the plant with a filter on a signal, and the name of what comes out of it."""
+    own, T = filter_of(name, plant.sample_time or plant.step), plant.sample_time
+    a, b = own.a, own.b
+    if T is not None:  # the plant is not in its delta form
+        a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(a)]
+        b = [[T * x for x in row] for row in b]
+    label = f"{signal.name}, {name}"
+    if label in [known.name for known in plant.signals]:
+        raise InputError(f"{plant.name} has a signal {label!r} already; rename it")
+    labels = [f"{label} state {i + 1}" for i in range(own.states)]
+    larger = with_dynamics(plant, (signal,), _tuples(a), _tuples(b), labels)
+    weighted = Output(label, signal.unit, C=[Fraction(0)] * plant.shape[0] + own.c[0])
+    return replace(larger, outputs=(*larger.outputs, weighted)), label
+
+
+def _pairs(plant: UncertainPlant, own: Specification) -> list[tuple[Output, str | None]]:
+    """Return the entries with the names of their filters, none where no entry has one."""
+    names = own.filters
+    return list(zip(own.outputs(plant), names, strict=True)) if any(names) else []
+
+
+def wider(law: Any, plant: UncertainPlant, larger: UncertainPlant) -> Any:
+    """Return a law of a plant as one of a larger plant, whose further states are not fed back.
+
+    Parameters
+    ----------
+    law : None, Law, Design, GainTable or (m, n) array
+    """
+    more = larger.shape[0] - plant.shape[0]
+    if law is None or not more:
+        return law
+    if isinstance(law, GainTable):
+        return replace(law, gains=_columns(law.gains, more))
+    own = law.as_law() if hasattr(law, "as_law") else law
+    checked = given_law(plant, own)  # a scheduled law's alpha stays where it lives
+    own = own if isinstance(own, ScheduledGain) else checked
+    if isinstance(own, FixedGain):
+        return FixedGain(_columns(own.K, more))
+    if isinstance(own, PolynomialGain):
+        if not own.measured:
+            return replace(own, gains=_columns(own.gains, more))
+        return replace(own, measured=tuple(padded(y, more) for y in own.measured))
+    return _scheduled(own, more)
+
+
+def _scheduled(law: ScheduledGain, more: int) -> ScheduledGain:
+    """Return a law with a multiple of the identity in W, the same as `proof.filters` takes."""
+    n = law.W.shape[1]
+    W = np.pad(law.W, ((0, 0), (0, more), (0, more)))
+    W[:, range(n, n + more), range(n, n + more)] = law.W[0, 0, 0]
+    return replace(law, W=W, Z=_columns(law.Z, more))
+
+
+def _columns(matrices: Any, more: int) -> Any:
+    return np.pad(matrices, [(0, 0)] * (np.ndim(matrices) - 1) + [(0, more)])
+
+
+def _exact(matrix: Any) -> Rationals:
+    return [[Fraction(float(x)) for x in row] for row in np.atleast_2d(matrix)]
+
+
+def _tuples(matrix: Any) -> Exact:
+    return tuple(map(tuple, matrix))

@@ -1,0 +1,243 @@
+"""Laws that are given estimates of the parameters: designed for errors of these, and proved.
+
+At each estimate q the inequalities are multi-affine in the scheduling variables of the parameters
+p: p = q + e and q - e, cut off at the bounds, are enough. So a law for all p within e of q is one
+for patches of pairs (p, q) at whose corners both are known. Of a parameter that acts by its inverse
+a patch is only near the pairs; the proof, a claim of `polefence.proof.claims.estimate`, is exact.
+
+Of a plant with a remainder the law is found for the combinations of the vertices, and proved for
+the plant by the law's own W.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from fractions import Fraction
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, NotProvedError, SolverError, suggest
+from polefence.certify.checks import (
+    in_time_of,
+    require_checkable,
+    require_domain,
+    require_movable,
+    require_region,
+)
+from polefence.certify.design import Design
+from polefence.certify.evidence import certificate_of, with_remainder
+from polefence.certify.margins.claims import (
+    BOX,
+    MOST,
+    Reached,
+    balanced,
+    holds,
+    subject_of,
+)
+from polefence.certify.margins.kinds import count_blocks, count_pairs, estimate_holds, points_of
+from polefence.law.laws import is_one
+from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
+from polefence.lmi.conditions.target import Patch
+from polefence.lmi.solve.search import Reached as Point
+from polefence.plant.boxes import Box
+from polefence.plant.exact import ranges_of
+from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import exact
+from polefence.plant.system import Array
+from polefence.proof.claims.estimate import Estimate, segments
+from polefence.region.regions import Region
+from polefence.response.samples import at_sample_time
+from polefence.search.place import points_in, proved_at, rounded
+
+ROOM = (1.0, 1.05, 1.25)  # times the errors that a design is for, until the errors are proved
+
+
+def placed(
+    plant: UncertainPlant,
+    region: Region,
+    method: Method | None,
+    errors: Mapping[str, Any],
+    narrower: Sequence[Region] = (),
+) -> Design:
+    """Design a law that keeps a region for all estimates that are off by so much.
+
+    Parameters
+    ----------
+    errors : mapping
+        Of each parameter's name to how far its estimate may be off, in its unit; others are known.
+    narrower : sequence of Region
+        In which laws are looked for besides, where those of the region itself are not proved.
+
+    Returns
+    -------
+    Design
+        With the claim of the errors among its ``more``.
+
+    Raises
+    ------
+    NotProvedError
+        If no law was found that is proved.
+    InputError
+        If a name or an error is none, or the method is none that schedules.
+    """
+    own = _errors(plant, errors)
+    method = _boxed(method)
+    region = in_time_of(plant, region)
+    require_domain(plant, method)
+    require_region(plant, region, method)
+    require_movable(plant, region)
+    require_checkable(plant, method, len(region.parts))
+    plant = _countable(plant, region, method, own)
+    bare = plant.combinations
+    for room in ROOM:
+        wider = [
+            min(Fraction(room) * e, p.high - p.low)
+            for e, p in zip(own, plant.parameters, strict=True)
+        ]
+        for searched in (region, *narrower):
+            try:
+                found, pairs = list[Point](), patches(plant, wider)
+                for point in points_in(bare, searched, method, found, pairs):
+                    design = _kept(plant, region, method, point)
+                    claim = None if design is None else _claim(design, own)
+                    if design is not None and claim is not None and design.runs:
+                        return Design(design.certificate, more=(claim,))
+            except SolverError as error:
+                if searched != region:
+                    break
+                raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
+    said = ", ".join(
+        f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, own, strict=True) if e
+    )
+    raise NotProvedError(
+        f"not proved: {method_label(method)} gives no proof for {region} with {said}; try smaller "
+        "errors, a wider region, or one gain, which needs no estimates"
+    )
+
+
+def _kept(plant: UncertainPlant, region: Region, method: Scheduled, point: Point) -> Design | None:
+    """Return the design of a point, None where it is not proved: with X = W for a remainder."""
+    if plant.remainder is None:
+        return proved_at(plant, region, method, point)
+    n, found = plant.shape[0], {"degree": 0, "elevation": method.elevation}
+    with suppress(SolverError, np.linalg.LinAlgError):
+        law = rounded(plant.combinations, region, method, point).law
+        own = found | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
+        evidence = with_remainder(plant, law, own)
+        certificate = certificate_of(plant, law, region, [evidence] * len(region.parts))
+        return Design(certificate) if certificate.holds() else None
+    return None
+
+
+def _countable(
+    plant: UncertainPlant, region: Region, method: Scheduled, errors: list[Fraction]
+) -> UncertainPlant:
+    """Return the plant, or its samples of a lower degree, of which a proof is not too large.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none.
+    """
+    sizes, q = list(map(float, errors)), len(plant.parameters)
+    while True:
+        d = plant.curve_degree
+        degrees = int(method.degree) * (1 if plant.remainder is None else 2), d
+        each = count_pairs((2,) * q, degrees, q, sizes, 1, method.elevation)
+        count = each * len(region.pairs())
+        if count <= MOST:
+            return plant
+        if plant.sampling is None or d == 1:
+            raise NotProvedError(
+                f"undecided: {count:.0f} inequalities of pairs of parameters and estimates, more "
+                f"than the {MOST} that are tried; name fewer errors, or ask for fewer parts of the "
+                "region"
+            )
+        sampling = plant.sampling
+        plant = at_sample_time(sampling.plant, plant.sample_time, sampling.delay, d - 1)
+
+
+def _boxed(method: Method | None) -> Scheduled:
+    """Return a scheduled method on the box.
+
+    Raises
+    ------
+    InputError
+        If it schedules nothing, or asks for a search for a degree.
+    """
+    own = Scheduled(1, 1, "box") if method in (None, "scheduled") else options(method or "")
+    if isinstance(own, Slack) or own.degree == 0:
+        raise InputError(
+            "errors of estimates need a scheduled law of degree 1 or more, not "
+            f"{method_label(method or '')}; one gain needs no estimates"
+        )
+    if own.degree == "auto":
+        raise InputError(
+            "errors of estimates need a scheduled law of a fixed degree, 1 or more, not auto"
+        )
+    return own if own.on == "box" else Scheduled(own.degree, own.elevation, "box")
+
+
+def _errors(plant: UncertainPlant, errors: Mapping[str, Any]) -> list[Fraction]:
+    """Return an error a parameter, zero of those that are not named."""
+    names = [p.name for p in plant.parameters]
+    if not names:
+        raise InputError(f"{plant.name} has no parameters that could be estimated")
+    for name in errors:
+        if name not in names:
+            raise InputError(f"errors: no parameter {name!r}; {suggest(str(name), names)}")
+    own = [exact(errors.get(name, 0), f"error of {name}") for name in names]
+    for p, e in zip(plant.parameters, own, strict=True):
+        if e < 0 or float(e) > float(p.high - p.low):
+            raise InputError(
+                f"error of {p.name} = {float(e):g} must be zero or more, at most the width of its "
+                f"range, {float(p.high - p.low):g}"
+            )
+    if not any(own):
+        raise InputError("errors: each is zero; leave them out")
+    return [min(e, p.high - p.low) for p, e in zip(plant.parameters, own, strict=True)]
+
+
+def patches(plant: UncertainPlant, errors: list[Fraction]) -> tuple[Patch, ...]:
+    """Return pairs of parameters and estimates: on each side of the errors, up to the bounds."""
+    each = [
+        [(_weights(own, p), _weights(own, q)) for (p,), q in segments(r, e, 1)]
+        for own, r, e in zip(plant.parameters, ranges_of(plant), errors, strict=True)
+    ]
+    return tuple(_patches(each))
+
+
+def _patches(each: list[list[tuple[Array, Array]]]) -> Iterator[Patch]:
+    for chosen in product(*each):
+        whole: Array = np.ones((1, 1))
+        for p, _ in chosen:
+            whole = np.asarray(np.kron(whole, np.stack([1 - p, p], axis=1)), dtype=float)
+        low, high = (tuple(float(q[end]) for _, q in chosen) for end in (0, 1))
+        yield Patch(whole, Box(low, high))
+
+
+def _weights(own: Any, ends: tuple[Fraction, Fraction]) -> Array:
+    """Return the weights of a parameter's upper end at two values."""
+    return np.array([float(own.weights(value)[1]) for value in ends])
+
+
+def _claim(design: Design, errors: list[Fraction]) -> Estimate | None:
+    """Return the claim that the errors are borne, None where no fineness proves it."""
+    if is_one(design.law):
+        return None
+    loops, sizes = balanced(design, design.region), list(map(float, errors))
+    for pieces, elevation in BOX:
+        own = sizes, pieces, elevation
+        if sum(count_blocks(loop, *own) for loop in loops) > MOST:
+            return None
+        points = (points_of(loop, design.plant.parameters, *own) for loop in loops)
+        if not all(map(estimate_holds, loops, points)):  # in floats, which take no time
+            continue
+        subject = subject_of(design, design.region, Reached(1.0, pieces, elevation))
+        claim = Estimate(subject, tuple(errors))
+        if holds(claim):
+            return claim
+    return None

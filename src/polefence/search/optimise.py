@@ -1,0 +1,752 @@
+"""A law for specifications: one signal small, others within limits, all poles in a region; proved.
+
+One W(alpha) for everything is conservative. So laws are designed with one, for a region that may
+be relaxed; what they keep is then proved of each law as it is, each bound with a Lyapunov
+polynomial of its own, and the region with one for each of its parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from polefence.base.effort import MOST_WORK, bounded, ended
+from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.explained import explained
+from polefence.base.processors import small_matrices
+from polefence.base.progress import stage
+from polefence.certify.bounds import Bound, agreed_bound, best_bound, save
+from polefence.certify.candidates import Deadline
+from polefence.certify.checks import (
+    in_time_of,
+    is_optimisable,
+    is_stability,
+    require_domain,
+    require_movable,
+    require_optimisable,
+    require_region,
+    stable_region,
+)
+from polefence.certify.design import Design
+from polefence.certify.measured import require_detectable
+from polefence.law.laws import Law
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.methods import Method, Scheduled, options
+from polefence.lmi.solve.search import Reached, singular_is_failure
+from polefence.plant.card import card
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
+from polefence.plant.tracks import own_states as states_of_a_car
+from polefence.proof.short import Short
+from polefence.region.regions import Region
+from polefence.region.text import digits_up
+from polefence.region.z_plane import delta_plane
+from polefence.requirements.specification import Specification
+from polefence.search import nearby
+from polefence.search.conflict import refusal, refuted
+from polefence.search.effort import Closer, gain_of, least, smaller
+from polefence.search.placed import as_sampled
+from polefence.search.shares import (
+    CLOSE,
+    FAR,
+    Candidate,
+    Origin,
+    Retreat,
+    Search,
+    Step,
+    Task,
+    candidate,
+    is_falling,
+    is_too_fast,
+    level_of,
+    relaxed,
+    steps,
+    together,
+    unbounded,
+)
+from polefence.search.tune.tuner import Tuned
+from polefence.search.tune.worth import NEAR
+from polefence.search.tuned import Orders, orders_below, tuned_candidates
+
+__all__ = ["Optimised", "optimise", "relaxed"]
+
+ADVICE = 0.25  # of that, what is spent on limits that could be kept
+MOST_NEAR = 6  # limits that are looked at where not all can be kept
+ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
+NEARER = 1e-3  # above another law's worst sample, a bound that this law's own would not lower much
+POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimised(Short):
+    """A law with a proof of its region, and of every specification.
+
+    Attributes
+    ----------
+    design : Design
+        Law, region and its certificate.
+    bounds : tuple of Bound
+        The one that was minimised first, where one was.
+    shared : float
+        What is proved, in exact arithmetic, with one Lyapunov matrix for everything, of a law
+        that was found for the region as it is; infinite where nothing is, zero where nothing was
+        minimised.
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
+    retreat : Retreat, optional
+        How far the law stands from an infimum that none attains, or none that can be proved.
+    cut : str
+        Why the search was cut before its end; empty where it was not.
+    structure : Structure, optional
+        Of a law that was tuned; None of one that an LMI gave.
+    bounded_by : str
+        What stopped the gain of a tuned law from growing further; empty where nothing had to.
+    closer : Closer, optional
+        What a law would cost whose bound is less by a thousandth at most, where one was found.
+    """
+
+    design: Design
+    bounds: tuple[Bound, ...]
+    shared: float
+    designed: Region | None
+    retreat: Retreat | None = None
+    cut: str = ""
+    structure: Structure | None = None
+    bounded_by: str = ""
+    closer: Closer | None = None
+
+    def __repr__(self) -> str:
+        return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        bounds = [("proved", str(own)) for own in self.bounds]
+        return card(self.plant.name, [*bounds, ("poles", f"proved: in {self.design.region}")])
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The plant family."""
+        return self.design.plant
+
+    @property
+    def law(self) -> Law:
+        """The control law."""
+        return self.design.law
+
+    def bound(self, name: str) -> Bound:
+        """Return the bound on the signal of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for own in self.bounds:
+            if own.specification.name == name:
+                return own
+        raise InputError(f"no specification of {name!r}")
+
+    def save(self, directory: str | Path) -> Path:
+        """Write ``design.json``, with region and bounds, into a folder; return its path.
+
+        The folder is made if need be. The numbers are those that were proved: a double as it is,
+        any other rational as "p/q".
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written.
+        """
+        return save(self.design.certificate, [own.claim for own in self.bounds], directory)
+
+
+@explained
+@small_matrices()
+def optimise(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification] = (),
+    region: Region | None = None,
+    method: Method | None = None,
+    budget: float | None = None,
+    structure: Structure | None = None,
+    *,
+    fewer_states: bool = True,
+) -> Optimised:
+    """Design the law with the smallest worst case of one signal, within limits on others.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E.
+    minimise : Specification or None
+        Of any kind of `polefence.requirements`; None: any law within the limits will do.
+    subject_to : sequence of Specification
+        Each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    method : str or Scheduled, optional
+        Of a law that an LMI gives: "quadratic" (one gain), "scheduled" (degree 1, elevation 0, on
+        the box where the plant has parameters) or `Scheduled`. By default the better of this last
+        one and a law that is tuned, polynomial of degree 1 in the parameters; the tuned one alone
+        where the LMI is too large.
+    budget : float, optional
+        Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
+        Without one the same question has the same answer on every machine, however slow.
+    structure : Structure, optional
+        What the law may measure, what schedules it, its degree and free numbers: it is tuned.
+        On a road with tracks a law of the car's own states is, unless told otherwise.
+        Where it has states of its own the answer's plant has them too.
+    fewer_states : bool
+        Whether a law of a lower order is returned where that is as good to a thousandth.
+
+    Returns
+    -------
+    Optimised
+        Everything in it is proved.
+
+    Raises
+    ------
+    NotProvedError
+        If the limits or the region are not proved. The message names the specifications that are in
+        conflict for this method; where it says "refuted" no law keeps them, and the error's
+        ``refutation`` is the proof; where it says "unbounded" what is minimised falls without end
+        as the law grows.
+    InputError
+        If a specification does not fit the plant.
+    """
+    question = minimise, subject_to, region, method, budget, structure
+    done = _optimised(plant, *question, fewer_states)
+    done.design.certificate.require_checkable([own.claim for own in done.bounds])
+    return done
+
+
+def _optimised(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region | None,
+    method: Method | None,
+    budget: float | None,
+    structure: Structure | None,
+    fewer_states: bool,
+) -> Optimised:
+    """Return what `optimise` does, before it is known that its file is proved."""
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    if minimise is None and not subject_to:
+        raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
+    if minimise is not None:
+        require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    if structure is not None and method is not None:
+        raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
+    measurable = states_of_a_car(plant)
+    if structure is None and method is None and len(measurable) < plant.shape[0]:
+        structure = Structure(measured=measurable)  # a road's states are for no law
+    either = structure is None and method is None
+    method = method_for(plant, method)
+    _require_method(plant, method)
+    if len(plant.vertices) == 1:  # one gain is every law
+        method = "quadratic"
+    asked = stable_region(plant) if region is None else in_time_of(plant, region)
+    require_region(plant, asked)
+    for own in subject_to:
+        require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
+        if own.at_most is None:
+            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    require_movable(plant, asked)
+    if structure is not None:
+        structure.require_fit(plant)
+        if minimise is not None and len(minimise.tuned(1.0)) > 1:
+            raise InputError(
+                f"{minimise.title}: of a structure one input's is minimised; give the others limits"
+            )
+    if plant.remainder is not None:
+        asked_method = None if either or structure is not None else method
+        question = minimise, subject_to, region, asked_method, budget, structure
+        return _nearby(plant, *question, fewer_states)
+    deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
+    limits, words = tuple(subject_to), _in_words(plant, region, asked)
+    # what is searched is in differences where the plant is in discrete time
+    T, inside, plant = plant.sample_time, asked, delta_form(plant)
+    if T is not None:
+        inside = delta_plane(asked, T)
+    task = Task(plant, minimise, limits, inside, method, asked=(plant, limits), words=words)
+    if either and not is_optimisable(plant, method, count):
+        structure = Structure()  # a law that is tuned needs no inequalities to be found
+    if structure is not None:
+        return _as_sampled(_tuned(task, structure, fewer_states), asked)
+    require_optimisable(plant, method, count)
+    done = (_best_of_all if either else _settled)(task, deadline)
+    return _as_sampled(done, asked)
+
+
+def _nearby(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region | None,
+    method: Method | None,
+    budget: float | None,
+    structure: Structure | None,
+    fewer: bool,
+) -> Optimised:
+    """Return a law of a plant with a remainder, found without that and proved with it."""
+    asked = stable_region(plant) if region is None else in_time_of(plant, region)
+    found = (*subject_to, *([] if minimise is None else [minimise]))
+    bare = plant.combinations
+    best: Optimised | None = None
+    deadline, lowest = Deadline(budget), np.inf
+
+    def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
+        question = minimise, limits, inside, method, budget, structure
+        return _optimised(bare, *question, fewer)
+
+    def proved(done: Optimised, inside: Region) -> Optimised | None:
+        larger, every = plant, found
+        if structure is not None:  # a law may have fewer states than it was allowed
+            kept = replace(structure, order=structure.order and own_states(done.plant))
+            larger, _, every = _with_own_states(kept, plant, found)
+        least = None if minimise is None else every[-1]
+        limits = every if minimise is None else every[:-1]
+        proofs = nearby.bounded(larger, done.law, asked, least, limits)
+        if proofs is None:
+            return None
+        designed = None if done.designed is None else inside
+        design, bounds = proofs
+        closer = done.closer
+        if closer is not None:
+            closer = replace(closer, level=closer.level * bounds[0].level / _level(done))
+        own = replace(done, design=design, bounds=bounds, shared=np.inf, designed=designed)
+        return replace(own, closer=closer)
+
+    for share, calm in nearby.ATTEMPTS:
+        if deadline.passed and best is not None:
+            best = replace(best, cut=_cut(deadline))
+            break
+        closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
+        inner = nearby.decaying(plant, asked, calm)
+        try:
+            done = searched(closer, inner)
+        except NotProvedError:
+            break
+        nearer = proved(done, inner)
+        lowest = min(lowest, _level(done))
+        if nearer is not None and (best is None or _level(nearer) < _level(best)):
+            best = nearer
+        if best is not None and (minimise is None or _level(best) <= lowest * (1 + nearby.ENOUGH)):
+            break
+    if best is None:
+        # what was asked for, not something closer: its refusal is the answer
+        best = proved(searched(subject_to, region), asked)
+    if best is None:
+        raise NotProvedError(
+            "not proved: no law found keeps region and limits within the interpolation-error bound "
+            f"of the samples of {plant.name}; take a shorter sample time, or narrower ranges of "
+            "parameters"
+        )
+    return best
+
+
+def _in_words(plant: UncertainPlant, region: Region | None, asked: Region) -> tuple[str, ...]:
+    """Return the parts of the region in the plant's time in words, as they were asked for."""
+    if is_stability(plant, asked):
+        return ("stability",)
+    own = asked if region is None else region
+    same = len(own.parts) == len(asked.parts)
+    return tuple(map(str, own.parts if same else asked.parts))
+
+
+def _as_sampled(done: Optimised, region: Region) -> Optimised:
+    """Return a law that was found in differences as one of the plant in discrete time, proved."""
+    if not done.plant.step:
+        return done
+    designed = None if done.designed is None else region
+    return replace(done, design=as_sampled(done.design, region), designed=designed)
+
+
+def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
+    """Return the better of a law that an LMI gives, and one that is tuned from it."""
+    best: Optimised | None = None
+    failure: NotProvedError | None = None
+    try:
+        best = _settled(task, deadline)
+    except NotProvedError as error:
+        if error.refutation is not None:
+            raise
+        failure = error
+    if best is not None and (task.minimise is None or deadline.passed):
+        return best
+    tuned: Optimised | None = None
+    with suppress(InputError, NotProvedError):
+        starts = () if best is None or best.plant is not task.plant else (best.law,)
+        with bounded(MOST_WORK) as effort:
+            tuned = _best_tuned(*structured(task, Structure()), starts)
+        if tuned is not None and effort.ended:
+            tuned = replace(tuned, cut=str(effort))
+    if tuned is None:
+        if best is None:
+            raise failure or NotProvedError("not proved")
+        return best
+    if best is None or best.retreat is not None or is_too_fast(best.plant, best.law):
+        return tuned
+    return _least(best, tuned)
+
+
+def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
+    """Return the best law of a structure that is proved; with ``fewer`` of the states it needs.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none. It says which limits could be kept, proved of a law each.
+    """
+    orders = orders_below(structure.order)
+    with bounded(MOST_WORK) as effort:
+        own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
+        last = len(orders) - 1
+        if last and fewer:
+            best = _best_order(own)
+        else:
+            best = _best_tuned(*own.each[-1], own.starts(last), own.found(last) if last else ())
+    cut = str(effort) if effort.ended else ""
+    if best is not None:
+        return replace(best, cut=cut)
+    reason = "not proved: no law of this structure was found that is proved to keep the region"
+    if not task.limits:
+        raise NotProvedError("; ".join(filter(None, (reason, cut))))
+    _refute(task)
+    with bounded(MOST_WORK * ADVICE) as looked:
+        near = list(_attainable(*own.each[-1], own.starts(last)))
+    advice = "dropping any single limit does not help either"
+    if looked.ended:
+        advice = "the search with one of them left out stopped at its bound of work"
+    if near:
+        advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
+    if cut:
+        advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
+    raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
+
+
+def _best_order(orders: Orders) -> Optimised | None:
+    """Return the best law that is proved, of the lowest order that is as good as any."""
+    every = list[Optimised]()
+    for k in orders.promising:
+        known = orders.found(k)
+        below = min(map(_level, every), default=np.inf) * (1 + NEAR)
+        if known and known[0].level >= below:  # at rest and in samples: no proof is lower
+            continue
+        found = _best_tuned(*orders.each[k], orders.starts(k), known, below)
+        every += [] if found is None else [found]
+        enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
+        if found is not None and (orders.each[k][0].minimise is None or _level(found) <= enough):
+            break
+    lowest = min(map(_level, every), default=0.0) * (1 + NEAR)
+    some = [own for own in every if _level(own) <= lowest] or every
+    return min(some, key=lambda own: own.plant.shape[0], default=None)
+
+
+def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
+    """Yield for each limit what it would have to be for a law that keeps all others."""
+    for own in task.limits[:MOST_NEAR]:
+        if ended():
+            return
+        others = tuple(other for other in task.limits if other is not own)
+        found = _best_tuned(
+            replace(task, minimise=replace(own, at_most=None), limits=others), structure, starts
+        )
+        if found is not None:
+            yield f"{own.title} <= {digits_up(_level(found))}"
+
+
+def _best_tuned(
+    task: Task,
+    structure: Structure,
+    starts: Sequence[Law],
+    known: Sequence[Tuned] = (),
+    below: float = np.inf,
+) -> Optimised | None:
+    """Return the best law of a structure that is proved, no worse than that of a lower degree.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What a search from lower degrees on has found.
+    below : float
+        Level that a law is to be better than: another one is proved for it.
+    """
+    every = list[Optimised]()
+    most = np.inf
+    if not known and structure.degree and structure.schedule != () and len(task.plant.vertices) > 1:
+        lower = {"degree": structure.degree - 1} if structure.degree > 1 else {"schedule": ()}
+        simpler = _best_tuned(task, replace(structure, **lower), starts)
+        if simpler is not None:
+            starts, most = (*starts, simpler.law), _level(simpler)
+            every.append(simpler)
+            if task.minimise is None:
+                return simpler
+
+    def proved() -> float:
+        return min([below, *map(_level, every)])
+
+    for own, tuned, lowest in tuned_candidates(task, structure, starts, known, proved):
+        found = _bounded(task, own)
+        if found is not None:
+            found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
+            every.append(replace(found, closer=_closer(found, tuned)))
+        # where a better law of the search has no proof, one within tighter limits may have one
+        if every and (task.minimise is None or proved() <= lowest * (1 + ENOUGH)):
+            break
+    return _least(*every, most=most) if every else None
+
+
+def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
+    """Return the law that a search made smaller, its level beside the proved one as in floats."""
+    if tuned.larger is None or not tuned.level:
+        return None
+    law, level = tuned.larger
+    gain, own = (gain_of(found.plant, each) for each in (law, found.law))
+    return Closer(_level(found) * level / tuned.level, gain, own)
+
+
+def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
+    """Return the task for the plant of which the law is a gain, and that gain's structure."""
+    plant = task.plant
+    structure.require_fit(plant)
+    require_detectable(plant, structure.outputs(plant), task.region)
+    asked = (task.minimise, *task.limits) if task.minimise else task.limits
+    larger, gain, found = _with_own_states(structure, plant, asked)
+    limits = found[1:] if task.minimise else found
+    return replace(task, plant=larger, limits=limits, minimise=task.minimise and found[0]), gain
+
+
+def _with_own_states(
+    structure: Structure, plant: UncertainPlant, asked: Sequence[Specification]
+) -> tuple[UncertainPlant, Structure, tuple[Specification, ...]]:
+    """Return the plant with the states of a law, its gain's structure, and what is asked of it."""
+    larger, gain = structure.extended(plant)
+    n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
+    return larger, gain, tuple(own.extended(n, more) if more else own for own in asked)
+
+
+def method_for(plant: UncertainPlant, method: Method | None) -> Method:
+    """Return the method that is meant where it is plain "scheduled", or none."""
+    if method is None or method == "scheduled":
+        return Scheduled(1, 0, "box" if plant.parameters else "simplex")
+    return method
+
+
+def _require_method(plant: UncertainPlant, method: Method) -> None:
+    require_domain(plant, method)
+    o = options(method)
+    if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
+        raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A law with its proofs, beside the point that one Lyapunov matrix for everything led to.
+
+    Attributes
+    ----------
+    own : Optimised
+    shared : float
+        Of what is minimised, in floats; infinite where there is no point.
+    whole : Reached, optional
+    """
+
+    own: Optimised
+    shared: float
+    whole: Reached | None
+
+    @property
+    def level(self) -> float:
+        """The bound proved of what is minimised."""
+        return _level(self.own)
+
+    @property
+    def poor(self) -> bool:
+        """Whether what is proved of the law is far above what its design says."""
+        minimised = self.own.bounds[0].specification.at_most is None
+        return minimised and self.level > self.shared * (1 + POOR)
+
+
+def _settled(task: Task, deadline: Deadline) -> Optimised:
+    """Return the best law, or one with slower poles if it cannot be proved or implemented."""
+    best, failure = None, None
+    try:
+        best = _best(task, deadline)
+    except NotProvedError as error:
+        failure = error
+        if error.refutation is not None:
+            raise
+    cut = _cut(deadline)
+    fast = best is not None and is_too_fast(task.plant, best.own.law)
+    if best is not None and not fast and not best.poor:
+        return _finished(task, best, cut)
+    least = _least_in_floats(task) if best is None else best.shared
+    if failure is not None and task.limits and not np.isfinite(least):
+        raise failure  # no law keeps the limits, or none was found
+    taken, found = _stepped_back(task, least)
+    if found is not None and (best is None or fast or found.level < best.level):
+        return _finished(task, found, cut)
+    if is_falling(taken) and (best is None or fast):
+        raise unbounded(task, taken) from failure
+    if best is None:
+        raise failure or NotProvedError("not proved")
+    return _finished(task, best, cut)
+
+
+def _cut(deadline: Deadline) -> str:
+    """Return why the search ended before its end, if it did."""
+    return str(deadline) if deadline.passed else ""
+
+
+def _finished(task: Task, found: _Found, cut: str) -> Optimised:
+    """Return the answer: no worse than what one Lyapunov matrix for everything proves."""
+    if task.minimise is None:
+        return replace(found.own, shared=0.0, cut=cut)
+    own, shared = found.own, _together(task, found.whole)
+    if shared is None:
+        return replace(own, shared=np.inf, cut=cut)
+    near = 0.0 if own.closer is None else NEAR  # what a smaller gain may cost
+    if _level(shared) < _level(own) * (1 - near):
+        own = replace(shared, retreat=own.retreat)
+    return replace(own, shared=_level(shared), cut=cut)
+
+
+def _together(task: Task, found: Reached | None) -> Optimised | None:
+    """Prove everything of a point's law with the point's one W; None where something is not."""
+    if found is None:
+        return None
+    with suppress(SolverError):
+        proofs = together(task, task.law(found), Origin(task, found))
+        if proofs is not None:
+            certificate, bounds = proofs
+            return Optimised(Design(certificate), bounds, bounds[0].level, task.region)
+    return None
+
+
+def _least_in_floats(task: Task) -> float:
+    """Return what is found in floats, proved or not; infinite where there is none."""
+    try:
+        return level_of(task, task.reached(task.region))
+    except SolverError:
+        return np.inf
+
+
+def _stepped_back(task: Task, least: float) -> tuple[list[Step], _Found | None]:
+    """Return steps back, and the nearest to the least level that is proved, if it is near."""
+    taken = list[Step]()
+    for step in steps(task):
+        taken.append(step)
+        # without anything to minimise the first that is proved will do
+        if step.level <= least * (1 + CLOSE) and (
+            task.minimise is not None or _proved(task, step.found) is not None
+        ):
+            break
+    least = min([least, *(step.level for step in taken)])
+    best: _Found | None = None
+    for step in sorted(taken, key=lambda step: step.level):
+        found = _proved(task, step.found) if step.level <= least * (1 + FAR) else None
+        if found is not None and (best is None or _level(found) < best.level):
+            retreat = Retreat(step.speed, step.level, least)
+            best = _Found(replace(found, retreat=retreat), step.level, step.found)
+        if best is not None and not best.poor:
+            break
+    if best is not None and task.minimise is not None and best.level > least * (1 + FAR):
+        return taken, None
+    return taken, best
+
+
+def _level(own: Optimised) -> float:
+    """Return the first bound, that of what is minimised where something is."""
+    return own.bounds[0].level
+
+
+def _best(task: Task, deadline: Deadline) -> _Found:
+    """Search, then prove the bound on what is minimised, from the law that samples least on."""
+    # where no law that samples well has a proof, each must have one to count
+    for proved in (False, True) if task.minimise else (False,):
+        search = Search(task, deadline, proved, partial(_refute, task))
+        with stage("laws by an LMI"):
+            search.run()
+        best = _lowest(task, search)
+        if best is not None:
+            own, law = best
+            return _Found(_calmed(task, own, law), search.shared, search.whole)
+        if not search.candidates:
+            break
+    raise refusal(task, search.reasons)
+
+
+def _refute(task: Task) -> None:
+    refutation = refuted(task) if task.limits else None
+    if refutation is not None:
+        raise NotProvedError(str(refutation), refutation=refutation)
+
+
+def _lowest(task: Task, search: Search) -> tuple[Optimised, Candidate] | None:
+    """Return the law of the lowest bound: a sample next to one, or higher, is of no better law."""
+    best: tuple[Optimised, Candidate] | None = None
+    for own in sorted(search.candidates, key=lambda own: own.estimate):
+        near = own.estimate * (1 + NEARER)
+        if best is not None and (task.minimise is None or _level(best[0]) <= near):
+            break
+        found = _bounded(task, own)
+        if found is not None and (best is None or _level(found) < _level(best[0])):
+            best = found, own
+    return best
+
+
+def _calmed(task: Task, best: Optimised, law: Candidate) -> Optimised:
+    """Return a law of a smaller gain that is proved to be as good to a thousandth, if there is."""
+    found = [_bounded(task, own) for own in smaller(task, law)]
+    return _least(best, *(own for own in found if own is not None))
+
+
+def _least(*every: Optimised, most: float = np.inf) -> Optimised:
+    """Return of the laws as good as the best the one that is taken; the only one if alone.
+
+    Parameters
+    ----------
+    most : float
+        Level that it must not exceed.
+    """
+    if len(every) == 1:
+        return every[0]
+
+    gains = [gain_of(own.plant, own.law) for own in every]
+    known = [Closer(_level(own), gain, gain) for own, gain in zip(every, gains, strict=True)]
+    k, closer = least(known, [own.closer for own in every if own.closer is not None], most)
+    chosen = every[k]
+    return replace(chosen, closer=closer)
+
+
+def _proved(task: Task, found: Reached) -> Optimised | None:
+    """Prove everything of a law for the whole region; None where something is not."""
+    with suppress(SolverError):
+        return _bounded(task, candidate(task, task.law(found), task.region, Origin(task, found)))
+    return None
+
+
+def _bounded(task: Task, own: Candidate | None) -> Optimised | None:
+    """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
+    if own is None:
+        return None
+    if task.minimise is None:
+        return Optimised(Design(own.certificate), own.limits, 0.0, own.designed)
+    first: Bound | None = None
+    law = own.certificate.law
+    with suppress(SolverError), singular_is_failure():
+        first = best_bound(task.plant, law, task.minimise, own.known(task.minimise))
+        # of a law that doubles cannot evaluate a proof is of no use
+        first = None if first is None else agreed_bound(task.plant, law, first)
+    if first is None:
+        return None
+    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, own.designed)

@@ -1,0 +1,596 @@
+"""Trade-off curves: the least bound on one signal over a sweep of the limit on another, proved."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Sequence, Set
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, Unpack
+
+from polefence.base import VERSION, workers
+from polefence.base.errors import InputError, PolefenceError, require_type
+from polefence.base.explained import explained
+from polefence.base.files import make_folder, read_text, write_documents, write_text
+from polefence.base.progress import stage
+from polefence.certify.bounds import best_bound, bounds_file, sampled
+from polefence.certify.certificate import Certificate
+from polefence.certify.checks import (
+    in_time_of,
+    require_domain,
+    require_movable,
+    require_optimisable,
+    require_region,
+    stable_region,
+)
+from polefence.certify.design import FILE_NAME, Design
+from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
+from polefence.plant.card import card
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
+from polefence.plant.system import Array
+from polefence.proof import reading, work
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_norm import BoundClaim
+from polefence.proof.document import Document, from_plain
+from polefence.proof.short import Short
+from polefence.region.regions import Region
+from polefence.region.text import digits_up
+from polefence.requirements.specification import Specification, claim_of
+from polefence.search.limits import LABEL
+from polefence.search.optimise import Optimised, method_for, optimise, structured
+from polefence.search.rows import Row, Run, RunOptions, plant_summary
+from polefence.search.shares import Task
+
+MAX_VALUES = 1000
+TUNED = "tuned"  # the label of rows whose laws are
+
+# Of a row whose law is taken over for another limit.
+TAKEN = ("status", "proved", "sampled", "law_of", "performance")
+
+SAMPLES = 2000  # points of the family that each law is looked at
+
+
+@explained
+def tradeoff(
+    plant: UncertainPlant,
+    minimise: Specification,
+    over: Specification,
+    values: Sequence[float],
+    subject_to: Sequence[Specification] = (),
+    region: Region | None = None,
+    methods: Sequence[Method] | None = None,
+    path: Path | None = None,
+    structure: Structure | None = None,
+    **options: Unpack[RunOptions],
+) -> Front:
+    """Return the least proved bound on one signal for every limit on another.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With a disturbance, E.
+    minimise, over : Specification
+        What is to be small, and what is limited; limits of their own are left out of account.
+    values : sequence of float
+        Limits on ``over``, in its unit.
+    subject_to : sequence of Specification
+        Others to keep, each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    methods : sequence of Method, optional
+        Those of `optimise`; by default "quadratic" and `Scheduled` of degree 1 and elevation 0.
+    executor : concurrent.futures.Executor, optional
+        Where to run; without one, here and one after the other.
+    on_row : callable, optional
+        Called with each row as it is finished, before laws of other limits are taken over.
+    path : Path, optional
+        A JSON file that is kept up to date after every row.
+    structure : Structure, optional
+        Its laws are tuned, in rows of the method "tuned"; there are no others.
+    resume : bool
+        Keep the proved rows that are in the file already.
+
+    Returns
+    -------
+    Front
+        A row that fails is "not proved", with the reason, and stops nothing.
+
+    Raises
+    ------
+    InputError
+        If what is asked does not fit the plant, or the file is of something else.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    least, swept = (
+        replace(_checked(own, name), at_most=None)
+        for own, name in ((minimise, "minimise"), (over, "over"))
+    )
+    others = tuple(_checked(own, "subject_to") for own in subject_to)
+    asked_for = (swept, *others, least)
+    region = stable_region(plant) if region is None else in_time_of(plant, region)
+    asked = _asked(plant, asked_for, region, structure)
+    named = _named(plant, methods, structure)
+    limits = list(dict.fromkeys(float(value) for value in values))
+    _require(asked, limits, list(named.values()))
+    run = Run(path=path, **options)
+    order = [(x, label) for x in limits for label in named]
+    kept = run.path if run.resume else None
+    done = {} if kept is None else finished(kept, asked, set(order))
+    tasks = [(x, named[label]) for x, label in order if (x, label) not in done]
+    found = workers.as_finished(run.executor, partial(_row_of, asked), tasks)
+
+    fresh = (((row["value"], row["method"]), row, row) for row in found)
+    run.complete(done, order, fresh, lambda path, rows: write_rows(path, asked, rows))
+    done = monotone(done)
+    run.keep(done, order, lambda path, rows: write_rows(path, asked, rows))
+    return Front(asked, tuple(done[key] for key in order))
+
+
+def _asked(
+    plant: UncertainPlant,
+    asked_for: tuple[Specification, ...],
+    region: Region,
+    structure: Structure | None,
+) -> Asked:
+    """Return the question, of the plant that laws of its answers are gains of."""
+    require_region(plant, region)
+    *limits, least = asked_for
+    task = Task(plant, least, tuple(limits), region, "quadratic")
+    if structure is not None:
+        task, _ = structured(task, structure)
+    swept, *others = task.limits
+    bare, least = (plant, asked_for), task.minimise or least
+    return Asked(task.plant, least, swept, tuple(others), region, structure, bare)
+
+
+def _named(
+    plant: UncertainPlant, methods: Sequence[Method] | None, structure: Structure | None
+) -> dict[str, Method | None]:
+    """Return methods by their labels; None is that of laws that are tuned."""
+    if structure is not None:
+        if methods is not None:
+            raise InputError("methods are of laws that an LMI gives; leave them out, or structure")
+        return {TUNED: None}
+    if methods is None:
+        methods = ("quadratic", Scheduled(1, 0, "box" if plant.parameters else "simplex"))
+    return {method_label(method): method for method in methods}
+
+
+def _checked(own: Any, name: str) -> Specification:
+    require_type(own, Specification, name, "for example Rms('actuator force')")
+    if name == "subject_to" and own.at_most is None:
+        raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    found: Specification = own
+    return found
+
+
+def _require(asked: Asked, values: list[float], methods: list[Method | None]) -> None:
+    """Refuse, before any work, what no row could be computed for."""
+    plant = asked.plant
+    if not values or len(values) > MAX_VALUES or not methods:
+        raise InputError(f"give 1 to {MAX_VALUES} values, and at least one method")
+    for value in values:
+        replace(asked.over, at_most=value)
+    for method in methods:
+        if method is None:
+            continue
+        require_domain(plant, method)
+        o = options(method)
+        if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
+            raise InputError("a trade-off goes with 'quadratic' and Scheduled(degree, elevation)")
+        require_optimisable(plant, method_for(plant, method), 2 + len(asked.subject_to))
+    require_region(plant, asked.region)
+    for own in (asked.minimise, asked.over, *asked.subject_to):
+        own.require_fit(plant)
+        if own.of_signal:
+            own.condition(plant, plant.domain)
+    if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
+        raise InputError(
+            f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "
+            "limit something else"
+        )
+    require_movable(plant, asked.region)
+
+
+def _same(one: Specification, other: Specification) -> bool:
+    return replace(one, at_most=None) == replace(other, at_most=None)
+
+
+def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
+    """Return one row; whatever fails in it is its reason."""
+    value, method = task
+    label = TUNED if method is None else method_label(method)
+    start = time.perf_counter()
+    found: Row
+    try:
+        plant, (over, *others, least) = asked.bare
+        limits = (replace(over, at_most=value), *others)
+        with stage(f"limit {value:g} {label}"):
+            question = plant, least, limits, asked.region, method
+            # rows are of one plant, that with all states of the law
+            done = optimise(*question, structure=asked.structure, fewer_states=False)
+            found = _proved(asked, done, value)
+    except PolefenceError as error:  # one row's failure is not the sweep's
+        reason = " ".join(str(error).split()).removeprefix("not proved: ")
+        nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
+        found = {"status": "not proved", **nothing, "bounds": [], "reason": reason}
+    seconds = time.perf_counter() - start
+    return {"value": value, "method": label} | found | {"seconds": seconds}
+
+
+def _proved(asked: Asked, done: Optimised, value: float) -> Row:
+    first, over, *others = done.bounds
+    # the law may keep less than its limit: then it will do for others
+    least = best_bound(done.plant, done.law, over.specification)
+    if least is not None and least.level < over.level:
+        over = least
+    claims, certificate = [own.claim for own in (first, over, *others)], done.design.certificate
+    certificate.require_checkable(claims)
+    return proved_row(asked, certificate, claims, value)
+
+
+@dataclass(frozen=True)
+class Asked(Short):
+    """Question of a trade-off.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        With the law's own states.
+    minimise, over : Specification
+        Without limits.
+    subject_to : tuple of Specification
+    region : Region
+    structure : Structure, optional
+        Of laws that are tuned.
+    bare : tuple of UncertainPlant and tuple of Specification
+        The plant as it was given, and what was asked of it: over, the limits, minimise.
+    """
+
+    plant: UncertainPlant
+    minimise: Specification
+    over: Specification
+    subject_to: tuple[Specification, ...]
+    region: Region
+    structure: Structure | None
+    bare: tuple[UncertainPlant, tuple[Specification, ...]]
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, the plant by its digest."""
+        law = (
+            {}
+            if self.structure is None
+            else {"law": json.loads(json.dumps(asdict(self.structure)))}
+        )
+        return {
+            "minimise": _as_read_from_json(self.minimise),
+            "over": _as_read_from_json(self.over),
+            "subject_to": [_as_read_from_json(own) for own in self.subject_to],
+            "region": self.region.document(),
+        } | law
+
+
+def _as_read_from_json(own: Specification) -> dict[str, Any]:
+    # through JSON and back, so that it equals what is read from a file
+    found: dict[str, Any] = json.loads(
+        json.dumps({"kind": own.kind} | asdict(own), default=reading.plain)
+    )
+    if found["disturbances"] is None:  # all, as in files that do not say
+        del found["disturbances"]
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Front(Short):
+    """Bounds that are reached at each limit, with their laws.
+
+    Attributes
+    ----------
+    asked : Asked
+        Plant, specifications and region.
+    rows : tuple of dict
+        One a value and method, as plain data: ``value``, the limit; ``method``, its label;
+        ``status``, "proved" or "not proved"; ``proved``, the bound on what is minimised, and
+        ``sampled``, the same law's worst at sampled parameters; ``bounds``, of ``over`` and the
+        other specifications, each with ``specification``, ``at_most``, ``proved``, ``sampled``;
+        ``law_of``, the limit that the law was found for: another one's law is taken where it
+        keeps this limit, and the search for this one found a worse one, or none; ``own``, what
+        that search itself proved; ``performance``, the law with all of its proofs, as a
+        performance file has them; ``reason``, where the search found nothing; ``seconds``.
+    references : tuple of dict
+        Of laws that come with no proof, see `polefence.vehicle.beside_reference_laws`: ``name``,
+        the worst at sampled parameters of ``over`` and ``minimise``, and ``keeps``, whether that of
+        the other specifications is within their limits.
+    """
+
+    asked: Asked
+    rows: tuple[Row, ...]
+    references: tuple[Row, ...] = ()
+
+    def __repr__(self) -> str:
+        done = sum(row["status"] == "proved" for row in self.rows)
+        return f"<Front of {self.asked.plant.name!r}: {done} of {len(self.rows)} rows proved>"
+
+    @property
+    def proved(self) -> bool:
+        """Whether every row is."""
+        return all(row["status"] == "proved" for row in self.rows)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Labels, in the order asked for."""
+        return tuple(dict.fromkeys(row["method"] for row in self.rows))
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Labels of axes: the limited and the minimised, with units."""
+        over, least = (
+            label_of(self.asked.plant, s) for s in (self.asked.over, self.asked.minimise)
+        )
+        return over, least
+
+    def row(self, value: float, method: Method | str) -> Row:
+        """Return the row of a limit and a method, or its label.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        label = method if method in self.methods else method_label(method)
+        for row in self.rows:
+            if row["value"] == value and row["method"] == label:
+                return row
+        raise InputError(f"no row of {label} at {value:g}")
+
+    def design(self, value: float, method: Method | str) -> Design:
+        """Return the law of a row with the proof of its region.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        """
+        return Design(Certificate.of(self.file(value, method)))
+
+    def save(self, value: float, method: Method | str, directory: str | Path) -> Path:
+        """Write a row's ``design.json``, with its bounds, into a folder; return its path.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        OutputError
+            If the folder cannot be written.
+        """
+        return write_documents(Path(directory), {FILE_NAME: self.file(value, method).dumps()})[0]
+
+    def file(self, value: float, method: Method | str) -> Document:
+        """Return the file of a row: the law, its region and its bounds.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or it is not proved.
+        """
+        row = self.row(value, method)
+        if row["performance"] is None:
+            raise InputError(f"nothing is proved at {value:g}: {row['reason']}")
+        return from_plain(row["performance"])
+
+    def as_rows(self) -> list[dict[str, Any]]:
+        """Return the rows as plain values, for `pandas.DataFrame`: without laws and proofs.
+
+        What each other specification is proved and sampled at are columns with its title.
+        """
+        plain = ("value", "method", "status", "proved", "sampled", "law_of", "own", "seconds")
+        found = []
+        for row in self.rows:
+            own = {key: row.get(key) for key in (*plain, "reason")}
+            for bound in row["bounds"]:
+                title = bound["specification"]
+                own |= {f"{key} {title}": bound[key] for key in ("at_most", "proved", "sampled")}
+            found.append(own)
+        return found
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        over, least = self.labels
+        rows = (
+            (f"{row['value']:g}, {row['method']}", _level(row["proved"], row["status"]))
+            for row in self.rows
+        )
+        return card(f"{least} for limits on {over}", rows)
+
+    def document(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        return head(self.asked) | {"references": list(self.references), "rows": list(self.rows)}
+
+
+def _level(proved: float | None, status: str) -> str:
+    return status if proved is None else f"<= {digits_up(proved)}"
+
+
+def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]:
+    """Return rows by value and method, each with the best law of its method that keeps its limit.
+
+    What a law keeps is proved, so that a law of any other limit will do; those of tighter ones
+    always keep a looser one.
+    """
+    eased = dict(rows)
+    for (value, label), row in rows.items():
+        laws = [
+            r
+            for (_, other), r in rows.items()
+            if other == label and r["proved"] is not None and r["bounds"][0]["proved"] <= value
+        ]
+        best = min(laws, key=lambda r: float(r["proved"]), default=row)
+        if best["proved"] is not None and best["proved"] < (row["proved"] or math.inf):
+            first, *others = best["bounds"]
+            taken = {key: best[key] for key in TAKEN}
+            eased[value, label] = row | taken | {"bounds": [first | {"at_most": value}, *others]}
+    return eased
+
+
+def head(asked: Asked) -> dict[str, Any]:
+    """Return what stands above the rows."""
+    return {
+        "polefence": VERSION,
+        "plant": plant_summary(asked.plant),
+        "question": asked.document(),
+    }
+
+
+def label_of(plant: UncertainPlant, own: Specification) -> str:
+    """Return kind, signal and unit of a specification."""
+    unit = own.unit(plant)
+    return own.title + (f" [{unit}]" if unit else "")
+
+
+def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
+    """Write a trade-off, whole or not at all."""
+    document = head(asked) | {"references": [], "rows": list(rows)}
+    make_folder(path.parent)
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def keep_references(path: Path, references: Sequence[Row]) -> None:
+    """Add reference laws to a file of rows that `write_rows` wrote."""
+    document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
+    write_text(path, json.dumps(document | {"references": list(references)}, indent=1) + "\n")
+
+
+def finished(
+    path: Path, asked: Asked, wanted: Set[tuple[float, str]]
+) -> dict[tuple[float, str], Row]:
+    """Return the proved rows of an earlier run by value and method, all proved afresh.
+
+    What a row says is taken from what was proved of it, and its law sampled again. Rows that are
+    not ``wanted`` share one count of the work.
+
+    Raises
+    ------
+    InputError
+        If the file is unreadable, damaged, of another question, or by another version.
+    """
+    if not path.exists():
+        return {}
+    again = "remove the file to start anew, or name another one"
+    try:
+        document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
+        found = {key: document[key] for key in ("polefence", "plant", "question")}
+        rows = {(row["value"], row["method"]): row for row in document["rows"]}
+        same = found == head(asked)
+        # as much as any file may take for rows that nobody asked for
+        most = work.MAX_FILE * (1 + len(rows.keys() & wanted))
+        with work.counted(most):
+            proved = {
+                key: _reproved(row, asked) if same else None
+                for key, row in rows.items()
+                if row["status"] == "proved"
+            }
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise InputError(f"{path}: no trade-off to resume; {again}") from error
+    if found["polefence"] != VERSION:
+        raise InputError(
+            f"{path}: a trade-off by polefence {str(found['polefence'])[:40]}; {again}"
+        )
+    if not same:
+        raise InputError(f"{path}: a trade-off of another plant or other limits; {again}")
+    sound = {key: row for key, row in proved.items() if row is not None}
+    if len(sound) < len(proved):
+        raise InputError(f"{path}: a row is damaged; {again}")
+    return sound
+
+
+def _reproved(row: Row, asked: Asked) -> Row | None:
+    """Return what is proved of a row, None where that is not what it says."""
+    numbers = (row["value"], row["proved"], row["law_of"], row["seconds"])
+    real = all(isinstance(x, float | int) and math.isfinite(x) and x >= 0 for x in numbers)
+    own = row["own"] is None or row["own"] >= row["proved"]
+    tuned = asked.structure is not None
+    if not (real and own and (row["method"] == TUNED if tuned else LABEL.fullmatch(row["method"]))):
+        return None
+    document = from_plain(row["performance"])
+    claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
+    certificate = _of_plant(Certificate.of(document), asked.plant)
+    fixed = isinstance(certificate.law, FixedGain)
+    if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
+        return None
+    kept = {key: row[key] for key in ("value", "method")}
+    seen = {key: row[key] for key in ("law_of", "own", "seconds")}
+    return kept | proved_row(asked, certificate, claims, row["value"]) | seen
+
+
+def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
+    """Return the claim as one about the plant asked for, of the same vertices."""
+    law = certificate.law
+    if isinstance(law, ScheduledGain | PolynomialGain):
+        law = replace(law, parameters=plant.parameters)
+    return replace(certificate, plant=plant, law=law) if _is_of(certificate, plant) else certificate
+
+
+def _is_of(certificate: Certificate, plant: UncertainPlant) -> bool:
+    return certificate.plant.digest == plant.digest
+
+
+def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[BoundClaim]) -> bool:
+    """Prove the region and every bound of a row, as being about this plant and these signals."""
+    if not _is_of(certificate, asked.plant) or certificate.region != asked.region:
+        return False
+    limits = [row["value"], *(own.at_most for own in asked.subject_to)]
+    levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
+    if any(proved > limit for proved, limit in zip(levels[1:], limits, strict=True)):
+        return False
+    wanted = (asked.minimise, asked.over, *asked.subject_to)
+    law = certificate.law.exact
+    for claim, own, level in zip(claims, wanted, levels, strict=True):
+        subject = claim.subject
+        same = claim_of(asked.plant, law, subject.on, own, subject.evidence, Fraction(level))
+        if claim != same or not prove(claim).proved:
+            return False
+    return certificate.prove().proved
+
+
+def proved_row(
+    asked: Asked, certificate: Certificate, claims: Sequence[BoundClaim], value: float
+) -> Row:
+    """Return what a row says of a law: what is proved, and its worst at sampled parameters."""
+    plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
+    wanted = (asked.minimise, replace(asked.over, at_most=value), *asked.subject_to)
+    levels = [float(claim.level) for claim in claims]
+    worst = [_worst(plant, law, own, alpha) for own in wanted]
+    bounds = zip(wanted[1:], levels[1:], worst[1:], strict=True)
+    return {
+        "status": "proved",
+        "proved": levels[0],
+        "sampled": worst[0],
+        "bounds": [
+            {
+                "specification": own.title,
+                "at_most": own.at_most,
+                "proved": level,
+                "sampled": seen,
+            }
+            for own, level, seen in bounds
+        ],
+        "law_of": value,
+        "own": levels[0],
+        "reason": None,
+        "performance": bounds_file(certificate, claims).write(),
+    }
+
+
+def _worst(plant: UncertainPlant, law: Law, own: Specification, alpha: Array) -> float | None:
+    """Return the worst sampled value; what is proved does not depend on there being one."""
+    with suppress(InputError):
+        return sampled(plant, law, own, alpha).worst
+    return None

@@ -1,0 +1,276 @@
+"""Sequential quadratic programming for the largest of many functions, within limits on others.
+
+What is minimised is max f subject to h <= 0, through the exact penalty max f + rho max(0, h). All
+rows are known with their slopes, so that kinks between them are met as corners of a quadratic
+program, within a reach that adapts; curvature is BFGS's, of the rows that are active. Where a step
+leads higher, what is high there was missed: its rows are kept as cuts, as bundle methods keep them
+(Apkarian, Noll & Prot, 2008). A point at which nothing can be evaluated counts as infinitely bad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from polefence.base.effort import ended as effort_ended
+from polefence.base.progress import note, stage
+from polefence.plant.system import Array
+from polefence.search.tune.quadratic import minimum
+
+ENOUGH = 1e-8  # of a decrease that is foreseen
+LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
+STALL = 8  # steps taken that must be worth it
+PENALTY, MOST_PENALTY = 10.0, 1e7
+FIRST = 0.3  # length of the first step, of a point's own size
+SHORTEST = 1e-9
+SHORTER = 3.0  # by which the reach shrinks after a step that leads nowhere
+MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
+ACTIVE = 1e-7  # of a multiplier
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long a search goes on.
+
+    Attributes
+    ----------
+    steps : int
+        At most.
+    worth : float
+        The decrease that a few of them must be worth.
+    again : float
+        What all of them must be worth for a search from their end, with a fresh curvature.
+    """
+
+    steps: int
+    worth: float
+    again: float = np.inf
+
+
+FULL, EARLY, QUICK = Effort(1000, 1e-5, 1e-3), Effort(60, 1e-4), Effort(15, 1e-3)
+PATIENT = Effort(200, 1e-6)  # for smooth functions of which the very end matters
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Functions at one point, with slopes.
+
+    Attributes
+    ----------
+    values : (rows,) array
+    slopes : (rows, n) array
+    groups : (rows,) array of int
+        Rows of one group are taken for the same function in any order: peaks, poles.
+    objective : (rows,) array of bool
+        Whether it is one of those whose largest is minimised; else it is to be zero at most.
+    """
+
+    values: Array
+    slopes: Array
+    groups: Any
+    objective: Any
+
+    @property
+    def level(self) -> float:
+        """The largest of what is minimised."""
+        return float(self.values[self.objective].max())
+
+    @property
+    def excess(self) -> float:
+        """The largest of the others; what is above zero is not kept."""
+        return float(self.values[~self.objective].max(initial=-np.inf))
+
+
+Evaluate = Callable[[Array], Rows | None]
+Cut = tuple[Array, Rows]  # where, and what is high there
+
+
+@stage("search")
+def descend(
+    evaluate: Evaluate,
+    theta: Array,
+    target: float = -np.inf,
+    effort: Effort = FULL,
+    penalty: float = PENALTY,
+) -> tuple[Array, Rows] | None:
+    """Return a local minimum and the rows there; None where nothing can be evaluated at first.
+
+    Parameters
+    ----------
+    target : float
+        Where the level is below it, and all is kept, the search ends.
+    penalty : float
+        At first, of what is not kept, beside the level.
+    """
+    here = evaluate(theta)
+    if here is None:
+        return None
+    rho, cuts, merits = penalty, list[Cut](), list[float]()
+    H, reach, fresh = _first(here, theta), _within(theta), True
+    ended = False
+    for step in range(effort.steps):
+        note(f"step {step + 1}")
+        if (here.level <= target and here.excess <= 0) or effort_ended():
+            break
+        merits = merits or [_merit(here, rho)]
+        if ended or (len(merits) > STALL and merits[-1 - STALL] - merits[-1] < effort.worth):
+            if not merits[0] - merits[-1] >= effort.again:
+                break
+            H, reach, fresh = _first(here, theta), _within(theta), True  # curvature was misleading
+            cuts, merits = [], [_merit(here, rho)]
+        known = _with(here, theta, cuts)
+        d, z, rho, foreseen = _direction(known, known.values, H, rho, reach)
+        ended = not foreseen > ENOUGH
+        if ended:
+            continue
+        length = float(np.abs(d).max())
+        there, found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
+        if found is None:
+            reach = length / SHORTER
+            shortest = SHORTEST * max(1.0, float(np.abs(theta).max()))
+            ended = reach < shortest or foreseen < effort.worth / STALL
+            if there is not None:
+                cuts = [*cuts, (theta + d, _high(here, there))][-CUTS:]
+            continue
+        after, there = found
+        if share < BAD:
+            reach = length / 2
+        elif share > GOOD and length > 0.9 * reach:
+            reach *= 2.5
+        z = _shared(here, known, z)
+        H = _updated(H, after - theta, _turn(here, there, after - theta, z), fresh)
+        cuts = [own for own in cuts if np.abs(own[0] - after).max() <= ALONG * length]
+        theta, here, fresh = after, there, False
+        merits.append(_merit(here, rho))
+    return theta, here
+
+
+def _within(theta: Array) -> float:
+    return FIRST * max(1.0, float(np.abs(theta).max()))
+
+
+def _high(here: Rows, there: Rows) -> Rows:
+    """Return the rows of another point that are higher than the highest is here: those missed."""
+    some = np.flatnonzero(there.values >= _top(here, there))
+    some = some[np.argsort(-there.values[some], kind="stable")][:MISSED]
+    each = (there.values, there.slopes, there.groups, there.objective)
+    return Rows(*(own[some] for own in each))
+
+
+def _top(here: Rows, other: Rows) -> Array:
+    """Return for each row of another point the highest of its kind here."""
+    excess = here.excess if np.isfinite(here.excess) else 0.0
+    return np.where(other.objective, here.level, max(excess, 0.0))
+
+
+def _with(here: Rows, theta: Array, cuts: Sequence[Cut]) -> Rows:
+    """Return the rows with those that were missed, as they tell from afar, no higher than here."""
+    if not cuts:
+        return here
+    far = [
+        replace(own, values=np.minimum(own.values + own.slopes @ (theta - at), _top(here, own)))
+        for at, own in cuts
+    ]
+    each = ([getattr(own, f.name) for own in (here, *far)] for f in fields(Rows))
+    return Rows(*(np.concatenate(parts) for parts in each))
+
+
+def _shared(here: Rows, known: Rows, z: Array) -> Array:
+    """Return the multipliers of the rows here, with those of the missed ones of each group."""
+    count = len(here.values)
+    found = z[:count].copy()
+    for k in np.flatnonzero(z[count:] > 0) + count:
+        own = np.flatnonzero(here.groups == known.groups[k])
+        if len(own):
+            found[own[here.values[own].argmax()]] += z[k]
+    return found
+
+
+def _merit(rows: Rows, rho: float) -> float:
+    return rows.level + rho * max(0.0, rows.excess)
+
+
+def _first(rows: Rows, theta: Array) -> Array:
+    """Return the curvature at which the first step is of a modest length."""
+    some = rows.objective if rows.excess <= 0 else ~rows.objective
+    steepest = rows.slopes[some][rows.values[some].argmax()]
+    length = FIRST * max(1.0, float(np.linalg.norm(theta)))
+    return max(float(np.linalg.norm(steepest)) / length, 1e-8) * np.eye(len(theta))
+
+
+def _direction(
+    rows: Rows, values: Array, H: Array, rho: float, reach: float
+) -> tuple[Array, Array, float, float]:
+    """Return the quadratic program's step within reach, multipliers, rho and the decrease."""
+    n, m = len(H), len(values)
+    P = np.zeros((n + 2, n + 2))
+    P[:n, :n] = H
+    G = np.zeros((m + 1, n + 2))
+    G[:m, :n] = rows.slopes
+    G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
+    G[m, n + 1] = -1.0
+    h = np.append(-values, 0.0)
+    while True:
+        q = np.zeros(n + 2)
+        q[n], q[n + 1] = 1.0, rho
+        x, z = minimum(P, q, G, h, reach, n)
+        if rows.objective.all() or rho >= MOST_PENALTY:
+            break
+        if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way
+            break
+        if rows.excess > 0 and x[n + 1] >= 0.99 * rows.excess:
+            break  # out of reach
+        rho *= 10
+    return x[:n], z[:m], rho, _merit(rows, rho) - float(x[n] + rho * max(0.0, x[n + 1]))
+
+
+def _tried(
+    evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
+) -> tuple[Rows | None, tuple[Array, Rows] | None, float]:
+    """Return what a step leads to, the point if it is lower, and its share of what was foreseen.
+
+    Where the step itself falls short it is bent once, as the rows are.
+    """
+    H, rho, reach, foreseen = model
+    merit = _merit(here, rho)
+    there = evaluate(theta + d)
+    share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
+    found = None if there is None else (theta + d, there)
+    if there is not None and share < BAD and len(there.values) == len(here.values):
+        bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
+        again = evaluate(theta + bent)
+        if again is not None and (merit - _merit(again, rho)) / foreseen > share:
+            share = (merit - _merit(again, rho)) / foreseen
+            found = theta + bent, again
+    return there, (found if share > LEAST else None), share
+
+
+def _turn(here: Rows, there: Rows, s: Array, z: Array) -> Array | None:
+    """Return by how much the slopes of the active rows turned, each found again in its group."""
+    active = np.flatnonzero(z > ACTIVE * z.sum())
+    both = here.groups[active, None] == there.groups[None, :]
+    if not np.all(both.any(axis=1)):
+        return None
+    mean = (here.slopes[active] @ s)[:, None] / 2 + (there.slopes @ s)[None, :] / 2
+    miss = np.abs(there.values[None, :] - here.values[active, None] - mean)
+    again = np.where(both, miss, np.inf).argmin(axis=1)
+    return np.asarray(z[active] @ (there.slopes[again] - here.slopes[active]))
+
+
+def _updated(H: Array, s: Array, y: Array | None, fresh: bool) -> Array:
+    """Return the curvature after a step, damped as Powell has it."""
+    if y is None:
+        return H
+    if fresh and (y @ s) > 1e-8 * np.linalg.norm(y) * np.linalg.norm(s):
+        H = max(float(y @ y) / float(y @ s), 1e-8) * np.eye(len(H))
+    Hs = H @ s
+    size = float(s @ Hs)
+    if not size > 0:
+        return H
+    own = float(s @ y)
+    if own < 0.2 * size:
+        y = Hs + 0.8 * size / (size - own) * (y - Hs)
+    return np.asarray(H - np.outer(Hs, Hs) / size + np.outer(y, y) / float(s @ y))

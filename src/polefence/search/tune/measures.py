@@ -1,0 +1,341 @@
+"""What a search measures of laws at points: the level, limits, region, speed, and size of gains.
+
+Everything comes as rows, one function at one point, scaled so that one is much. What must be kept
+is kept where it is zero or less; beyond that it grows as a logarithm, so that a start far outside
+does not drown the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.base.effort import spend
+from polefence.lmi.conditions.target import Side
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.region.regions import Region
+from polefence.requirements.slopes import Channel
+from polefence.requirements.specification import Specification
+from polefence.response.modes import Modes
+from polefence.response.stationary import growth as growth_of
+from polefence.search.tune.descent import Rows
+from polefence.search.tune.poles import growth, sides_of, slopes
+from polefence.search.tune.smooth import curve_of, smooth_growth
+from polefence.search.tune.starts import Sizes
+from polefence.search.tune.unknowns import At, Unknowns
+
+REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
+MARGIN = 1e-4  # by which what must be kept is kept
+WIDE = 1.0005  # times the best level: within it the smallest law is looked for
+# Operations of one point, and times n^3: 0.1 ms for n = 4, measured with three signals.
+ONE, EACH = 8e4, 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Values of one measure, with slopes.
+
+    Attributes
+    ----------
+    values : (rows,) array
+    points : (rows,) array of int
+    dK : (rows, m, n) array, or (rows, m, r)
+        With respect to the gain of all states, or to that of what is measured where ``inner``.
+    inner : bool
+    """
+
+    values: Array
+    points: Any
+    dK: Array
+    inner: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is asked of a law.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    unknowns : Unknowns
+    minimise : Specification, tuple of Side, or None
+        Sides are of a region that grows; None is for the law's own size.
+    limits : tuple of Specification
+    region : Region
+    sizes : Sizes
+        Typical of the plant.
+    fastest : float
+        What poles must not exceed [1/s]; infinite where something else bounds the gain.
+    """
+
+    plant: UncertainPlant
+    unknowns: Unknowns
+    minimise: Specification | tuple[Side, ...] | None
+    limits: tuple[Specification, ...]
+    region: Region
+    sizes: Sizes
+    fastest: float
+
+    @cached_property
+    def sides(self) -> list[Side]:
+        """The region's inequalities."""
+        return sides_of(self.region, self.sizes.rate, float(self.plant.step))
+
+    @property
+    def requirements(self) -> tuple[Specification, ...]:
+        """Those on signals or the law, what is minimised first."""
+        first = (self.minimise,) if isinstance(self.minimise, Specification) else ()
+        return (*first, *self.limits)
+
+    def unit(self, level: float) -> float:
+        """Return what a level is measured in; a decay rate about zero in a rate of the plant."""
+        own = self.minimise
+        rated = isinstance(own, tuple) and not any(np.any(side.M1) for side in own)
+        return max(abs(level), self.sizes.rate) if rated else abs(level) or 1.0
+
+    def at(self, alpha: Array) -> Points:
+        """Return what is asked at points alpha (count, N)."""
+        d = self.unknowns.states
+        none = np.zeros((len(alpha), 0, self.plant.shape[0]))
+        empty = np.zeros((len(alpha), 0, 0))
+        A, B = self.plant.at(alpha)
+        D = np.zeros((len(alpha), 0, self.plant.shape[1]))
+        bare = Channel(A, B, np.swapaxes(none, 1, 2), none, D, empty)
+        channels = [bare, *(own.channel(self.plant, alpha) for own in self.requirements)]
+        scaled = _shared([each.in_units(d) for each in channels])
+        return Points(self, alpha, self.unknowns.at(alpha), scaled)
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """A task at points of the family.
+
+    Attributes
+    ----------
+    task : Task
+    alpha : (count, N) array
+    unknowns : At
+    channels : tuple of Channel
+        The plant alone, and that of each requirement; states in their sizes.
+    """
+
+    task: Task
+    alpha: Array
+    unknowns: At
+    channels: tuple[Channel, ...]
+
+    def modes(self, K: Array) -> Modes | None:
+        """Return the modes under gains of all states (count, m, n), None where they overflow."""
+        A = self.channels[0].A + self.channels[0].B @ K
+        good = np.all(np.isfinite(A)) and np.abs(A).max() < 1e100
+        return Modes(A, float(self.task.plant.step)) if good else None
+
+    def evaluable(self, modes: Modes) -> Any:
+        """Return at which points limits and level are, (count,): most ask for stability."""
+        poles, own = modes.poles, self.task.minimise
+        turning = isinstance(own, tuple) and any(np.any(side.M1) for side in own)
+        if not self.task.requirements and not turning:
+            return np.full(len(poles), True)
+        rates = growth_of(poles, modes.step)
+        return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
+
+    def requirement(self, k: int, K: Array, modes: Modes) -> Found:
+        """Return the k-th requirement."""
+        channel = self.channels[k + 1]
+        own = self.task.requirements[k].slopes(channel.closed(K, modes))
+        return Found(own.values, own.points, channel.slopes(own))
+
+    def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
+        """Return the growth of a side at every pole of the upper half-plane.
+
+        Parameters
+        ----------
+        kappa : float, optional
+            Of one that is smooth, where the side has one.
+        """
+        curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
+        if kappa is not None and curve is not None:
+            values, dA = smooth_growth(side, curve, modes, kappa)
+            return Found(values, np.arange(len(values)), np.swapaxes(self.channels[0].B, 1, 2) @ dA)
+        points, which = np.nonzero(modes.poles.imag >= 0)
+        values, dx, dy = growth(side, modes.poles[points, which])
+        return Found(values, points, slopes(modes, self.channels[0].B, points, which, dx, dy))
+
+    def speed(self, modes: Modes) -> Found:
+        """Return the sizes of the poles, of the fastest that is allowed."""
+        points, which = np.nonzero(modes.poles.imag >= 0)
+        poles = modes.poles[points, which]
+        size, fastest = np.maximum(np.abs(poles), np.finfo(float).tiny), self.task.fastest
+        dx, dy = poles.real / size / fastest, poles.imag / size / fastest
+        dK = slopes(modes, self.channels[0].B, points, which, dx, dy)
+        return Found(size / fastest, points, dK)
+
+    def entries(self, K: Array, largest: Array) -> Found:
+        """Return the magnitudes of the entries of gains, of the largest that is allowed of each."""
+        points, i, j = np.nonzero(np.broadcast_to(np.isfinite(largest), K.shape))
+        dK, most = np.zeros((len(points), *K.shape[1:])), largest[i, j]
+        dK[np.arange(len(points)), i, j] = np.sign(K[points, i, j]) / most
+        return Found(np.abs(K[points, i, j]) / most, points, dK, inner=True)
+
+    def size(self, K: Array) -> Found:
+        """Return the norms of gains in typical units."""
+        own = self.task.unknowns
+        weight = own.signals / own.inputs[:, None]
+        values = np.sqrt(((K * weight) ** 2).sum(axis=(1, 2)))
+        dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
+        return Found(values, np.arange(len(K)), dK, inner=True)
+
+    def bounds(
+        self, K: Array, modes: Modes, kappa: float | None = None
+    ) -> list[tuple[Found, float]]:
+        """Return what loops must keep, but for requirements: kept where zero or less; margins."""
+        found = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
+        if np.isfinite(self.task.fastest):
+            own = self.speed(modes)
+            found.append((replace(own, values=own.values - 1), 0.0))
+        largest = self.task.unknowns.largest
+        if np.any(np.isfinite(largest)):
+            own = self.entries(K, largest)
+            found.append((replace(own, values=own.values - 1), MARGIN))
+        return found
+
+    def limited(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
+        """Return the limits, kept where zero or less, and their margins."""
+        first = len(self.task.requirements) - len(self.task.limits)
+        found = []
+        for k, own in enumerate(self.task.limits):
+            each, limit = self.requirement(first + k, K, modes), own.at_most or 1.0
+            values, dK = each.values / limit - 1, each.dK / limit
+            found.append((Found(values, each.points, dK), MARGIN))
+        return found
+
+    def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
+        """Return what is minimised, at gains of all states, and of what is measured."""
+        if self.task.minimise is None:
+            return self.size(inner)
+        if isinstance(self.task.minimise, tuple):
+            each = [self.side(side, modes, kappa) for side in self.task.minimise]
+            values, points, dK = (
+                np.concatenate([getattr(own, key) for own in each])
+                for key in ("values", "points", "dK")
+            )
+            return Found(values, points, dK)
+        return self.requirement(0, K, modes)
+
+    def rows(
+        self, theta: Array, phase: str, unit: float = 1.0, kappa: float | None = None
+    ) -> Rows | None:
+        """Return everything that a phase of a search minimises and keeps; None where it cannot be.
+
+        Parameters
+        ----------
+        unit : float
+            Of the level, so that it is about one.
+        kappa : float, optional
+            Of regions that are smooth: in their own phase, and of one that is to be small.
+        """
+        inner = self.unknowns.gains(theta)
+        K = inner @ self.unknowns.C
+        modes = self.modes(K)
+        spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), 1)
+        if modes is None or not np.all(np.isfinite(modes.left)):
+            return None
+        found = self.bounds(inner, modes, kappa if phase == REGION else None)
+        if phase != REGION:
+            if not np.all(self.evaluable(modes)):
+                return None
+            found += self.limited(K, modes)
+        kept = [_kept(own, margin) for own, margin in found]
+        if phase == LEVEL:
+            own = self.level(K, inner, modes, kappa)
+            kept.insert(0, _scaled(own, unit))
+        elif phase == SMALL:
+            kept.insert(0, self.size(inner))
+            if self.task.minimise is not None:
+                own = self.level(K, inner, modes)
+                kept.append(_kept(_less(own, unit), 0.0))
+        return self._rows(kept, phase in (LEVEL, SMALL))
+
+    def _rows(self, each: Sequence[Found], first: bool) -> Rows | None:
+        """Return all rows; the first alone are the objective, or all."""
+        count, parts = len(self.alpha), []
+        for k, own in enumerate(each):
+            dK = own.dK if own.inner else own.dK @ np.swapaxes(self.unknowns.C[own.points], 1, 2)
+            objective = np.full(len(own.values), k == 0 or not first)
+            slope = self.unknowns.slopes(own.points, dK)
+            parts.append((own.values, slope, own.points + k * count, objective))
+        found = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        finite = np.all(np.isfinite(found.values)) and np.all(np.isfinite(found.slopes))
+        return found if finite else None
+
+    def worst(self, K: Array, inner: Array) -> Array:
+        """Return the worst of each measure at each point, (measures, count): the level first.
+
+        What must be kept follows, zero or less where it is, in shares of its limit. Infinite where
+        it cannot be evaluated.
+        """
+        modes = self.modes(K)
+        if modes is None:
+            return np.full((2, len(K)), np.inf)
+        good = self.evaluable(modes)
+        some = self if np.all(good) else self[good]
+        own = Modes(modes.A[good], modes.step)
+        bounds = [_largest(found, len(K)) for found, _ in self.bounds(inner, modes)]
+        rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
+        if np.any(good):
+            found = [some.level(K[good], inner[good], own)]
+            found += [each for each, _ in some.limited(K[good], own)]
+            for row, each in zip(rest, found, strict=True):
+                row[good] = _largest(each, int(good.sum()))
+        return np.array([rest[0], *bounds, *rest[1:]])
+
+    def __getitem__(self, some: Any) -> Points:
+        at = replace(self.unknowns, terms=self.unknowns.terms[some], C=self.unknowns.C[some])
+        return replace(
+            self,
+            alpha=self.alpha[some],
+            unknowns=at,
+            channels=_shared([each[some] for each in self.channels]),
+        )
+
+
+def _shared(channels: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Return channels with one array for one noise, so that its covariance is found once."""
+    found = list[Channel]()
+    for own in channels:
+        same = [old.E for old in found if np.array_equal(old.E, own.E)]
+        found.append(replace(own, E=same[0]) if same else own)
+    return tuple(found)
+
+
+def _largest(own: Found, count: int) -> Array:
+    found = np.full(count, -np.inf)
+    np.maximum.at(found, own.points, own.values)
+    return found
+
+
+def _kept(own: Found, margin: float) -> Found:
+    """Return values with their margin, beyond zero as logarithms."""
+    values = own.values + margin
+    above = np.maximum(values, 0.0)
+    found = np.where(values > 0, np.log1p(above), values)
+    return replace(own, values=found, dK=own.dK / (1 + above)[:, None, None])
+
+
+def _scaled(own: Found, unit: float) -> Found:
+    """Return values in a unit, beyond two of them as logarithms."""
+    share = own.values / unit
+    above = np.maximum(share - 1, 0.0)
+    found = np.where(share > 1, 1 + np.log1p(above), share)
+    return replace(own, values=found, dK=own.dK / unit / (1 + above)[:, None, None])
+
+
+def _less(own: Found, level: float) -> Found:
+    """Return values less a level, in shares of it."""
+    size = abs(level) or 1.0
+    return replace(own, values=(own.values - level) / size, dK=own.dK / size)

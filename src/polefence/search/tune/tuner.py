@@ -1,0 +1,592 @@
+"""The search: laws of a structure with the least worst case, from several starts.
+
+A law is first brought into the region, then within the limits, then to the least level, at a few
+points of the family. Where it is worse elsewhere these points are added, and it is improved again.
+Last comes the smallest law that is as good to a thousandth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError
+from polefence.base.progress import counted, stage
+from polefence.law.laws import Law, ScheduledGain
+from polefence.law.structure import Structure
+from polefence.lmi.conditions.target import Goal, Side
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import edges, inside
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Region, bounds_speed, stable
+from polefence.requirements.specification import Specification
+from polefence.search.tune.descent import EARLY, FULL, PATIENT, QUICK, Effort, descend
+from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
+from polefence.search.tune.meeting import met
+from polefence.search.tune.starts import regulators, typical
+from polefence.search.tune.unknowns import Unknowns
+from polefence.search.tune.worth import NEAR, taken
+
+INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
+MOST_CORNERS, MOST_CLOUD = 16, 600
+SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
+CLOSER = 10.0, 1e2, 1e3, 1e4, 1e5, 1e6  # kappa, for poles that come to meet
+RANDOM, SEED = 4, 20261122  # starts at random
+# The same beside laws that are given: those of an order start near one another. Three masses, one
+# velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.
+BESIDE = 8
+STRICT = 1e5  # of what is not quite kept at the end
+ENOUGH = 4  # laws that are given, beside which the search has no regulators of its own
+BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
+ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
+HALVINGS = 7  # of the steps of a search for the worst point
+KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
+FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
+ALIKE = 1e-3  # of laws that count as one
+FEW = 40  # points at which a start is fitted
+NUDGE = 1e-4
+SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
+REPAIRS = 4  # of a small law, at points where it is worse
+FEASIBLE = 1e-6
+APART, DIGITS = 1e-6, 12  # of points
+AT_SPEED = 0.5  # of the bound on poles' speed: a law so fast is bounded by it
+SAME = 1e-6  # of gains
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """A law that a search found; nothing of it is proved.
+
+    Attributes
+    ----------
+    law : Law
+        A `FixedGain` where the structure is one gain of plain states.
+    level : float
+        The worst of what is minimised at the points that were looked at.
+    alpha : (N,) array
+        Where.
+    kept : bool
+        Whether limits, region and largest gain are kept at all of them.
+    bounded_by : str
+        What stopped the gain from growing further; empty where nothing had to.
+    size : float
+        The largest norm of the gain of all states, in typical sizes, at points of the family.
+    larger : pair of Law and float, optional
+        A law of a lower level, for which this smaller one was taken, and that level.
+    """
+
+    law: Law
+    level: float
+    alpha: Array
+    kept: bool
+    bounded_by: str
+    size: float = 0.0
+    larger: tuple[Law, float] | None = None
+
+
+def tune(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | None,
+    limits: Sequence[Specification] = (),
+    region: Region | None = None,
+    starts: Sequence[Law] = (),
+) -> list[Tuned]:
+    """Search laws of a structure; return those found, the best first.
+
+    Parameters
+    ----------
+    minimise : Specification or None
+        None: the law's own size, that of its gain in typical units of signals and inputs.
+    limits : sequence of Specification
+        Each with its ``at_most``.
+    region : Region, optional
+        For the poles; stability by default.
+    starts : sequence of Law
+        Laws to start from besides the search's own. One that is of the structure and keeps
+        everything is among the results, so that these are never worse.
+
+    Raises
+    ------
+    InputError
+        If the structure or a specification does not fit the plant.
+    """
+    return _run(_task(plant, structure, minimise, tuple(limits), region), starts)
+
+
+def rough(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | None,
+    limits: Sequence[Specification] = (),
+    region: Region | None = None,
+    starts: Sequence[Law] = (),
+) -> Tuned | None:
+    """Return what the best start of `tune` leads to at the corners: for starts of another search.
+
+    None where that keeps not even these.
+    """
+    task = _task(plant, structure, minimise, tuple(limits), region)
+    return _Search(task).rough(starts)
+
+
+def tune_region(
+    plant: UncertainPlant,
+    structure: Structure,
+    goal: Goal,
+    limits: Sequence[Specification] = (),
+    starts: Sequence[Law] = (),
+) -> list[Tuned]:
+    """Search laws with the least r of a region that grows with r; return them, the best first.
+
+    Parameters
+    ----------
+    goal : Disks, Around, Decays or Sectors
+        The level is its r, as `polefence.lmi.conditions.target` has it.
+    limits, starts
+        As `tune` has them.
+
+    Raises
+    ------
+    InputError
+        As `tune` raises.
+    """
+    return _run(_of_region(plant, structure, goal, limits), starts)
+
+
+def _of_region(
+    plant: UncertainPlant, structure: Structure, goal: Goal, limits: Sequence[Specification]
+) -> Task:
+    sides = tuple(own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
+    within = getattr(goal, "within", None)
+    return _task(plant, structure, sides, tuple(limits), within)
+
+
+def at_vertices(
+    plant: UncertainPlant,
+    structure: Structure,
+    goal: Goal,
+    limits: Sequence[Specification] = (),
+    start: Law | None = None,
+) -> Tuned | None:
+    """Return the best law for the vertices alone, from one start; None where none keeps the limits.
+
+    Parameters
+    ----------
+    goal, limits
+        As `tune_region` has them.
+    start : Law, optional
+        By default the best of the search's own starts.
+    """
+    search = _Search(_of_region(plant, structure, goal, limits), most=len(plant.vertices))
+    return search.rough(() if start is None else (start,), alone=start is not None)
+
+
+def _task(
+    plant: UncertainPlant,
+    structure: Structure,
+    minimise: Specification | tuple[Side, ...] | None,
+    limits: tuple[Specification, ...],
+    region: Region | None,
+) -> Task:
+    structure.require_fit(plant)
+    for own in (minimise, *limits):
+        if isinstance(own, Specification):
+            own.require_fit(plant)
+    for own in limits:
+        if own.at_most is None:
+            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    sizes = typical(plant, structure.rows(plant).mean(axis=0))
+    free = isinstance(minimise, tuple) and plant.sample_time is not None
+    if region is None:
+        region = stable(float(plant.step))
+    elif not region.stable and plant.sample_time is None:
+        region = region & stable(float(plant.step))
+    rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
+    fastest = FAST * max(*rates, region.scale, sizes.rate)
+    if bounds_speed(region) or np.all(np.isfinite(structure.largest(plant))) or free:
+        fastest = np.inf
+    unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
+    return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))
+
+
+@stage("tuning")
+def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
+    """Return what a search finds; one gain, a special case, is first if no such law is given."""
+    structure = task.unknowns.structure
+    if task.unknowns.terms > 1 and all(isinstance(own, ScheduledGain) for own in starts):
+        one = replace(task.unknowns, structure=replace(structure, schedule=()))
+        simple = _Search(replace(task, unknowns=one)).run(starts)
+        starts = (*starts, *(own.law for own in simple[:1]))
+    return _Search(task).run(starts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """Numbers that a start led to.
+
+    Attributes
+    ----------
+    theta : (size,) array
+    points : Points
+        At which it was improved.
+    excess : float
+        By how much something is not kept there, zero or less where all is.
+    level : float
+        The worst there of what is minimised.
+    larger : pair of (size,) array and float, optional
+        Numbers of a law for which this smaller one was taken, and their level.
+    """
+
+    theta: Array
+    points: Points
+    excess: float
+    level: float
+    larger: tuple[Array, float] | None = None
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What is less is better."""
+        return max(self.excess - FEASIBLE, 0.0), self.level
+
+
+class _Search:
+    """A task with the points that it is looked at."""
+
+    def __init__(self, task: Task, most: int = MOST_CORNERS) -> None:
+        count = len(task.plant.vertices)
+        self.task = task
+        self.domain = Domain.of("box" if task.plant.parameters else "simplex", count)
+        corners = np.eye(count)
+        if count > most:
+            some = np.random.default_rng(SEED).permutation(count)[:most]
+            corners = corners[np.sort(some)]
+        self.first = task.at(corners)
+        self.places = _cloud(self.domain)
+        self.cloud = task.at(self.domain.alpha(self.places))
+
+    def run(self, laws: Sequence[Law]) -> list[Tuned]:
+        """Return what all starts lead to, the best first."""
+        nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
+        if self.task.minimise is None and (own := self._given(nothing)).kept:
+            return [own]
+        quick = self._quick(laws)
+        # beside laws that are given stand some at random, for which none of these makes way
+        first = quick[: len(laws)] if len(laws) >= ENOUGH else quick
+        followed = dict.fromkeys((*_distinct(first)[:BEST], *_distinct(quick)[:BEST]))
+        reached = [
+            min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
+            for own in counted(list(followed), "better start")
+        ]
+        reached += self._meeting(_distinct(reached)[:1])
+        best = counted(_distinct(reached)[:LAST], "best start")
+        found = [self._tuned(self._finished(own)) for own in best]
+        given = [self._given(law) for law in laws if self._of_structure(law)]
+        found += [own for own in given if own.kept]
+        found.sort(key=lambda own: (not own.kept, own.level))
+        kept = [own for own in found if own.kept]
+        if kept and isinstance(self.task.minimise, Specification):
+            near = kept[0].level + NEAR * abs(kept[0].level)
+            k = taken([own.level for own in kept], [own.size for own in kept], near)
+            found.insert(0, found.pop(k))
+        return found
+
+    def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
+        """Return what the best start leads to at the corners, None where it does not keep them.
+
+        With ``alone`` from these laws and no other.
+        """
+        if alone:
+            starts = self._given_starts(laws)
+            quick = [self._improved(theta, self.first, QUICK) for theta in starts]
+        else:
+            quick = self._quick(laws)
+        for own in _distinct(quick)[:1]:
+            best = min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
+            if best.excess <= FEASIBLE:
+                law = self.task.unknowns.law(best.theta)
+                return Tuned(law, best.level, self.first.alpha[0], True, "")
+        return None
+
+    def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
+        """Return what all starts lead to at the corners; with patience if none is inside."""
+        starts = self._starts(laws)
+        each = counted(starts, "start")
+        found = [self._improved(theta, self.first, QUICK) for theta in each]
+        if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
+            return found
+        return [self._improved(theta, self.first) for theta in counted(starts, "start")]
+
+    def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
+        """Return the law of one plant for which all poles of a region that grows are in one place.
+
+        It is looked for where smooth measures that come closer and closer to the poles lead to.
+        """
+        of_poles = isinstance(self.task.minimise, tuple)
+        if not of_poles or len(self.cloud.alpha) > 1 or len(self.task.plant.vertices) > 1:
+            return []
+        found = list[_Reached]()
+        for own in best:
+            theta, unit = own.theta, self.task.unit(own.level)
+            for kappa in CLOSER:
+                evaluate = partial(self.first.rows, phase=LEVEL, unit=unit, kappa=kappa)
+                lower = descend(evaluate, theta, effort=PATIENT)
+                if lower is None:
+                    break
+                theta = lower[0]
+            there = met(self._loop, theta)
+            for each in (theta, *([] if there is None else [there[0]])):
+                rows = self.first.rows(each, LIMITS)
+                excess = rows.level if rows is not None else np.inf
+                found.append(_Reached(each, self.first, excess, self._level(self.first, each)))
+        return found
+
+    def _loop(self, theta: Array) -> Array:
+        """Return A + B K at the first point, states in their sizes."""
+        inner, own = self.first.unknowns.gains(theta), self.first.channels[0]
+        return np.asarray(own.A[0] + own.B[0] @ inner[0] @ self.first.unknowns.C[0])
+
+    @staticmethod
+    def _outside(points: Points, theta: Array) -> float:
+        """Return by how much poles are outside of the region."""
+        rows = points.rows(theta, REGION)
+        return np.inf if rows is None else rows.level
+
+    def _given_starts(self, laws: Sequence[Law]) -> list[Array]:
+        own, alpha = self.task.unknowns, self._few
+        few, root = own.at(alpha), _root(self.task.sizes.covariance)
+        return [few.nearest(np.asarray(law.gain(alpha)) * own.states, root) for law in laws]
+
+    @property
+    def _few(self) -> Array:
+        return self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
+
+    def _starts(self, laws: Sequence[Law]) -> list[Array]:
+        found = self._given_starts(laws)
+        random = np.random.default_rng(SEED)
+        if len(found) >= ENOUGH:
+            size = self.task.unknowns.size
+            return [*found, *(random.normal(size=size) for _ in range(BESIDE))]
+        task, own, alpha = self.task, self.task.unknowns, self._few
+        few, root = own.at(alpha), _root(task.sizes.covariance)
+        some = regulators(task.plant, task.sizes, task.region, task.requirements)
+        found += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
+        found.append(np.zeros(own.size))
+        found += [random.normal(size=own.size) for _ in range(RANDOM)]
+        # none is exactly where poles coincide
+        return [theta + NUDGE * random.normal(size=own.size) for theta in found]
+
+    def _improved(
+        self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
+    ) -> _Reached:
+        """Return where the phases lead to at some points: into the region, the limits, down."""
+        outside = self._outside(points, theta) > FEASIBLE
+        regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
+        for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
+            # the smoothest measure stays positive well inside the region: it only leads the way
+            most = effort if kappa == SMOOTH[0] else FULL
+            evaluate = partial(points.rows, phase=phase, kappa=kappa)
+            found = descend(evaluate, theta, 0.0, most)
+            if found is None:
+                return _Reached(theta, points, np.inf, np.inf)
+            theta, rows = found
+            if rows.level > FEASIBLE and kappa is None:
+                return _Reached(theta, points, rows.level, self._level(points, theta))
+        theta = self._lowered(theta, points, effort, smooth)
+        last = points.rows(theta, LIMITS)
+        if last is not None and last.level > FEASIBLE:
+            evaluate = partial(
+                points.rows, phase=LEVEL, unit=self.task.unit(self._level(points, theta))
+            )
+            found = descend(evaluate, theta, effort=QUICK, penalty=STRICT)
+            if found is not None:
+                theta = found[0]
+                last = points.rows(theta, LIMITS)
+        return _Reached(theta, points, last.level if last else np.inf, self._level(points, theta))
+
+    def _lowered(
+        self, theta: Array, points: Points, effort: Effort, smooth: Sequence[float]
+    ) -> Array:
+        """Return where the level is least, of numbers that keep everything."""
+        of_poles = isinstance(self.task.minimise, tuple)
+        for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
+            unit = self.task.unit(self._level(points, theta))
+            early = of_poles and kappa != smooth[-1] and effort is FULL
+            most = EARLY if early else effort
+            evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)
+            found = descend(evaluate, theta, effort=most)
+            if found is None:
+                break
+            theta, rows = found
+            if rows.level > HALF and not of_poles:
+                break
+        return theta
+
+    def _level(self, points: Points, theta: Array) -> float:
+        return float(self._worst(points, theta)[0].max())
+
+    @staticmethod
+    def _worst(points: Points, theta: Array) -> Array:
+        inner = points.unknowns.gains(theta)
+        return points.worst(inner @ points.unknowns.C, inner)
+
+    def _finished(self, own: _Reached) -> _Reached:
+        """Return it improved at points where it is worse, then made small.
+
+        While there are such points a few steps will do.
+        """
+        settled = True
+        for _ in range(ROUNDS):
+            more = self._more(own)
+            if more is None and settled:
+                break
+            settled = more is None
+            effort = FULL if settled else EARLY
+            own = self._improved(own.theta, more or own.points, effort, smooth=SMOOTH[-1:])
+        if own.excess > FEASIBLE or self.task.minimise is None:
+            return own
+        smaller, level = own, own.level + (WIDE - 1) * abs(own.level)
+        for _ in range(REPAIRS):
+            points = smaller.points
+            found = descend(partial(points.rows, phase=SMALL, unit=level), smaller.theta)
+            if found is None or found[1].excess > FEASIBLE:
+                return own
+            smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
+            more = self._more(smaller)
+            if more is None:
+                return replace(smaller, larger=(own.theta, own.level))
+            smaller = replace(smaller, points=more)
+        return own
+
+    def _more(self, own: _Reached) -> Points | None:
+        """Return the points with those at which a law is worse; None where there are none."""
+        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
+        here = self._worst(own.points, own.theta).max(axis=1)
+        if not np.isfinite(here[0]) and not np.isfinite(worst[0]):
+            here[0] = worst[0]
+        slack = np.append(MORE * abs(here[0]), np.full(len(here) - 1, KEPT / 2))
+        beyond = np.append(here[:1], np.maximum(here[1:], 0.0)) + slack
+        new = alpha[worst > np.where(np.isnan(beyond), np.inf, beyond)]
+        have = own.points.alpha
+        far = [a for a in new if np.abs(have - a).max(axis=1).min() > APART]
+        if not far:
+            return None
+        return self.task.at(np.vstack([have, np.unique(np.round(far, DIGITS), axis=0)]))
+
+    def _looked(self, worst: Any) -> tuple[Array, Array]:
+        """Return the worst of each measure over the family, and where: from the cloud, uphill.
+
+        Parameters
+        ----------
+        worst : callable
+            From points to the values of all measures there, (measures, count).
+        """
+        found = worst(self.cloud)
+        best = found.argmax(axis=1)
+        values, places = found.max(axis=1), self.places[best]
+        if len(self.places) == 1:
+            return values, self.domain.alpha(places)
+        corners = np.array(self.domain.monomials(1), dtype=float)
+        moves = self._moves(corners.shape[1])
+        share, each = 0.25, np.arange(len(values))
+        for _ in range(HALVINGS):
+            near = places[:, None] + share * np.stack([to(places) for to in moves], axis=1)
+            own = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
+            own = own.reshape(len(each), len(each), len(moves))[each, each]
+            at = own.argmax(axis=1)
+            places = np.where((own[each, at] > values)[:, None], near[each, at], places)
+            values = np.maximum(values, own.max(axis=1))
+            share /= 2
+        return values, self.domain.alpha(places)
+
+    def _moves(self, count: int) -> list[Any]:
+        """Return ways towards each corner of each simplex, the others as they are."""
+        cuts = np.cumsum((0, *self.domain.sizes))
+        found = []
+        for first, last in pairwise(cuts):
+            for corner in range(first, last):
+                target = np.eye(count)[corner]
+                part = np.zeros(count)
+                part[first:last] = 1.0
+                found.append(lambda c, t=target, own=part: (t - c) * own)
+        return found
+
+    def _tuned(self, own: _Reached) -> Tuned:
+        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
+        there = self._worst(own.points, own.theta)
+        law = self.task.unknowns.law(own.theta)
+        found = self._answer(law, worst, alpha, there, own.points.alpha)
+        if own.larger is None or not isinstance(self.task.minimise, Specification):
+            return found
+        theta, level = own.larger
+        return replace(found, larger=(self.task.unknowns.law(theta), level))
+
+    def _given(self, law: Law) -> Tuned:
+        def worst(points: Points) -> Array:
+            K = np.asarray(law.gain(points.alpha)) * self.task.unknowns.states
+            return points.worst(K, points.unknowns.of(law, points.alpha))
+
+        found, alpha = self._looked(worst)
+        return self._answer(law, found, alpha, found[:, None], alpha[:1])
+
+    def _answer(self, law: Law, worst: Array, alpha: Array, there: Array, where: Array) -> Tuned:
+        k = int(there[0].argmax())
+        level, at = max((float(there[0, k]), k), (float(worst[0]), -1))
+        kept = np.maximum(worst, there.max(axis=1))
+        fast, bound = 1 + len(self.task.sides), ""
+        if np.isfinite(self.task.fastest) and kept[fast] > AT_SPEED - 1:
+            bound = f"poles of at most {self.task.fastest:.2g} 1/s"
+        place = alpha[0] if at < 0 else where[at]
+        sides = slice(1, fast)
+        own = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
+        return Tuned(law, level, place, bool(own), bound, self._size(law))
+
+    def _size(self, law: Law) -> float:
+        """Return the largest norm of a law's gain of all states, in typical sizes."""
+        own = self.task.unknowns
+        K = np.asarray(law.gain(self._few)) * own.states / own.inputs[:, None]
+        return float(np.linalg.norm(K, axis=(1, 2)).max())
+
+    def _of_structure(self, law: Law) -> bool:
+        """Whether a law is one of the structure."""
+        own = self.task.unknowns
+        if isinstance(law, ScheduledGain):
+            free = self.task.unknowns.structure
+            return free.measured is None and free.schedule is None and free.pattern is None
+        K = np.asarray(law.gain(self.cloud.alpha)) * own.states
+        at = own.at(self.cloud.alpha)
+        theta = at.nearest(K, np.eye(len(own.states)))
+        rest = np.abs(at.gains(theta) @ at.C - K).max()
+        return bool(rest <= SAME * np.abs(K).max())
+
+
+def _root(X: Array) -> Array:
+    values, vectors = np.linalg.eigh(X)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 1e-6 * values.max())))
+
+
+def _cloud(domain: Domain) -> Array:
+    """Return points of a domain in its own coordinates: corners, edges, and within."""
+    if domain.corners == 1:
+        return np.ones((1, 1))
+    if domain.corners <= MOST_CORNERS:
+        return np.vstack([edges(domain, ON_EDGES), inside(domain, INSIDE)])
+    corners = np.array(domain.monomials(1), dtype=float)
+    return np.vstack([corners[:MOST_CLOUD], inside(domain, INSIDE)])
+
+
+def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:
+    """Return the best, each of a level of its own."""
+    found = list[_Reached]()
+    for own in sorted(reached, key=attrgetter("rank")):
+        alike = found and abs(own.level - found[-1].level) <= ALIKE * abs(found[-1].level)
+        if np.isfinite(own.excess) and not alike:
+            found.append(own)
+    return found

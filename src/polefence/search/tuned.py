@@ -1,0 +1,266 @@
+"""Laws of a structure that are searched directly, then proved as any law that is given.
+
+A law at the edge of its limits has no proof: they are asked for somewhat tighter, and tighter still
+where the law that is found has none. Of an input that is cut off, the search limits the peak that
+it would have otherwise, to less and less. What is proved are limits and region as asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from polefence.base.effort import ended
+from polefence.base.errors import RegionError
+from polefence.law.laws import Law
+from polefence.law.structure import Structure
+from polefence.plant.family import UncertainPlant
+from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, Wedge, stable
+from polefence.requirements.specification import Specification
+from polefence.search.shares import Candidate, Task, candidate
+from polefence.search.tune.dynamic import beside_filters, filtered, observers
+from polefence.search.tune.tuner import Tuned, rough, tune
+from polefence.search.tune.worth import NEAR
+
+# How much tighter limits and region are asked for than they are to be proved, one after the other.
+TIGHTER = (5e-4, 3e-3, 2e-2)
+# Then, where nothing is proved: proofs of limits may be that loose; and where parameters move, as
+# the search looks at loops at rest.
+FARTHER = (8e-2, 0.25)
+# How many times its limit an input that is cut off would go to, and in laws to start from.
+BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
+FASTER = 1.0  # times the share of its range by which a parameter moves in a second, poles decay
+MOST = 3  # laws of one search that proofs are looked for
+EACH = 6  # orders that are searched one after the other; of a higher one these and the last
+WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
+
+
+def tuned_candidates(
+    task: Task,
+    structure: Structure,
+    starts: Sequence[Law] = (),
+    known: Sequence[Tuned] = (),
+    proved: Callable[[], float] = lambda: np.inf,
+) -> Iterator[tuple[Candidate, Tuned, float]]:
+    """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
+
+    With each comes what its search says of it, and the least level that its search found.
+
+    Parameters
+    ----------
+    known : sequence of Tuned
+        What the first search has found, where it is done.
+    proved : callable
+        The least level that was proved of a law: one that is no better at rest is not looked at.
+    """
+    asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
+    cut_off = any(own.cut_off(task.plant) for own in asked_for)
+    some = False
+    for times, share in product(BEYOND if cut_off else (1.0,), (*TIGHTER, *FARTHER)):
+        if ended():
+            return
+        if share in FARTHER and some and not task.plant.moving:
+            continue
+        found = [] if cut_off else list(known)
+        found = found or _searched(task, structure, share, times, starts)
+        known = ()
+        for number, own in enumerate(_promising(found)):
+            if number and ended():  # the best is looked at whatever it took to find
+                return
+            if task.minimise is not None and own.level >= proved():
+                if number or cut_off:
+                    break
+                return  # nor is one for tighter limits
+            law = candidate(task, own.law, task.region, estimate=own.level)
+            if law is not None:
+                some = True
+                yield law, own, found[0].level
+        starts = (*starts, *(own.law for own in found[:1]))
+
+
+def _searched(
+    task: Task, structure: Structure, share: float, times: float, starts: Sequence[Law]
+) -> list[Tuned]:
+    """Return what a search finds, whose poles are faster than parameters move if they can be."""
+    least, limits, region = _asked(task, share, times)
+    faster = _faster(task.plant, region)
+    if faster is not None:
+        found = tune(task.plant, structure, least, limits, faster, starts)
+        if any(own.kept for own in found):
+            return found
+    return tune(task.plant, structure, least, limits, region, starts)
+
+
+def _faster(plant: UncertainPlant, region: Region) -> Region | None:
+    """Return a region of poles that are faster than parameters move, None where none does.
+
+    A search looks at loops at rest. What it says of a mode that is slower than the parameters has
+    no proof, and no meaning, while they move.
+    """
+    speeds = [
+        float(max(map(abs, own.rate)) / (own.high - own.low))
+        for own in plant.moving
+        if isinstance(own.rate, tuple)
+    ]
+    if not speeds or plant.sample_time is not None or plant.step:
+        return None
+    return region & HalfPlane(FASTER * max(speeds))
+
+
+def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
+    kept = [own for own in found if own.kept]
+    for own in kept[:MOST]:
+        if own.level <= kept[0].level * (1 + WORSE):
+            yield own
+
+
+def orders_below(order: int) -> list[int]:
+    """Return the orders of searches up to one: each from zero on, of high orders the last alone."""
+    return [*range(min(order, EACH) + 1), *([order] if order > EACH else [])]
+
+
+class Orders:
+    """Laws of growing order, each search beginning at the laws of the order before.
+
+    These have states more there that are not used, so that no order is worse than one below it.
+
+    Parameters
+    ----------
+    structure : Structure
+        With the highest order.
+    each : sequence of pairs of Task and Structure
+        For each of `orders_below`: of the larger plant, and of the law's gain there.
+    """
+
+    def __init__(self, structure: Structure, each: Sequence[tuple[Task, Structure]]) -> None:
+        self.structure, self.each = structure, each
+        self.orders = orders_below(structure.order)
+        self._found = dict[int, list[Tuned]]()
+        self._starts = dict[int, list[Law]]()
+
+    def found(self, k: int) -> list[Tuned]:
+        """Return what searches of the k-th order find for tighter limits, the best first."""
+        if k not in self._found:
+            found = _tuned(*self.each[k], self.starts(k))
+            self._found[k] = [own for own in found if own.kept]
+        return self._found[k]
+
+    @property
+    def least(self) -> float:
+        """The least level of any order; infinite where no law was found that keeps everything."""
+        every = [own.level for k in range(len(self.each)) for own in self.found(k)]
+        return min(every, default=np.inf)
+
+    @property
+    def promising(self) -> Iterator[int]:
+        """Orders that proofs are looked for: the lowest that is as good as any, then from the top.
+
+        From the lowest on where nothing is minimised. Of orders below the last those alone that
+        have a law.
+        """
+        last = len(self.each) - 1
+        orders = (k for k in range(last + 1) if k == last or self.found(k))
+        if self.each[0][0].minimise is None:
+            yield from orders
+            return
+        every = list(orders)
+        near = self.least + NEAR * abs(self.least)
+        first = next((k for k in every if any(own.level <= near for own in self.found(k))), None)
+        yield from [] if first is None else [first]
+        yield from (k for k in reversed(every) if k != first)
+
+    def starts(self, k: int) -> list[Law]:
+        """Return laws of the k-th order to start from: of one below, filters, observers."""
+        if k and k not in self._starts:
+            (task, _), (before, gain) = self.each[k], self.each[k - 1]
+            laws = (
+                beside_filters(own.law, before.plant, task.plant, gain, task.region)
+                for own in self.found(k - 1)
+            )
+            own = replace(self.structure, order=self.orders[k])
+            found = [law for law in laws if law is not None]
+            self._starts[k] = [*found, *_with_states(self.each[0][0], own)]
+        return self._starts.get(k, [])
+
+
+def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:
+    """Return what searches of each degree find, from the lowest on; the best first."""
+    found = list[Tuned]()
+    for own in (*lower_degrees(task.plant, structure), structure):
+        known = (*starts, *(each.law for each in found[:1] if each.kept))
+        more = _searched(task, own, TIGHTER[0], BEGINNING, known)
+        found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
+    return found[:MOST]
+
+
+def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Structure]:
+    """Yield a structure with lower degrees, from one gain on."""
+    if structure.degree and structure.schedule != () and len(plant.vertices) > 1:
+        yield replace(structure, schedule=())
+        yield from (replace(structure, degree=k) for k in range(1, structure.degree))
+
+
+def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
+    """Yield laws of an order, of limits that are somewhat tighter: to start from."""
+    plant = task.plant
+    asked = _asked(task, TIGHTER[0], BEGINNING)
+    least, limits, region = asked
+    if structure.order == 1:  # of more states the laws of the order below are no worse
+        yield from filtered(plant, structure, *asked)
+    whole = rough(plant, Structure(schedule=()), *asked)
+    wanted = list(limits)
+    if least is not None:
+        most = None if whole is None else whole.level
+        wanted.append(replace(least, at_most=most))
+    known = () if whole is None else (whole.law,)
+    yield from observers(plant, structure, wanted, region, known)
+
+
+def _asked(
+    task: Task, share: float, times: float
+) -> tuple[Specification | None, tuple[Specification, ...], Region]:
+    """Return what is minimised in a search, its limits and its region, somewhat tighter."""
+    least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
+    limits = tuple(
+        own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
+        for limit in task.limits
+        for own in limit.tuned(times)
+    )
+    return least, limits, tighter(task.region, share, stable(float(task.plant.step)))
+
+
+def tighter(region: Region, share: float, within: Region | None = None) -> Region:
+    """Return a region within another, as much smaller as a share of its size says.
+
+    Parameters
+    ----------
+    within : Region, optional
+        Where loops are stable. Where that is a disk, a disk has the size of its distance from the
+        edge, if that is less: of one with the same centre that is a decay rate.
+    """
+    kept: Region | None = None
+    for part in region.parts:
+        own = part
+        try:
+            if isinstance(part, Disk):
+                size = part.radius
+                if isinstance(within, Disk):
+                    apart = abs(part.centre - within.centre)
+                    size = max(min(size, within.radius - apart - size), 0.0)
+                own = Disk(part.centre, part.radius - share * size)
+            elif isinstance(part, HalfPlane):
+                own = HalfPlane(part.decay + share * abs(part.decay))
+            elif isinstance(part, Sector):
+                own = Sector(part.damping + share * (1 - part.damping))
+            elif isinstance(part, Wedge):
+                own = Wedge(part.apex, part.slope * (1 - share))
+            elif isinstance(part, Ellipse):
+                radii = (part.real * (1 - share), part.imaginary * (1 - share))
+                own = Ellipse(part.centre, *radii)
+        except RegionError:  # none of that size
+            own = part
+        kept = own if kept is None else kept & own
+    return region if kept is None else kept

@@ -1,0 +1,108 @@
+"""Designs at a sample time, driven: as a recursion of SciPy's exponentials has it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from polefence import HalfPlane, InputError, Scheduled, Structure, at_sample_time, optimise, place
+from polefence.certify.running import running
+from polefence.cli.main import main
+from polefence.plant.larger import own_states
+from polefence.plant.spec import loads
+from polefence.vehicle.driving.drive import Setup, run
+from polefence.vehicle.driving.parts import Hardware
+from polefence.vehicle.excitation import excited
+from support.specs import TWO_STATES, rms
+
+T = 0.05
+ONE = Structure(("x",), (), order=1, largest_gain=2.0)
+KINDS = {
+    "one gain": lambda seen: place(seen, HalfPlane(0.05), "quadratic"),
+    "Z W^-1": lambda seen: place(seen, HalfPlane(0.05), Scheduled(1, 0, "box")),
+    "order 1": lambda seen: place(seen, HalfPlane(0.03), structure=ONE),
+    "affine": lambda seen: (
+        optimise(seen, rms("x"), [rms("force", 1.0)], structure=Structure()).design
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return loads(TWO_STATES)
+
+
+def by_hand(plant, design, alpha, start, count):
+    """x at samples: the plant by its exponential, the law by its numbers."""
+    A, B = plant.at(alpha)
+    delay, kept = design.plant.sampling.delay, own_states(design.plant)
+    whole = expm(np.block([[A, B], [np.zeros((1, 3))]]) * T)
+    F, G, K = whole[:2, :2], whole[:2, 2:], design.law.gain(alpha[None])[0]
+    x, late, z = np.array(start), np.zeros(delay), np.zeros(kept)
+    found = [x]
+    for _ in range(count):
+        out = K @ np.concatenate([x, late, z])
+        acts = late if delay else out[:1]
+        x = F @ x + G @ acts
+        late, z = out[:delay], z + T * out[1:]
+        found.append(x)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_drive_is_the_recursion_that_was_designed(plant, kind, delay):
+    design = KINDS[kind](at_sample_time(plant, T, delay))
+    found = running(plant, design)
+    assert (found.sampling.period, found.sampling.delayed) == (T, bool(delay))
+    moved = excited(found.plant, 4.0, T / 5, start={"x": 1.0})
+    hardware = Hardware(sampling=found.sampling)
+    own = run(Setup(found.plant, moved, {"m": 1.1, "k": 2.5}, hardware=hardware), found.law)
+    alpha = np.array(plant.alpha(m=1.1, k=2.5), dtype=float)
+    expected = by_hand(plant, design, alpha, [1.0, 0.0], 80)
+    for k, name in enumerate(("x", "v")):
+        assert np.allclose(own.response.of(name)[0][::5], expected[:, k], atol=1e-6)
+    assert not any("no claim" in note for note in own.notes)
+    columns = [own.name for own in own.response.signals] + [name for name, *_ in own.more]
+    assert not any(name.startswith("rate of ") for name in columns)
+    assert "force demanded" in columns
+
+
+def test_what_cannot_be_driven_is_refused(plant):
+    bare = place(plant, HalfPlane(0.1), "quadratic")
+    with pytest.raises(InputError, match="is of no sample time"):
+        running(plant, bare)
+    seen = at_sample_time(plant, T, 1)
+    scheduled = place(seen, HalfPlane(0.05), Scheduled(1, 0, "box"))
+    prompt = place(at_sample_time(plant, T), HalfPlane(0.05), Scheduled(1, 0, "box"))
+    assert running(plant, prompt).law is prompt.law
+    later = place(at_sample_time(plant, T, 2), HalfPlane(0.01), "quadratic")
+    with pytest.raises(InputError, match="2 samples late are not driven"):
+        running(plant, later)
+    with pytest.raises(InputError, match="is not the plant that the design is the samples of"):
+        running(seen, scheduled)
+
+
+def test_the_command_drives_it(plant, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.toml").write_text(TWO_STATES)
+    words = ["--region", "half_plane(0.05)", "--method", "quadratic", "--sample-time", "0.05"]
+    assert main(["design", "two.toml", *words, "--delay", "1", "-o", "law"]) == 0
+    moved = ["simulate", "two.toml", "--law", "law", "--initial", "x=1", "--duration", "20"]
+    assert main([*moved, "--json", "summary.json"]) == 0
+    said = capsys.readouterr().out
+    assert "at samples every 50 ms, for every constant value of the parameters" in said
+    assert "in no claim" not in said
+    (law,) = json.loads((tmp_path / "summary.json").read_text())["laws"]
+    assert law["signals"][0]["peak"] == 1.0
+    assert main([*moved, "--law", "passive"]) == 2
+    assert "is driven alone" in capsys.readouterr().err
+    assert main([*moved, "--sampling", "0.01"]) == 2
+    assert "the design's own is 0.05 s; leave it out" in capsys.readouterr().err
+    (tmp_path / "other.toml").write_text(TWO_STATES.replace("[1, 3]", "[1, 4]"))
+    moved[1] = "other.toml"
+    assert main(moved) == 0
+    assert "nothing: its proof is about another plant" in capsys.readouterr().out

@@ -1,0 +1,70 @@
+"""Every kind of requirement: read, written, of another output, designed for, on the pages."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+import polefence as pf
+from polefence.proof.claims.base import prove
+from polefence.requirements.specification import limit_text
+from polefence.requirements.text import KINDS, parse_specification
+from support.paths import DOCS
+from support.specs import ONE_STATE
+
+LINES = {
+    "rms": "rms of x <= 0.8 with density 2",
+    "relative rms": "relative rms of x <= 0.8",
+    "energy peak": "energy peak of x <= 0.8",
+    "initial peak": "initial peak of x <= 5 with impulse 1",
+    "saturation": "saturation of force <= 5 with impulse 1",
+    "gain": "gain of x <= 1.5",
+    "gain norm": "gain norm of the law <= 50",
+}
+# Without control x' = -a x + w, a from 0.5 to 2, keeps the others.
+ACTIVE = {"rms", "relative rms", "energy peak", "gain"}
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    path = tmp_path_factory.mktemp("spec") / "one.toml"
+    path.write_text(ONE_STATE.replace("[0.5, 2]", "[-2, -0.5]"))  # stable, for the ratio's sake
+    return pf.load(path)
+
+
+def test_every_kind_is_tried():
+    assert LINES.keys() == KINDS.keys()
+    assert all(own.kind == kind for kind, own in KINDS.items())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_reads_back_from_its_own_words(kind):
+    own = parse_specification(LINES[kind])
+    assert type(own) is KINDS[kind]
+    more = LINES[kind].partition(" with ")[1:]
+    assert parse_specification(limit_text(own) + "".join(more)) == own
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_is_designed_for_as_limit_and_as_objective(kind, plant):
+    own = parse_specification(LINES[kind])
+    if own.of_signal:
+        (found,) = own.of(plant.signal("force")).outputs(plant)
+        assert found == plant.signal("force")
+    effort = pf.Rms("force", density=2)
+    limited = pf.optimise(plant, effort, [own], method="quadratic")
+    assert all(prove(bound.claim).proved for bound in limited.bounds)
+    assert limited.bounds[1].level <= own.at_most
+    assert (limited.bounds[0].level > 0.01) is (kind in ACTIVE)
+    assert limited.bounds[0].level < 3  # so that its law is one of those among which the next is
+    least = replace(own, at_most=None)
+    small = pf.optimise(plant, least, [pf.Rms("force", 3.0, 2)], method="quadratic")
+    assert 0 <= small.bounds[0].level <= limited.bounds[1].level * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_is_on_the_pages(kind):
+    assert re.search(rf"\| `{kind}` \|", (DOCS / "ride.md").read_text())
+    assert f":: {KINDS[kind].__name__}" in (DOCS / "api.md").read_text().replace("polefence.", "")

@@ -1,0 +1,88 @@
+"""Descents to known minima."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polefence.search.tune.descent import FULL, Rows, descend
+
+
+def rows(pairs, objective):
+    values, slopes = (np.array(each, dtype=float) for each in zip(*pairs, strict=True))
+    return Rows(values, slopes, np.arange(len(values)), np.array(objective))
+
+
+def test_the_largest_of_smooth_functions_where_three_meet():
+    # Charalambous & Conn: max(x^2 + y^4, (2 - x)^2 + (2 - y)^2, 2 exp(y - x)), at (1, 1)
+    def evaluate(theta):
+        x, y = theta
+        last = 2 * np.exp(y - x)
+        return rows(
+            [
+                (x**2 + y**4, (2 * x, 4 * y**3)),
+                ((2 - x) ** 2 + (2 - y) ** 2, (2 * x - 4, 2 * y - 4)),
+                (last, (-last, last)),
+            ],
+            [True] * 3,
+        )
+
+    theta, found = descend(evaluate, np.array([2.0, 2.0]), effort=FULL)
+    assert theta == pytest.approx([1.13904, 0.89956], abs=1e-3)
+    assert found.level == pytest.approx(1.9522245, abs=1e-5)
+
+
+def test_a_limit_is_kept_and_active():
+    # the nearest point of the unit circle's outside to (0.5, 0)
+    def evaluate(theta):
+        x, y = theta
+        first = ((x - 0.5) ** 2 + y**2, (2 * (x - 0.5), 2 * y))
+        return rows([first, (1 - x**2 - y**2, (-2 * x, -2 * y))], [True, False])
+
+    theta, found = descend(evaluate, np.array([1.0, 2.0]), effort=FULL)
+    assert found.excess <= 1e-7
+    assert theta == pytest.approx([1, 0], abs=1e-2)
+    assert found.level == pytest.approx(0.25, abs=1e-4)
+
+
+def test_where_nothing_can_be_evaluated_is_never_gone_to():
+    def evaluate(theta):
+        (x,) = theta
+        return None if x <= 0 else rows([(x - np.log(x), (1 - 1 / x,))], [True])
+
+    assert descend(evaluate, np.array([-1.0])) is None
+    theta, found = descend(evaluate, np.array([5.0]), effort=FULL)
+    assert theta == pytest.approx([1], abs=1e-2)
+    assert found.level == pytest.approx(1, abs=1e-4)
+
+
+def test_a_target_ends_the_descent():
+    def evaluate(theta):
+        return rows([(theta @ theta, 2 * theta)], [True])
+
+    _, found = descend(evaluate, np.array([3.0, 4.0]), target=9.0)
+    assert 0 < found.level <= 9
+
+
+@pytest.mark.parametrize("start", [(3.0, 2.0), (-2.0, 0.7), (5.0, -4.0)])
+def test_kinks_are_found_where_only_the_highest_row_is_known(start):
+    # x^2 + 3 |y - x / 2|, one side at a time: a step across the kink is seen from beyond it only
+    def evaluate(theta):
+        x, y = theta
+        side = 3.0 if y > x / 2 else -3.0
+        return rows([(x**2 + side * (y - x / 2), (2 * x - side / 2, side))], [True])
+
+    _, found = descend(evaluate, np.array(start), effort=FULL)
+    assert 0 <= found.level <= 1e-3
+
+
+def test_the_norm_of_a_matrix_by_its_largest_singular_vectors_alone():
+    # the least norm of [[1, a], [b, c]] is one (Parrott), where both singular values may be one
+    def evaluate(theta):
+        a, b, c = theta
+        u, s, vt = np.linalg.svd([[1.0, a], [b, c]])
+        slope = np.outer(u[:, 0], vt[0])
+        return rows([(s[0], (slope[0, 1], slope[1, 0], slope[1, 1]))], [True])
+
+    _, found = descend(evaluate, np.array([2.0, -1.0, 3.0]), effort=FULL)
+    assert 1 <= found.level + 1e-12 <= 1.002

@@ -182,7 +182,7 @@ def implies_stability(plant: UncertainPlant, region: Region) -> bool:
     """Whether poles in a region that fits the plant's kind of time are stable ones."""
     if plant.sample_time is None:
         return region.stable
-    return any(isinstance(part, Disk) and part.discrete for part in region.parts)
+    return region.discrete
 
 
 def example_centre(plant: UncertainPlant) -> str:

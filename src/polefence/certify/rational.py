@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.law.laws import FixedGain, Law
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.region.regions import Region
 
 MOST = 10  # states: the equation has n (n + 1) / 2 unknowns
 DIGITS = (64, 128, 256)  # bits after the point that the solution is rounded to, over its largest
@@ -52,13 +52,9 @@ def lyapunov_matrices(plant: UncertainPlant, law: Law, part: Region) -> list[np.
 
 def _solution(A: Rows, part: Region) -> Rows | None:
     """Return X of a X + b (A X + X A') + e A X A' + I = 0, None where the part is no such form."""
-    if isinstance(part, HalfPlane):
-        a, b, e = 2 * Fraction(part.decay), Fraction(1), Fraction(0)
-    elif isinstance(part, Disk):
-        c, r = Fraction(part.centre), Fraction(part.radius)
-        a, b, e = c * c - r * r, -c, Fraction(1)
-    else:
+    if part.closed_form is None:
         return None
+    a, b, e = part.closed_form
     n = len(A)
     pairs = list(combinations_with_replacement(range(n), 2))
     place = {pair: k for k, pair in enumerate(pairs)}

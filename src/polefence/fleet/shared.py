@@ -29,7 +29,6 @@ from polefence.region.regions import Region, stable
 from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification
 from polefence.search.tune.tuner import at_vertices
-from polefence.search.tuned import tighter
 
 POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
@@ -166,7 +165,7 @@ class Fleet:
             if plant.sample_time is not None:  # what is searched is in differences
                 region = delta_plane(region, plant.sample_time)
             plant = delta_form(plant)
-            asked = Around(tighter(region, INSIDE, stable(float(plant.step))))
+            asked = Around(region.tighter(INSIDE, stable(float(plant.step))))
             own = at_vertices(plant, Structure(schedule=()), asked, limits, start)
             if own is not None:
                 law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0])

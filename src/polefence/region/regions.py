@@ -11,6 +11,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from fractions import Fraction
+from functools import reduce
+from operator import and_
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,10 +21,13 @@ from polefence.base.errors import RegionError, shown
 from polefence.base.explained import explained_fields
 from polefence.plant.card import card
 from polefence.plant.system import Array
+from polefence.proof import regions as proof
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
 
 Pair = tuple[Array, Array]  # L, M
+
+LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.999  # of a sector that is dragged
 
 
 def check_centre(centre: float) -> float:
@@ -67,6 +72,7 @@ class Region(Short, ABC):
     """A convex region, symmetric about the real axis; ``&`` intersects two."""
 
     kind: ClassVar[str] = ""
+    rates: ClassVar[tuple[str, ...] | None] = None  # numbers in 1/s; all where there is None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -89,6 +95,11 @@ class Region(Short, ABC):
         """Whether the region lies in the open left half-plane."""
 
     @property
+    def discrete(self) -> bool:
+        """Whether it lies in the open unit disk, as poles in discrete time have to."""
+        return False
+
+    @property
     @abstractmethod
     def scale(self) -> float:
         """A rate typical of the region [1/s]; zero for a sector, which has none."""
@@ -98,9 +109,81 @@ class Region(Short, ABC):
         """Length by which distances to the boundary are judged [1/s]."""
         return self.scale or 1.0
 
+    @property
     @abstractmethod
+    def ends(self) -> tuple[float, float]:
+        """Least and largest real part in the region; infinite where there is none."""
+
+    @abstractmethod
+    def top(self, x: Array) -> Array:
+        """Return the supremum of Im z at real parts x between the ends; it may be infinite."""
+
+    @property
+    def half_axes(self) -> tuple[float, float] | None:
+        """Of a disk or an ellipse along the real axis and across; None of other regions."""
+        return None
+
+    @property
+    def bounds_speed(self) -> bool:
+        """Whether a part bounds the real parts of poles on both sides."""
+        return bool(np.all(np.isfinite(self.ends)))
+
+    def decay_rate(self, step: float = 0.0) -> float:  # noqa: ARG002
+        """Return the decay rate that the region asks for [1/s], in delta form with this step."""
+        return 0.0
+
+    @property
+    def closed_form(self) -> tuple[Fraction, Fraction, Fraction] | None:
+        """Return a, b, e of the region a + 2 b Re z + e |z|^2 < 0; None where it is none such."""
+        return None
+
     def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
         """Return L and M of the part, or of its two halves, in units of ``rate``."""
+        scaled = {
+            name: value / rate if self.rates is None or name in self.rates else value
+            for name, value in self.numbers.items()
+        }
+        part = proof.KINDS[self.kind](*map(Fraction, scaled.values()))
+        return tuple((np.array(L, dtype=float), np.array(M, dtype=float)) for L, M in part.pairs)
+
+    def tighter(self, share: float, within: Region | None = None) -> Region:
+        """Return the region with each part made smaller by a share of its size, if it can be.
+
+        Parameters
+        ----------
+        share : float
+            0 to 1.
+        within : Region, optional
+            Where loops are stable. Where that is a disk, the size of a disk is at most its
+            distance from that edge: of one with the same centre that is a decay rate.
+        """
+        kept = list[Region]()
+        for part in self.parts:
+            try:
+                kept.append(part.shrunk(share, within))
+            except RegionError:  # none of that size
+                kept.append(part)
+        return reduce(and_, kept)
+
+    def shrunk(self, share: float, within: Region | None = None) -> Region:  # noqa: ARG002
+        """Return a part made smaller by a share of its size; itself where it has none.
+
+        Raises
+        ------
+        RegionError
+            If there is no region of that size.
+        """
+        return self
+
+    def through(self, z: complex, begin: complex) -> Region:  # noqa: ARG002
+        """Return the region with its boundary moved from one point to another.
+
+        Raises
+        ------
+        RegionError
+            If that makes no region.
+        """
+        raise RegionError(f"{self} cannot be dragged")
 
     @abstractmethod
     def distance(self, poles: Any) -> Array:
@@ -160,7 +243,6 @@ class Disk(Region):
 
     @property
     def discrete(self) -> bool:
-        """Whether the open disk lies in the open unit disk, as discrete-time plants need it."""
         return Fraction(abs(self.centre)) + Fraction(self.radius) <= 1
 
     @property
@@ -182,9 +264,34 @@ class Disk(Region):
         """Distance of the centre, or the radius where that is larger."""
         return max(abs(self.centre), self.radius)
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        c, r = self.centre / rate, self.radius / rate
-        return ((np.array([[-r, -c], [-c, -r]]), np.array([[0.0, 1.0], [0.0, 0.0]])),)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return self.centre - self.radius, self.centre + self.radius
+
+    @property
+    def half_axes(self) -> tuple[float, float]:
+        return self.radius, self.radius
+
+    def top(self, x: Array) -> Array:
+        return _arc(x, self.centre, self.radius, self.radius)
+
+    def decay_rate(self, step: float = 0.0) -> float:
+        return self.sigma - self.radius if step else 0.0
+
+    @property
+    def closed_form(self) -> tuple[Fraction, Fraction, Fraction]:
+        c, r = Fraction(self.centre), Fraction(self.radius)
+        return c * c - r * r, -c, Fraction(1)
+
+    def shrunk(self, share: float, within: Region | None = None) -> Disk:
+        size = self.radius
+        if isinstance(within, Disk):
+            apart = abs(self.centre - within.centre)
+            size = max(min(size, within.radius - apart - size), 0.0)
+        return Disk(self.centre, self.radius - share * size)
+
+    def through(self, z: complex, begin: complex) -> Disk:  # noqa: ARG002
+        return Disk(self.centre, abs(z - self.centre))
 
     def distance(self, poles: Any) -> Array:
         return np.abs(np.asarray(poles) - self.centre) - self.radius
@@ -211,8 +318,25 @@ class HalfPlane(Region):
     def scale(self) -> float:
         return abs(self.decay)
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        return ((np.array([[2 * self.decay / rate]]), np.array([[1.0]])),)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return -math.inf, -self.decay
+
+    def top(self, x: Array) -> Array:
+        return np.full(np.shape(x), np.inf)
+
+    def decay_rate(self, step: float = 0.0) -> float:  # noqa: ARG002
+        return self.decay
+
+    @property
+    def closed_form(self) -> tuple[Fraction, Fraction, Fraction]:
+        return 2 * Fraction(self.decay), Fraction(1), Fraction(0)
+
+    def shrunk(self, share: float, within: Region | None = None) -> HalfPlane:  # noqa: ARG002
+        return HalfPlane(self.decay + share * abs(self.decay))
+
+    def through(self, z: complex, begin: complex) -> HalfPlane:  # noqa: ARG002
+        return HalfPlane(-z.real)
 
     def distance(self, poles: Any) -> Array:
         return np.asarray(np.real(poles) + self.decay)
@@ -231,6 +355,7 @@ class Sector(Region):
 
     damping: float
     kind: ClassVar[str] = "sector"
+    rates: ClassVar[tuple[str, ...] | None] = ()
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -263,8 +388,19 @@ class Sector(Region):
     def scale(self) -> float:
         return 0.0
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:  # noqa: ARG002
-        return self.wedge.pairs()
+    @property
+    def ends(self) -> tuple[float, float]:
+        return -math.inf, 0.0
+
+    def top(self, x: Array) -> Array:
+        return self.wedge.top(x)
+
+    def shrunk(self, share: float, within: Region | None = None) -> Sector:  # noqa: ARG002
+        return Sector(self.damping + share * (1 - self.damping))
+
+    def through(self, z: complex, begin: complex) -> Sector:  # noqa: ARG002
+        damping = -z.real / abs(z) if z else 1.0
+        return Sector(min(max(damping, LEAST_DAMPING), MOST_DAMPING))
 
     def distance(self, poles: Any) -> Array:
         return self.wedge.distance(poles)
@@ -285,6 +421,7 @@ class Wedge(Region):
     apex: float
     slope: float
     kind: ClassVar[str] = "wedge"
+    rates: ClassVar[tuple[str, ...] | None] = ("apex",)
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -300,9 +437,19 @@ class Wedge(Region):
     def scale(self) -> float:
         return abs(self.apex)
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        s = self.slope
-        return ((-2 * s * self.apex / rate * np.eye(2), np.array([[s, 1.0], [-1.0, s]])),)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return (-math.inf, self.apex) if self.slope > 0 else (self.apex, math.inf)
+
+    def top(self, x: Array) -> Array:
+        return np.asarray(np.maximum(self.slope * (self.apex - x), 0))
+
+    def shrunk(self, share: float, within: Region | None = None) -> Wedge:  # noqa: ARG002
+        return Wedge(self.apex, self.slope * (1 - share))
+
+    def through(self, z: complex, begin: complex) -> Wedge:  # noqa: ARG002
+        away = self.apex - z.real
+        return Wedge(self.apex, z.imag / away or self.slope) if away else self
 
     def distance(self, poles: Any) -> Array:
         z, s = np.asarray(poles), self.slope
@@ -333,9 +480,17 @@ class VerticalStrip(Region):
     def scale(self) -> float:
         return max(abs(self.low), abs(self.high))
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        one = np.array([[1.0]])
-        return (-2 * self.high / rate * one, one), (2 * self.low / rate * one, -one)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return self.low, self.high
+
+    def top(self, x: Array) -> Array:
+        return np.full(np.shape(x), np.inf)
+
+    def through(self, z: complex, begin: complex) -> VerticalStrip:
+        if abs(begin.real - self.low) < abs(begin.real - self.high):
+            return VerticalStrip(z.real, self.high)
+        return VerticalStrip(self.low, z.real)
 
     def distance(self, poles: Any) -> Array:
         x = np.real(poles)
@@ -361,9 +516,15 @@ class HorizontalStrip(Region):
     def scale(self) -> float:
         return self.height
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
-        return ((-2 * self.height / rate * np.eye(2), turn),)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return -math.inf, math.inf
+
+    def top(self, x: Array) -> Array:
+        return np.full(np.shape(x), self.height)
+
+    def through(self, z: complex, begin: complex) -> HorizontalStrip:  # noqa: ARG002
+        return HorizontalStrip(z.imag)
 
     def distance(self, poles: Any) -> Array:
         return np.asarray(np.abs(np.imag(poles)) - self.height)
@@ -400,16 +561,35 @@ class Ellipse(Region):
     def scale(self) -> float:
         return max(abs(self.centre), self.real, self.imaginary)
 
-    def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
-        c, a, b = (value / rate for value in (self.centre, self.real, self.imaginary))
-        L = np.array([[-b, -c * b / a], [-c * b / a, -b]])
-        return ((L, np.array([[0.0, (1 + b / a) / 2], [(b / a - 1) / 2, 0.0]])),)
+    @property
+    def ends(self) -> tuple[float, float]:
+        return self.centre - self.real, self.centre + self.real
+
+    @property
+    def half_axes(self) -> tuple[float, float]:
+        return self.real, self.imaginary
+
+    def top(self, x: Array) -> Array:
+        return _arc(x, self.centre, self.real, self.imaginary)
+
+    def shrunk(self, share: float, within: Region | None = None) -> Ellipse:  # noqa: ARG002
+        return Ellipse(self.centre, self.real * (1 - share), self.imaginary * (1 - share))
+
+    def through(self, z: complex, begin: complex) -> Ellipse:  # noqa: ARG002
+        size = math.hypot((z.real - self.centre) / self.real, z.imag / self.imaginary)
+        return Ellipse(self.centre, size * self.real, size * self.imaginary)
 
     def distance(self, poles: Any) -> Array:
         """Signed, zero on the boundary; elsewhere no more than the distance."""
         z = np.asarray(poles) - self.centre
         level = np.hypot(z.real / self.real, z.imag / self.imaginary)
         return np.asarray((level - 1) * min(self.real, self.imaginary))
+
+
+def _arc(x: Array, centre: float, real: float, imaginary: float) -> Array:
+    """Return the upper half of an ellipse at real parts x."""
+    share = (x - centre) / real
+    return np.asarray(imaginary * np.sqrt(np.maximum((1 - share) * (1 + share), 0)))
 
 
 def stable(step: float = 0.0) -> Region:
@@ -440,11 +620,30 @@ class Intersection(Region):
         return any(part.stable for part in self.parts)
 
     @property
+    def discrete(self) -> bool:
+        return any(part.discrete for part in self.parts)
+
+    @property
     def scale(self) -> float:
         return max(part.scale for part in self.parts)
 
     def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
         return tuple(pair for part in self.parts for pair in part.pairs(rate))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        low, high = zip(*(part.ends for part in self.parts), strict=True)
+        return max(low), min(high)
+
+    @property
+    def bounds_speed(self) -> bool:
+        return any(part.bounds_speed for part in self.parts)
+
+    def top(self, x: Array) -> Array:
+        return np.asarray(np.min([part.top(x) for part in self.parts], axis=0))
+
+    def decay_rate(self, step: float = 0.0) -> float:
+        return max(part.decay_rate(step) for part in self.parts)
 
     def distance(self, poles: Any) -> Array:
         """Distance to the boundary of the part that is violated most, or nearest."""
@@ -478,7 +677,7 @@ def require_left(region: Region) -> Region:
         another part keeps it nor the disk lies in the unit disk.
     """
     part = astray(region)
-    if part is None or (isinstance(part, Disk) and part.discrete):
+    if part is None or part.discrete:
         return region
     discrete = ", nor the disk in the unit disk (disk(0.5, 0.4), discrete time)"
     raise RegionError(
@@ -526,18 +725,12 @@ def damping_of(slope: float) -> float:
     return damping
 
 
-def bounds_speed(region: Region | None) -> bool:
-    """Whether the region bounds the real parts of poles on both sides."""
-    parts = () if region is None else region.parts
-    return any(isinstance(part, Disk | Ellipse | VerticalStrip) for part in parts)
-
-
 def bounded(region: Region | None, fastest: float) -> Region:
     """Return the region within the disk that touches the imaginary axis and reaches so far.
 
     A region that bounds the speed of poles itself is returned as it is.
     """
-    if region is not None and bounds_speed(region):
+    if region is not None and region.bounds_speed:
         return region
     # rounded, so that people can read it
     half = float(f"{fastest / 2:.2g}")

@@ -11,6 +11,7 @@ inner circle is, within a wedge that is nearly a half-plane.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
@@ -92,29 +93,52 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
     return found[0] if len(found) == 1 else Intersection(tuple(found))
 
 
+def _of_z_plane(part: Region, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    return [part]
+
+
+def _of_half_plane(part: HalfPlane, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    return [Disk(0, _below_exponential(part, T))]
+
+
+def _of_vertical_strip(part: VerticalStrip, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    inner = part.low * T
+    apex = math.exp(inner) * (1 + EXACT * (1 + abs(inner)))
+    outer = _below_exponential(HalfPlane(-part.high), T)
+    if apex >= outer * (1 - INSIDE):
+        raise RegionError(f"{part}: is too narrow at {T:g} s")
+    return [Disk(0, outer), Wedge(apex, -UPRIGHT)]
+
+
+def _of_horizontal_strip(part: HorizontalStrip, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    angle = part.height * T
+    if angle >= math.pi / 2:
+        raise RegionError(
+            f"{part}: height must be below {math.pi / 2 / T:.4g} rad/s, a quarter of the "
+            f"sampling frequency at {T:g} s"
+        )
+    return [Wedge(0, -math.tan(angle) * (1 - INSIDE))]
+
+
+def _of_sector(part: Sector, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    return list(_polygon(part.damping, edges))
+
+
+_IMAGES: dict[str, Callable[[Any, float, int], list[Region]]] = {
+    Disk.kind: _of_z_plane,
+    Wedge.kind: _of_z_plane,
+    HalfPlane.kind: _of_half_plane,
+    VerticalStrip.kind: _of_vertical_strip,
+    HorizontalStrip.kind: _of_horizontal_strip,
+    Sector.kind: _of_sector,
+}
+
+
 def _image(part: Region, T: float, edges: int) -> list[Region]:
-    if isinstance(part, Disk | Wedge):
-        return [part]
-    if isinstance(part, HalfPlane):
-        return [Disk(0, _below_exponential(part, T))]
-    if isinstance(part, VerticalStrip):
-        inner = part.low * T
-        apex = math.exp(inner) * (1 + EXACT * (1 + abs(inner)))
-        outer = _below_exponential(HalfPlane(-part.high), T)
-        if apex >= outer * (1 - INSIDE):
-            raise RegionError(f"{part}: is too narrow at {T:g} s")
-        return [Disk(0, outer), Wedge(apex, -UPRIGHT)]
-    if isinstance(part, HorizontalStrip):
-        angle = part.height * T
-        if angle >= math.pi / 2:
-            raise RegionError(
-                f"{part}: height must be below {math.pi / 2 / T:.4g} rad/s, a quarter of the "
-                f"sampling frequency at {T:g} s"
-            )
-        return [Wedge(0, -math.tan(angle) * (1 - INSIDE))]
-    if isinstance(part, Sector):
-        return list(_polygon(part.damping, edges))
-    raise RegionError(f"{part} has no image in the z-plane here; use {KNOWN}")
+    """Return regions of the z-plane within the image of a part."""
+    if part.kind not in _IMAGES:
+        raise RegionError(f"{part} has no image in the z-plane here; use {KNOWN}")
+    return _IMAGES[part.kind](part, T, edges)
 
 
 def _below_exponential(part: HalfPlane, T: float) -> float:

@@ -23,7 +23,6 @@ from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Disk, Region
 from polefence.requirements.specification import Specification
-from polefence.search.tuned import tighter
 
 # Shares by which requirements are asked for tighter than they are to be proved.
 TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
@@ -53,7 +52,7 @@ def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:
     """Return a smaller region: a law on the edge of the one that is asked for has no proof.
 
     Stability alone is made a decay rate, a share of the plant's slowest; a decay rate grows by a
-    quarter of the share, and other parts become as much smaller as `tighter` makes them.
+    quarter of the share, and other parts become as much smaller as `Region.tighter` makes them.
     """
     if not share:
         return region
@@ -61,7 +60,7 @@ def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:
         parts = [
             Disk(0, part.radius ** (1 + share / 4))
             if plant.sample_time is not None and isinstance(part, Disk) and not part.centre
-            else tighter(part, share / 20)
+            else part.tighter(share / 20)
             for part in region.parts
         ]
         return reduce(and_, parts)
@@ -118,7 +117,7 @@ def placed(
 
 def narrower(region: Region) -> tuple[Region, ...]:
     """Return regions inside one of the z-plane, the smallest last."""
-    return tuple(tighter(region, share, Disk(0, 1)) for share in TIGHTER[1:])
+    return tuple(region.tighter(share, Disk(0, 1)) for share in TIGHTER[1:])
 
 
 def _inside(region: Region, smallest: Callable[[float], Design]) -> Iterator[Region]:

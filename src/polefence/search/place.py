@@ -55,7 +55,6 @@ from polefence.region.regions import (
     Region,
     Sector,
     bounded,
-    bounds_speed,
     damping_of,
 )
 from polefence.region.text import digits_up
@@ -193,7 +192,7 @@ def points_in(
     """
     failure: SolverError | None = None
     rate = max(region.scale, typical_rate(plant.A))
-    speeds = () if bounds_speed(region) else [s * rate for s in SPEEDS if s * rate < FASTEST_POLES]
+    speeds = () if region.bounds_speed else [s * rate for s in SPEEDS if s * rate < FASTEST_POLES]
     for searched in (*(bounded(region, speed) for speed in speeds), region):
         for enough in WELL_INSIDE:
             try:
@@ -519,8 +518,7 @@ def _damping(within: Region) -> _Question:
 
 def _value(design: Design) -> float:
     """Return the decay rate or damping ratio of a design."""
-    first = design.region.parts[0]
-    return float(first.decay if isinstance(first, HalfPlane) else first.numbers["damping"])
+    return next(iter(design.region.parts[0].numbers.values()))
 
 
 def _direct(plant: UncertainPlant, method: Method, question: _Question) -> Iterator[Design | None]:

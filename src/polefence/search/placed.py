@@ -40,7 +40,6 @@ from polefence.search import place as lmi
 from polefence.search.tune.dynamic import observers
 from polefence.search.tune.tuner import tune, tune_region
 from polefence.search.tune.worth import NEAR
-from polefence.search.tuned import tighter
 
 TIGHTER = (1e-3, 1e-2, 5e-2)  # shares by which a region is asked for smaller than it is to be
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # from the worst sample to what is to be proved
@@ -137,7 +136,7 @@ def _place(
         region = delta_plane(region, plant.sample_time)
     starts = sought.starts(region)
     for share in TIGHTER:
-        inside = tighter(region, share, stable(float(sought.plant.step)))
+        inside = region.tighter(share, stable(float(sought.plant.step)))
         found = tune(sought.plant, sought.gain, None, (), inside, starts)
         for own in (own for own in found if own.kept):
             answer = analyse(sought.plant, own.law, region)
@@ -397,7 +396,7 @@ class _Sought:
         """Return the smallest region of a kind that is proved, of the plant in its own time."""
         step = float(self.plant.step)
         for share in (0.0, *TIGHTER) if within is not None else (0.0,):
-            goal = _goal(of, centre, None if within is None else tighter(within, share), step)
+            goal = _goal(of, centre, None if within is None else within.tighter(share), step)
             tuned = tune_region(self.plant, self.gain, goal, (), starts)
             kept = [own.law for own in tuned if own.kept]
             for law in kept:

@@ -54,7 +54,7 @@ from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region, Sector, bounded, bounds_speed, stable
+from polefence.region.regions import HalfPlane, Region, Sector, bounded, stable
 from polefence.requirements.gain_norm import GainNorm, as_norms
 from polefence.requirements.specification import Specification
 from polefence.response.closed import close
@@ -443,7 +443,7 @@ class Search:
     def _slow(self) -> None:
         """Begin the search of a small gain where poles are slow: from fast ones it stays large."""
         task = self.task
-        if not isinstance(task.minimise, GainNorm) or bounds_speed(task.region):
+        if not isinstance(task.minimise, GainNorm) or task.region.bounds_speed:
             return
         own = max(own_speed(task.plant), task.region.scale)
         for times in SLOW:
@@ -1074,7 +1074,7 @@ def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
 
 def steps(task: Task) -> Iterator[Step]:
     """Yield laws for faster and faster poles; farther and farther from the edge of a region."""
-    if bounds_speed(task.region):
+    if task.region.bounds_speed:
         for gap in GAPS:
             try:
                 found = task.reached(task.region, gap)

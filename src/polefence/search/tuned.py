@@ -14,11 +14,10 @@ from itertools import product
 import numpy as np
 
 from polefence.base.effort import ended
-from polefence.base.errors import RegionError
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, Ellipse, HalfPlane, Region, Sector, Wedge, stable
+from polefence.region.regions import HalfPlane, Region, stable
 from polefence.requirements.specification import Specification
 from polefence.search.shares import Candidate, Task, candidate
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
@@ -229,38 +228,4 @@ def _asked(
         for limit in task.limits
         for own in limit.tuned(times)
     )
-    return least, limits, tighter(task.region, share, stable(float(task.plant.step)))
-
-
-def tighter(region: Region, share: float, within: Region | None = None) -> Region:
-    """Return a region within another, as much smaller as a share of its size says.
-
-    Parameters
-    ----------
-    within : Region, optional
-        Where loops are stable. Where that is a disk, a disk has the size of its distance from the
-        edge, if that is less: of one with the same centre that is a decay rate.
-    """
-    kept: Region | None = None
-    for part in region.parts:
-        own = part
-        try:
-            if isinstance(part, Disk):
-                size = part.radius
-                if isinstance(within, Disk):
-                    apart = abs(part.centre - within.centre)
-                    size = max(min(size, within.radius - apart - size), 0.0)
-                own = Disk(part.centre, part.radius - share * size)
-            elif isinstance(part, HalfPlane):
-                own = HalfPlane(part.decay + share * abs(part.decay))
-            elif isinstance(part, Sector):
-                own = Sector(part.damping + share * (1 - part.damping))
-            elif isinstance(part, Wedge):
-                own = Wedge(part.apex, part.slope * (1 - share))
-            elif isinstance(part, Ellipse):
-                radii = (part.real * (1 - share), part.imaginary * (1 - share))
-                own = Ellipse(part.centre, *radii)
-        except RegionError:  # none of that size
-            own = part
-        kept = own if kept is None else kept & own
-    return region if kept is None else kept
+    return least, limits, task.region.tighter(share, stable(float(task.plant.step)))

@@ -493,29 +493,16 @@ def view_of(region: Region, poles: Array) -> View:
     return low - margin, high + margin, height + max(margin, 0.06 * height)
 
 
-def half_axes(part: Disk | Ellipse) -> tuple[float, float]:
-    """Return how far a round part reaches from its centre, along the real axis and across."""
-    return (part.radius,) * 2 if isinstance(part, Disk) else (part.real, part.imaginary)
-
-
 def _extent(region: Region) -> View:
     """Return how far the boundary reaches: low is -infinity where no part bounds it."""
-    low, high, height = -np.inf, 0.0, 0.0
-    round_parts = any(isinstance(part, Disk | Ellipse) for part in region.parts)
-    for part in region.parts:
-        if isinstance(part, Disk | Ellipse):
-            real, imaginary = half_axes(part)
-            low = max(low, part.centre - real)
-            high, height = max(high, part.centre + real), max(height, imaginary)
-        elif isinstance(part, VerticalStrip):
-            low, high = max(low, part.low), max(high, part.high)
-        elif isinstance(part, HorizontalStrip):
-            height = max(height, part.height)
-        elif isinstance(part, HalfPlane):
-            high = max(high, -part.decay)
-        elif isinstance(part, Wedge) and not round_parts:
-            high = max(high, part.apex)
-            low = max(low, part.apex) if part.slope < 0 else low
+    round_parts = [part for part in region.parts if part.half_axes is not None]
+    seen = [part for part in region.parts if not round_parts or not isinstance(part, Wedge)]
+    ends = np.array([part.ends for part in seen])
+    low = ends[:, 0].max()
+    high = max(0.0, ends[np.isfinite(ends[:, 1]), 1].max(initial=0.0))
+    heights = [part.half_axes[1] for part in round_parts if part.half_axes is not None]
+    heights += [part.height for part in region.parts if isinstance(part, HorizontalStrip)]
+    height = max(heights, default=0.0)
     return low, high, height
 
 

@@ -3,34 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import reduce
 from itertools import combinations
 from operator import and_
 
 import numpy as np
 
-from polefence.base.errors import RegionError
 from polefence.plant.system import Array
-from polefence.region.regions import (
-    Disk,
-    Ellipse,
-    HalfPlane,
-    HorizontalStrip,
-    Region,
-    Sector,
-    VerticalStrip,
-    Wedge,
-    require_left,
-)
-from polefence.show.plots import Curve, View, curves, half_axes
+from polefence.region.regions import Region, require_left
+from polefence.show.plots import Curve, View, curves
 
 DIGITS = 4  # of numbers that are dragged
 NEAR = 0.02  # of the view's width: of an edge and a corner so near, the corner is enough
 WIDE = 100.0  # times the view, that an outline reaches: so far one can zoom out, or pan
 ANGLES = 361  # points on the upper half of a round part, as far as it is shown
 LITTLE = 0.02  # of the view's width: a boundary of which less is seen is not seen
-LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.999
 
 
 @dataclass(frozen=True)
@@ -103,7 +91,7 @@ def _cut(region: Region, view: View) -> Curve:
 
     Every part is |Im z| < top(Re z) between its ends, and so is what they have in common.
     """
-    low, high = np.array([view[:2], *map(_ends, region.parts)]).T
+    low, high = np.array([view[:2], *(part.ends for part in region.parts)]).T
     low, high = low.max(), high.min()
     if low >= high:
         return np.empty(0, dtype=complex)
@@ -113,45 +101,19 @@ def _cut(region: Region, view: View) -> Curve:
     return np.concatenate([upper, upper[::-1].conj(), upper[:1]])
 
 
-def _ends(part: Region) -> tuple[float, float]:
-    """Return the least and the largest real part in a region's part."""
-    if isinstance(part, Disk | Ellipse):
-        real, _ = half_axes(part)
-        return part.centre - real, part.centre + real
-    if isinstance(part, HalfPlane):
-        return -np.inf, -part.decay
-    if isinstance(part, VerticalStrip):
-        return part.low, part.high
-    if isinstance(part, Wedge):
-        return (-np.inf, part.apex) if part.slope > 0 else (part.apex, np.inf)
-    return -np.inf, 0.0 if isinstance(part, Sector) else np.inf
-
-
 def _curved(part: Region, low: float, high: float) -> Array:
     """Return real parts between two, at which a round part is drawn: close where it is steep."""
-    if not isinstance(part, Disk | Ellipse):
+    if part.half_axes is None:
         return np.empty(0)
-    real, _ = half_axes(part)
-    first, last = (np.arccos(np.clip((x - part.centre) / real, -1, 1)) for x in (low, high))
-    x = part.centre + real * np.cos(np.linspace(first, last, ANGLES))
+    real, centre = part.half_axes[0], sum(part.ends) / 2
+    first, last = (np.arccos(np.clip((x - centre) / real, -1, 1)) for x in (low, high))
+    x = centre + real * np.cos(np.linspace(first, last, ANGLES))
     return np.asarray(np.clip(x, low, high))
 
 
 def _tops(region: Region, view: View, x: Array) -> Array:
     """Return the largest imaginary parts of the view, and of parts that bound them, at each x."""
-    found = [np.full(len(x), view[2])]
-    for part in region.parts:
-        if isinstance(part, Disk | Ellipse):
-            real, imaginary = half_axes(part)
-            share = (x - part.centre) / real
-            found.append(imaginary * np.sqrt(np.maximum((1 - share) * (1 + share), 0)))
-        elif isinstance(part, HorizontalStrip):
-            found.append(np.full(len(x), part.height))
-        elif isinstance(part, Sector):
-            found.append(part.slope * np.abs(x))
-        elif isinstance(part, Wedge):
-            found.append(np.maximum(part.slope * (part.apex - x), 0))
-    return np.array(found)
+    return np.array([np.full(len(x), view[2]), *(part.top(x) for part in region.parts)])
 
 
 def _meetings(x: Array, tops: Array) -> Iterator[Array]:
@@ -176,7 +138,7 @@ def _edges(region: Region, view: View) -> Iterator[Handle]:
             own = upper[region.distance(upper) <= _close(view)]
             if not len(own):
                 continue
-            if isinstance(part, Disk | Ellipse):  # its top and its right end
+            if part.half_axes is not None:  # its top and its right end
                 ends = int(own.imag.argmax()), int(own.real.argmax())
                 yield from (Handle(complex(own[end]), (k,)) for end in dict.fromkeys(ends))
             else:
@@ -199,8 +161,8 @@ def _corners(region: Region, view: View) -> Iterator[Handle]:
 
 def _centres(region: Region) -> Iterator[Handle]:
     for k, part in enumerate(region.parts):
-        if isinstance(part, Disk | Ellipse):
-            yield Handle(complex(part.centre), (k,), centre=True)
+        if part.half_axes is not None:
+            yield Handle(complex(sum(part.ends) / 2), (k,), centre=True)
 
 
 def _close(view: View) -> float:
@@ -214,26 +176,8 @@ def _short(value: float) -> float:
 
 def _dragged(part: Region, handle: Handle, place: complex) -> Region:
     """Return a part with its boundary, or its centre, at a place."""
-    if handle.centre and isinstance(part, Disk | Ellipse):
-        return replace(part, centre=_short(place.real))
-    x, y = place.real, place.imag
-    if isinstance(part, Disk):
-        return replace(part, radius=_short(abs(place - part.centre)))
-    if isinstance(part, HalfPlane):
-        return replace(part, decay=_short(-x))
-    if isinstance(part, Sector):
-        damping = -x / abs(place) if place else 1.0
-        return Sector(_short(min(max(damping, LEAST_DAMPING), MOST_DAMPING)))
-    if isinstance(part, Wedge):
-        away = part.apex - x
-        return part if not away else replace(part, slope=_short(y / away) or part.slope)
-    if isinstance(part, VerticalStrip):
-        begin = handle.place.real
-        first = abs(begin - part.low) < abs(begin - part.high)
-        return replace(part, low=_short(x)) if first else replace(part, high=_short(x))
-    if isinstance(part, HorizontalStrip):
-        return replace(part, height=_short(y))
-    if isinstance(part, Ellipse):
-        size = float(np.hypot((x - part.centre) / part.real, y / part.imaginary))
-        return replace(part, real=_short(size * part.real), imaginary=_short(size * part.imaginary))
-    raise RegionError(f"{part} cannot be dragged")
+    centred = {"centre": place.real}
+    moved = replace(part, **centred) if handle.centre else part.through(place, handle.place)
+    numbers = {field.name: getattr(moved, field.name) for field in fields(part)}
+    changed = {key: _short(new) for key, new in numbers.items() if new != getattr(part, key)}
+    return replace(part, **changed)

@@ -20,7 +20,7 @@ from polefence.lmi.conditions.performance import Output
 from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import Scaling, each, transposed
 from polefence.plant.system import Array
-from polefence.region.regions import HalfPlane, Region
+from polefence.region.regions import Region
 from polefence.response.stationary import bilinear, growth
 
 # Disks to aim at, as fractions of sigma, and weights of the input, until one has a design.
@@ -141,8 +141,7 @@ def regulators(
 
 def decay_of(region: Region | None) -> float:
     """Return the decay rate that a region asks for by itself."""
-    parts = () if region is None else region.parts
-    return max((part.decay for part in parts if isinstance(part, HalfPlane)), default=0.0)
+    return 0.0 if region is None else region.decay_rate()
 
 
 def _balanced(

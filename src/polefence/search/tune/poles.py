@@ -13,7 +13,7 @@ import numpy as np
 
 from polefence.lmi.conditions.target import Side
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region
+from polefence.region.regions import Region
 from polefence.response.modes import Modes
 
 ANGLES = 64
@@ -36,7 +36,7 @@ def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
             slope = _steepest(M)
             length = float(np.linalg.norm(L, 2)) / slope or rate
             if step:
-                decay = -part.centre - part.radius if isinstance(part, Disk) else 0.0
+                decay = part.decay_rate(step)
                 length = min(length, decay if decay > 0 else rate)
             found.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from polefence.lmi.solve.starts import least_cost
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.region.regions import Disk, Region
 from polefence.requirements.specification import Specification
 from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
@@ -148,13 +148,7 @@ def regulators(
 
 def decay_of(region: Region, plant: UncertainPlant) -> float:
     """Return the decay rate that a region asks for; in a delta form those have disks."""
-    rates = [0.0]
-    for part in region.parts:
-        if isinstance(part, HalfPlane):
-            rates.append(part.decay)
-        elif isinstance(part, Disk) and plant.step:
-            rates.append(-part.centre - part.radius)
-    return max(rates)
+    return max(region.decay_rate(float(plant.step)), 0.0)
 
 
 def shifted(

@@ -25,7 +25,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import edges, inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.region.regions import Region, bounds_speed, stable
+from polefence.region.regions import Region, stable
 from polefence.requirements.specification import Specification
 from polefence.search.tune.descent import EARLY, FULL, PATIENT, QUICK, Effort, descend
 from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
@@ -211,7 +211,7 @@ def _task(
         region = region & stable(float(plant.step))
     rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
     fastest = FAST * max(*rates, region.scale, sizes.rate)
-    if bounds_speed(region) or np.all(np.isfinite(structure.largest(plant))) or free:
+    if region.bounds_speed or np.all(np.isfinite(structure.largest(plant))) or free:
         fastest = np.inf
     unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
     return Task(plant, unknowns, minimise, limits, region, sizes, float(fastest))

@@ -19,7 +19,6 @@ from typing import Any
 from polefence import FixedGain, engine, load, load_specifications
 from polefence.certify.bounds import sampled
 from polefence.examples import spec_path
-from polefence.law.laws import domain_of
 from polefence.lmi.solve.gramians import duals
 from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
@@ -50,7 +49,7 @@ def main() -> None:
     spec = spec_path("quarter-car-ride")
     plant, (own, _) = load(spec), load_specifications(spec)
     worst = sampled(plant, LAW, own).worst
-    source, output = own.condition(plant, domain_of(plant, LAW), 1.0)
+    source, output = own.condition(plant, LAW.domain_of(plant), 1.0)
     loop = loop_with(plant, LAW, output.C, output.D)
 
     def dual(degree: int) -> tuple[float, Evidence]:

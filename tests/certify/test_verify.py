@@ -9,7 +9,7 @@ from scipy.linalg import solve_continuous_lyapunov
 import polefence as pf
 from polefence import Disk, FixedGain, HalfPlane, InputError, UncertainPlant, parse_specification
 from polefence.certify.verify import verify
-from polefence.law.arrays import law_from, negated
+from polefence.law.arrays import law_from
 from polefence.plant.arrays import Arrays
 
 RANDOM = np.random.default_rng(20)
@@ -134,14 +134,14 @@ def test_laws_of_files(family):
     K = [[[-1.0, -2.0]], [[-3.0, -4.0]]]
     own = law_from(Arrays("f", {"K": K}), family)
     np.testing.assert_allclose(own.gain([0.25, 0.75]), [[-2.5, -3.5]])
-    np.testing.assert_allclose(negated(own).gain([1, 0]), [[1, 2]])
+    np.testing.assert_allclose(own.negated().gain([1, 0]), [[1, 2]])
     W = [[[2.0, 0.0], [0.0, 1.0]]] * 2
     other = law_from(Arrays("f", {"W": W, "Z": K}), family)
     np.testing.assert_allclose(other.gain([1, 0]), [[-0.5, -2]])
-    np.testing.assert_allclose(negated(other).gain([1, 0]), [[0.5, 2]])
+    np.testing.assert_allclose(other.negated().gain([1, 0]), [[0.5, 2]])
     (only,) = (law_from(Arrays("f", {"gain": K[:1]}), family),)
-    assert isinstance(negated(only), FixedGain)
-    np.testing.assert_allclose(negated(only).K, [[1, 2]])
+    assert isinstance(only.negated(), FixedGain)
+    np.testing.assert_allclose(only.negated().K, [[1, 2]])
     assert verify(family, other, HalfPlane(0)).proved
 
 

@@ -30,7 +30,6 @@ from polefence.certify.design import proved_document
 from polefence.cli.main import main
 from polefence.cli.report import today
 from polefence.examples import family
-from polefence.law.words import definitions, formula
 from polefence.response.stationary import stationary, velocity_density, velocity_psd
 from polefence.show.report import Report, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
@@ -268,9 +267,9 @@ def test_a_polynomial_law_is_said_by_its_terms(kind, tmp_path, undrawn):
     assert main(["report", str(tmp_path)]) == 0
     page = Page((tmp_path / "report.html").read_text())
     claim, gain = page.parts["What is claimed, and proved"], page.parts["The gain"]
-    assert formula(own.law) in claim
-    assert formula(own.law) in gain
-    for line in definitions(own.law):
+    assert own.law.formula in claim
+    assert own.law.formula in gain
+    for line in own.law.definitions:
         assert line in gain
     for K in own.law.gains + 0.0:  # no -0
         assert all(f"|{k:.6g}|" in gain for k in K[0])

@@ -11,7 +11,6 @@ from polefence import FixedGain, ScheduledGain, UncertainPlant
 from polefence.base.errors import InputError, SolverError
 from polefence.certify import bounds
 from polefence.certify.bounds import best_bound, kept_bound
-from polefence.law.laws import domain_of
 from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.plant.outputs import Output
@@ -64,7 +63,7 @@ def test_a_piezoelectric_actuator_is_bounded():
 def test_a_singular_law_is_a_failed_search():
     _, plant = lags(2)
     law = ScheduledGain(np.ones((1, 2, 2)), np.zeros((1, 1, 2)))
-    source, output = Gain("x1").condition(plant, domain_of(plant, law))
+    source, output = Gain("x1").condition(plant, law.domain_of(plant))
     with pytest.raises(SolverError):
         least_given(loop_with(plant, law, output.C, output.D), source, output, 0, 0)
     assert best_bound(plant, law, Gain("x1")) is None

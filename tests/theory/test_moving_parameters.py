@@ -28,7 +28,6 @@ from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound
 from polefence.certify.certificate import file_plant
 from polefence.certify.given import analyse
-from polefence.law.laws import domain_of
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads
@@ -153,7 +152,7 @@ def worst_rms(plant, law, density, count=1000, T=10.0, dt=0.02):
 def residual(plant, bound, law, rates):
     """The least eigenvalue of -(N + N' + S E E') + dX/dt of a claim about noise, by differences."""
     claim = bound.claim
-    domain, own = domain_of(plant, law), claim.subject.evidence
+    domain, own = law.domain_of(plant), claim.subject.evidence
     X = np.array(own.X, dtype=float)
     random, least = np.random.default_rng(1), np.inf
     names = plant.parameters

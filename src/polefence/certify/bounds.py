@@ -28,7 +28,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME
 from polefence.certify.evidence import finer, pieces_of
 from polefence.certify.lyapunov import lyapunov_matrix, weights_at
-from polefence.law.laws import FixedGain, Law, domain_of
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
@@ -389,7 +389,7 @@ def _least_square(
     """Return what the square of a level must exceed, where evidence proves all else or nothing."""
     if not evidence.dual:
         return None
-    on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    on = law.domain_of(plant).on
     with suppress(FormatError), counted():
         claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(1))
         return claim.least_square if isinstance(claim, SignalClaim) else None
@@ -462,7 +462,7 @@ def _kept_bound(
 
 def own_evidence(law: Law, W: Array, t: float) -> Evidence:
     """Return the evidence that a design leaves of a signal: its own W over t, (count, n, n)."""
-    if isinstance(law, FixedGain):
+    if law.W is None:
         return Evidence([_rationals(W[0] / t)])
     none = [[Fraction(0)] * W.shape[1] for _ in range(W.shape[1])]
     return Evidence([none], multiple=(Fraction(1 / t),))
@@ -482,7 +482,7 @@ def _climb(
         return
     wide = behind(plant, law, specification)
     plant, law, specification = wide.plant, wide.law, wide.specification
-    source, output = specification.condition(plant, domain_of(plant, law), unit)
+    source, output = specification.condition(plant, law.domain_of(plant), unit)
     loop = loop_with(plant, law, output.C, output.D)
     if output.held:
         loop = with_inputs(plant, law, loop)
@@ -567,7 +567,7 @@ def _proved(
     evidence: Evidence,
     level: float,
 ) -> Bound | None:
-    on = "box" if len(domain_of(plant, law).sizes) > 1 else "simplex"
+    on = law.domain_of(plant).on
     if plant.remainder is not None and specification.of_signal:
         try:
             if not evidence.dual:
@@ -588,7 +588,7 @@ def _proved(
         return None
     degree = evidence.highest
     if isinstance(specification, GainNorm):
-        degree = 0 if isinstance(law, FixedGain) else law.degree
+        degree = law.degree
     return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 
 

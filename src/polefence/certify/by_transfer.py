@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
-from polefence.law.laws import Law, domain_of
+from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -46,11 +46,11 @@ class ByTransfer:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> ByTransfer | None:
         """Return it for a plant in its delta form; None where there is no such proof."""
-        domain = domain_of(plant, law)
+        domain = law.domain_of(plant)
         box = domain.corners in (1, 2 ** len(domain.sizes))
         if plant.moving or plant.remainder is not None or not box or not specification.of_signal:
             return None
-        on, evidence = "box" if len(domain.sizes) > 1 else "simplex", Evidence([], transfer=True)
+        on, evidence = domain.on, Evidence([], transfer=True)
         claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(1))
         if not isinstance(claim, SignalClaim) or not claim.has_transfer:
             return None

@@ -17,11 +17,12 @@ from polefence.base.frozen import Frozen
 from polefence.certify.counterexample import counterexample
 from polefence.certify.exact import holds
 from polefence.certify.measured import dual_plant
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import Law, law_of
 from polefence.plant.exact import bare_plant
 from polefence.plant.family import Sampling, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import Domain
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
@@ -118,6 +119,13 @@ class Certificate(Short):
         return any("cells" in own for own in self.evidence.get("parts", ()))
 
     @property
+    def domain(self) -> Domain:
+        """Where its polynomials live: the law's own, of one gain what the evidence says."""
+        if self.law.K is None:
+            return self.law.domain
+        return Domain.of(str(self.evidence.get("on", "simplex")), len(self.plant.vertices))
+
+    @property
     def at_rest(self) -> Certificate:
         """The same for parameters that do not move: of the poles, and of no motion."""
         return replace(self, plant=self.plant.at_rest) if self.plant.moving else self
@@ -130,10 +138,9 @@ class Certificate(Short):
         PlantError
             If the checker does not take such a claim.
         """
-        polynomial = isinstance(self.law, PolynomialGain)  # which names what it measures
-        plant = file_plant(self.plant) if polynomial else bare_plant(self.plant)
+        plant = file_plant(self.plant) if self.law.names_signals else bare_plant(self.plant)
         try:
-            law, on = read_law(Table.of(self._law(), "law"), plant)
+            law, on = read_law(Table.of(self.law.document(), "law"), plant)
             own = {"region": self.region.document(), "method": self.method}
             table = Table.of(own | {"evidence": _plain_data(self.evidence)})
             claim = Poles.read_part(table, plant, law, plant.domain(on) if on else "")
@@ -141,19 +148,6 @@ class Certificate(Short):
             return claim
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
-
-    def _law(self) -> dict[str, Any]:
-        law = self.law
-        if isinstance(law, FixedGain):
-            return {"kind": "fixed", "K": law.K.tolist()}
-        on = "box" if len(law.domain.sizes) > 1 else "simplex"
-        if isinstance(law, PolynomialGain):
-            pairs = zip(law.powers, law.gains.tolist(), strict=True)
-            terms = [{"powers": list(e), "K": K} for e, K in pairs]
-            measured = {"measured": [own.name for own in law.measured]} if law.measured else {}
-            return {"kind": "polynomial", "on": on, "terms": terms} | measured
-        table = {"kind": "scheduled", "W": law.W.tolist(), "Z": law.Z.tolist()}
-        return table | {"degree": law.degree, "on": on}
 
     def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
@@ -260,26 +254,13 @@ class Certificate(Short):
         if claim is None:
             raise DesignFileError("no claim of it is about a region; name a design's file")
         region = region_of([(part.kind, part.numbers) for part in claim.region])
-        law: Law
-        if claim.law.polynomial:
-            law = polynomial_of(claim.law, plant)
-        elif claim.law.K is not None:
-            law = FixedGain(_floats(claim.law.K)[0])
-        else:
-            W, Z = _floats(claim.law.W or []), _floats(claim.law.Z or [])
-            law = ScheduledGain(W, Z, plant.parameters, claim.law.degree, claim.sizes)
+        law = law_of(claim.law, plant, claim.sizes)
         return cls(plant, region, claim.method, law, _evidence(claim), observed)
 
 
 def _samples(plant: UncertainPlant) -> Samples:
     """Return the claim that a plant is the samples of another, about the plant of the file."""
     return replace(claim_of_samples(plant), plant=file_plant(plant))
-
-
-def polynomial_of(law: laws.Law, plant: UncertainPlant) -> PolynomialGain:
-    """Return a polynomial law of a file."""
-    measured = tuple(plant.signal(name) for name in law.measured)
-    return PolynomialGain(law.powers, _floats(law.K or []), measured, plant.parameters)
 
 
 def _rationals(matrix: Array) -> Rationals:

@@ -17,7 +17,7 @@ from polefence.base.files import read_text, write_documents
 from polefence.certify.certificate import Certificate, Check, check_claim, decide, plant_of
 from polefence.certify.evaluation import rounding_share, surely_runs
 from polefence.certify.lyapunov import lyapunov_matrix, weights_at
-from polefence.law.laws import Law, ScheduledGain
+from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Scheduled, Slack, method_label
 from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
@@ -104,9 +104,9 @@ class Design(Short):
         law, evidence = self.law, self.certificate.evidence
         if self.method == "slack" and "degree" in evidence:
             return method_label(Slack(evidence["degree"], evidence["elevation"], evidence["on"]))
-        if self.method == "scheduled" and isinstance(law, ScheduledGain):
-            on = "box" if len(law.sizes) > 1 else "simplex"
-            return method_label(Scheduled(law.degree, evidence.get("elevation", 1), on))
+        if self.method == "scheduled" and law.W is not None:
+            found = Scheduled(law.degree, evidence.get("elevation", 1), law.domain.on)
+            return method_label(found)
         return self.method
 
     @cached_property

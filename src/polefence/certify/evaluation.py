@@ -26,7 +26,7 @@ import numpy as np
 
 from polefence.certify.certificate import Certificate, in_floats
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, ScheduledGain, right_divide
+from polefence.law.laws import right_divide
 from polefence.lmi.solve.scaling import summed, transposed
 from polefence.plant.boxes import Box
 from polefence.plant.polynomial import Domain
@@ -50,7 +50,7 @@ def rounding_share(certificate: Certificate) -> float:
     `TOLERANCE` of its size. Infinite where the certificate leaves no room in doubles.
     """
     worst = 0.0
-    places = _places(domain_of(certificate))
+    places = _places(certificate.domain)
     with np.errstate(all="ignore"):
         for region, lyapunov in lyapunovs(certificate):
             try:
@@ -105,7 +105,7 @@ def _leaves_room(region: Region, spread: float) -> bool:
 
 def _spread(certificates: Sequence[Certificate], lyapunovs: Sequence[Lyapunov]) -> list[float]:
     """Return the roots of the terms' squares where F^-1 = I, infinite where floats may not do."""
-    law, degree, domain = certificates[0].law, lyapunovs[0].degree, domain_of(certificates[0])
+    law, degree, domain = certificates[0].law, lyapunovs[0].degree, certificates[0].domain
     places, laws = _places(domain), [own.law for own in certificates]
     X = np.array([own.X for own in lyapunovs])
     if degree:  # else it is the same everywhere: one for all places
@@ -117,11 +117,11 @@ def _spread(certificates: Sequence[Certificate], lyapunovs: Sequence[Lyapunov]) 
     B = summed(places, np.array([own.plant.B for own in certificates])) / scale[..., None]
     inputs = transposed(B) @ np.linalg.solve(even, B)  # B' X^-1 B
     column = np.diagonal(inputs, axis1=-2, axis2=-1)
-    if isinstance(law, FixedGain):
-        K = np.array([own.K for own in laws if isinstance(own, FixedGain)])
+    if law.K is not None:
+        K = np.array([own.K for own in laws])
         square = (column @ K**2 * diagonal).sum(axis=-1)
-    elif isinstance(law, ScheduledGain):
-        W, Z = (np.array([getattr(own, name) for own in laws]) for name in ("W", "Z"))
+    elif law.W is not None:
+        W, Z = np.split(np.array([own.form for own in laws]), [X.shape[-1]], axis=-2)
         mean = W.mean(axis=-3)
         size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1))
         T = np.linalg.cholesky(mean / (size[..., :, None] * size[..., None, :]))
@@ -142,15 +142,6 @@ def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
     """Return the sum of squares of a matrix, weighed by columns and by the diagonal of rows."""
     sums = (columns[..., None, :] @ matrix**2)[..., 0, :]
     return np.asarray((sums * np.diagonal(rows, axis1=-2, axis2=-1)).sum(axis=-1))
-
-
-def domain_of(certificate: Certificate) -> Domain:
-    """Return where the certificate's polynomials live."""
-    law = certificate.law
-    if not isinstance(law, FixedGain):
-        return law.domain
-    on = str(certificate.evidence.get("on", "simplex"))
-    return Domain.of(on, len(certificate.plant.vertices))
 
 
 @lru_cache(maxsize=64)
@@ -185,7 +176,7 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
     """Yield each part of the region, and of the box, with what proves it there."""
     law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
     if certificate.method == "lyapunov":
-        scheduled = isinstance(law, ScheduledGain)
+        scheduled = law.W is not None
         for part, each in zip(parts, evidence["parts"], strict=True):
             for own in each.get("cells", [each]):
                 degree, X = int(own["degree"]), in_floats(own["X"])
@@ -194,7 +185,7 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
                 more = multiple, int(own["elevation"]), box, own.get("remainder")
                 yield part, Lyapunov(X, degree, *more)
         return
-    if isinstance(law, ScheduledGain):
+    if law.W is not None:
         found = Lyapunov(law.W, law.degree)
     elif certificate.method == "slack":
         found = Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
@@ -223,11 +214,11 @@ class _Loops:
 
     @classmethod
     def of(cls, certificate: Certificate, lyapunov: Lyapunov, places: Array) -> _Loops:
-        law, plant, domain = certificate.law, certificate.plant, domain_of(certificate)
+        law, plant, domain = certificate.law, certificate.plant, certificate.domain
         basis = domain.basis(places, lyapunov.degree)
         if lyapunov.box is not None:
             places = lyapunov.box.alpha(domain, places)
-        if isinstance(law, ScheduledGain):
+        if law.W is not None:
             coordinates = law.coordinates
             W, Z = (np.tensordot(law.domain.basis(places, law.degree), M, 1) for M in law.even)
             X = _scheduled(coordinates, lyapunov, basis, W)
@@ -242,7 +233,7 @@ class _Loops:
         C: Array = np.asarray(np.linalg.cholesky((X + X.swapaxes(-1, -2)) / 2), dtype=float)
         left: Array = np.asarray(np.linalg.solve(C, B), dtype=float)
         closed, back = np.linalg.solve(C, A) @ C + left @ K @ C, coordinates.inverse @ C
-        if not isinstance(law, ScheduledGain):
+        if law.W is None:
             return cls(closed, ((left, gains, back),))
         right: Array = np.asarray(np.linalg.solve(W, C), dtype=float)
         T, moved = coordinates.T, left @ K

@@ -21,11 +21,7 @@ from polefence.certify.certificate import Certificate, part_of
 from polefence.certify.counterexample import counterexample
 from polefence.certify.rational import lyapunov_matrices
 from polefence.law.laws import (
-    FixedGain,
     Law,
-    ScheduledGain,
-    divisible,
-    domain_of,
 )
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
@@ -74,15 +70,14 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
 
 def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
     """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
-    own = 0 if isinstance(law, FixedGain) else law.degree
-    own *= 2 if isinstance(law, ScheduledGain) else 1
-    return domain_of(plant, law).count(form[0] + plant.curve_degree + own + form[1])
+    own = law.degree + law.denominator_degree
+    return law.domain_of(plant).count(form[0] + plant.curve_degree + own + form[1])
 
 
 def work_of(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
     """Return about what a step of the search for one costs [multiplications]."""
     n = plant.shape[0]
-    unknowns = domain_of(plant, law).count(form[0]) * n * (n + 1) // 2
+    unknowns = law.domain_of(plant).count(form[0]) * n * (n + 1) // 2
     return float(_blocks(plant, law, form) * unknowns**2 * (2 * n) ** 2)
 
 
@@ -187,7 +182,7 @@ class Search:
             self.alpha = inside.leaving(box)
             return None if self.alpha or inside.full or self._late() else inside.widest(box)
 
-        whole = Box.whole(domain_of(self.plant, self.law))
+        whole = Box.whole(self.law.domain_of(self.plant))
         with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
             halves = list(whole.halves(inside.widest(whole)))
             parts = divided(halves, inside.proof, along, self.most)
@@ -247,7 +242,7 @@ class _Inside:
 
     def widest(self, box: Box) -> int:
         """Return the parameter along which the loop changes most."""
-        domain = domain_of(self.plant, self.law)
+        domain = self.law.domain_of(self.plant)
 
         def loops(own: Array) -> Array:
             alpha = box.alpha(domain, own)
@@ -265,7 +260,7 @@ class _Inside:
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
-    if not divisible(plant, law) or plant.remainder is not None:
+    if not law.divisible(plant) or plant.remainder is not None:
         return 1
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
@@ -275,7 +270,7 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
 
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
     """Return evidence that has the shape of some, for a claim whose poles are to be looked at."""
-    n, count = plant.shape[0], domain_of(plant, law).count(0)
+    n, count = plant.shape[0], law.domain_of(plant).count(0)
     found = {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
     if plant.remainder is not None:
         size = float(sum(x * x for row in plant.remainder.entries for x in row)) ** 0.5 or 1.0
@@ -317,6 +312,6 @@ def certificate_of(
 ) -> Certificate:
     """Return the claim with its evidence, one for each part of the region."""
     evidence: dict[str, Any] = {"parts": tuple(parts)}
-    if isinstance(law, FixedGain) and len(domain_of(plant, law).sizes) > 1:
+    if law.K is not None and law.domain_of(plant).on == "box":
         evidence["on"] = "box"
     return Certificate(plant, region, "lyapunov", law, evidence)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.progress import stage
-from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.lmi.solve.engine import kernel
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
@@ -55,7 +54,7 @@ def holds(certificate: Certificate) -> bool | None:
     if len(certificate.region.parts) > MAX_PARTS:  # which the checker refuses
         return None
     on = certificate.evidence.get("on", "simplex")
-    boxed = on != "simplex" or len(getattr(certificate.law, "sizes", ())) > 1
+    boxed = "box" in (on, certificate.law.domain.on)
     if boxed and not certificate.plant.parameters:
         return None
     try:
@@ -75,7 +74,7 @@ def _quadratic(own: Any, certificate: Certificate) -> bool | None:
 
 def _scheduled(own: Any, certificate: Certificate) -> bool | None:
     law, evidence = certificate.law, certificate.evidence
-    if not isinstance(law, ScheduledGain):
+    if law.W is None:
         return None
     _require(law.domain.corners == len(certificate.plant.vertices))
     elevation, tau = _whole(evidence.get("elevation", 1)), np.asarray(evidence["tau"])
@@ -83,7 +82,7 @@ def _scheduled(own: Any, certificate: Certificate) -> bool | None:
     theorem = _whole(law.degree) == elevation == 1 == len(law.domain.sizes)
     if tau and not (theorem and isinstance(certificate.region, Disk)):
         return None
-    form = _polynomial(law.domain, law.degree, np.concatenate([law.W, law.Z], axis=1))
+    form = _polynomial(law.domain, law.degree, law.form)
     parts = certificate.region.parts
     return _poles(
         own, certificate, law.domain, parts, (form, None), law.degree, elevation, float(tau)
@@ -92,7 +91,7 @@ def _scheduled(own: Any, certificate: Certificate) -> bool | None:
 
 def _given(own: Any, certificate: Certificate) -> bool | None:
     evidence, N = certificate.evidence, len(certificate.plant.vertices)
-    if not isinstance(certificate.law, FixedGain) or certificate.in_parts:
+    if certificate.law.K is None or certificate.in_parts:
         return None
     domain, answers = Domain.of(str(evidence.get("on", "simplex")), N), list[bool | None]()
     for part, each in zip(certificate.region.parts, evidence["parts"], strict=True):
@@ -177,10 +176,9 @@ def _pairs(parts: Sequence[Region]) -> list[Pair] | None:
 def _gain(certificate: Certificate, domain: Domain) -> Any:
     """Return [I; K] of one gain."""
     law = certificate.law
-    if not isinstance(law, FixedGain):
+    if law.K is None:
         raise FormatError("the law is no gain")
-    K = law.K
-    return _polynomial(domain, 0, np.vstack([np.eye(K.shape[1]), K])[None])
+    return _polynomial(domain, 0, law.form)
 
 
 def _plant(certificate: Certificate, domain: Domain) -> Any:

@@ -30,7 +30,6 @@ from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.law.laws import (
     GainTable,
     Law,
-    domain_of,
     given_law,
 )
 from polefence.lmi.conditions.lyapunov import Loop
@@ -318,7 +317,7 @@ def worst_case(
     deadline = Deadline(budget)
     claim = certificate_of(plant, law, widest, [placeholder(plant, law)]).claim()
     point, worst = first_worst(worst_points(claim, measure))
-    alpha = tuple(float(a) for a in domain_of(plant, law).alpha(point))
+    alpha = tuple(float(a) for a in law.domain_of(plant).alpha(point))
     question = _question(of, centre, worst, typical_rate(plant.A), plant.sample_time is not None)
     best: _Proved | None = None
     cut = False

@@ -12,7 +12,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Region
 
@@ -29,7 +29,7 @@ def lyapunov_matrices(plant: UncertainPlant, law: Law, part: Region) -> list[np.
     regions than half-planes and disks.
     """
     one = len(plant.vertices) == 1 and plant.remainder is None and not plant.moving
-    if not one or not isinstance(law, FixedGain) or plant.shape[0] > MOST:
+    if not one or law.K is None or plant.shape[0] > MOST:
         return []
     vertex, n = plant.vertices[0], plant.shape[0]
     K = [[Fraction(x) for x in row] for row in law.K.tolist()]

@@ -79,16 +79,18 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
     law, (n, m) = design.law, plant.shape
     total = design.plant.shape[0]
     columns = [*range(n + late), *range(total - kept, total)]  # filters are between
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         K = law.K[:, columns]
         if np.any(np.delete(law.K, columns, axis=1)):
             raise InputError("the law feeds back states of filters; it is not driven")
         return FixedGain(_rows(K, n, m, late, T, 1.0))
-    if isinstance(law, ScheduledGain):
+    if law.gains is None:
         if total != len(columns):
             raise InputError("the law feeds back states of filters; it is not driven")
-        rates = (law.Z[:, :late] - law.W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
-        return replace(law, Z=np.concatenate([law.Z, rates], axis=1))
+        W, Z = np.split(law.form, [total], axis=1)
+        rates = (Z[:, :late] - W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
+        Z = np.concatenate([Z, rates], axis=1)
+        return ScheduledGain(W, Z, law.parameters, law.degree, law.domain.sizes)
     measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
     own = states(with_states(plant, late + kept))[n : n + late]
     r = len(measured)

@@ -21,7 +21,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.evidence import certificate_of, placeholder
 from polefence.certify.given import Analysis, analyse
-from polefence.law.laws import FixedGain, GainTable, Law, given_law
+from polefence.law.laws import GainTable, Law, given_law
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -195,7 +195,7 @@ def verify(
         limit.require_fit(plant)
     given, certificate = None, None
     if len(lyapunov):
-        if not isinstance(own, FixedGain):
+        if own.K is None:
             raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
         given, certificate = _given(plant, own, region, _matrices(plant, lyapunov))
     if certificate is None:
@@ -228,7 +228,7 @@ def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
 
 
 def _given(
-    plant: UncertainPlant, law: FixedGain, region: Region, P: list[Rationals]
+    plant: UncertainPlant, law: Law, region: Region, P: list[Rationals]
 ) -> tuple[GivenLyapunov, Certificate | None]:
     """Decide whether Lyapunov matrices prove a claim; and its certificate, if they are one."""
     blank = [placeholder(plant, law)] * len(region.parts)
@@ -288,7 +288,7 @@ def _missed(claim: Poles, evidence: laws.Evidence, region: Region, verdict: Verd
 
 def _certificate(
     plant: UncertainPlant,
-    law: FixedGain,
+    law: Law,
     region: Region,
     form: str,
     on: str,

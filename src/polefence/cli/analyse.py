@@ -121,14 +121,15 @@ def analyse_command(options: Any) -> int:
         )
     plant, law = _read(plant, options)
     check_figure(options.plot)
-    name = TABLE_NAME if isinstance(law, GainTable) else FILE_NAME
+    table = law if isinstance(law, GainTable) else None
+    name = FILE_NAME if table is None else TABLE_NAME
     check_targets(options.json, options.plot, folder=options.output, names=(name,))
     if options.of is None:
         region = _region(options)
-        if isinstance(law, GainTable):
-            return _table(plant, law, region, options)
+        if table is not None:
+            return _table(plant, table, region, options)
         return _one(analyse(plant, law, region, options.budget), region, options)
-    if isinstance(law, GainTable):
+    if table is not None:
         raise InputError("--of is for one gain or law; analyse a table with --region")
     return _worst(
         plant, worst_case(plant, law, options.of, options.centre, options.budget), options
@@ -149,8 +150,7 @@ def _read(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Law | Ga
     except InputError:  # of the plant, not of what is on its way
         law = read_gain(plant, options.gain)
         if isinstance(law, FixedGain):
-            late = np.zeros((plant.shape[1], seen.shape[0] - plant.shape[0]))
-            return seen, FixedGain(np.hstack([law.K, late]))
+            return seen, law.with_states(seen.shape[0] - plant.shape[0])
     else:
         if not isinstance(law, GainTable):
             return seen, law
@@ -312,7 +312,7 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
     The sign of a design's own file is known.
     """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or not isinstance(law, FixedGain) or _is_design(gain):
+    if analysis.answer != "refuted" or law.K is None or _is_design(gain):
         return
     alpha = seeded(plant, len(plant.vertices) + BETWEEN)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))

@@ -23,9 +23,8 @@ from polefence.base.progress import stage
 from polefence.certify.checks import decays, in_time_of
 from polefence.certify.design import FILE_NAME, Design
 from polefence.cli.terminal import aside, say
-from polefence.law.laws import FixedGain, PolynomialGain
+from polefence.law.laws import Law
 from polefence.law.structure import Structure, load_structure
-from polefence.law.words import definitions, formula, terms_of
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
@@ -302,14 +301,9 @@ def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> li
     return lines
 
 
-def gains_of(law: Any, N: int) -> dict[str, Any]:
+def gains_of(law: Law) -> dict[str, Any]:
     """Return the gain, that of each term of a polynomial, or that at each vertex, as plain data."""
-    if isinstance(law, FixedGain):
-        return {"K": law.K.tolist()}
-    if isinstance(law, PolynomialGain):
-        return {name: K.tolist() for name, K in terms_of(law).items()}
-    corner = [[float(i == j) for i in range(N)] for j in range(N)]
-    return {f"K at vertex {j + 1}": law.gain(alpha).tolist() for j, alpha in enumerate(corner)}
+    return {name: K.tolist() for name, K in law.named_gains().items()}
 
 
 def report(design: Design, lines: list[str], summary: Mapping[str, Any], options: Any) -> None:
@@ -320,7 +314,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
     from polefence.show.plots import poles_figure, sampled
 
     cloud, corners = sampled(design)
-    gains = gains_of(design.law, len(design.plant.vertices))
+    gains = gains_of(design.law)
     if options.output is not None:
         saved(design.save(options.output))
     if options.json is not None:
@@ -334,7 +328,7 @@ def report(design: Design, lines: list[str], summary: Mapping[str, Any], options
         write_figure(options.plot, figure)
     if design.note:
         lines = [*lines, design.note]
-    say(*lines, *law_lines(design.law, len(design.plant.vertices)), verdict="proved")
+    say(*lines, *law_lines(design.law), verdict="proved")
 
 
 def write_figure(path: Path, figure: Any) -> None:
@@ -346,21 +340,17 @@ def write_figure(path: Path, figure: Any) -> None:
     saved(path)
 
 
-def words_of(law: Any) -> dict[str, Any]:
-    """Return what the gains of a polynomial law stand for, as plain data; nothing of others."""
-    if not isinstance(law, PolynomialGain):
-        return {}
-    return {"formula": formula(law), "where": definitions(law)}
+def words_of(law: Law) -> dict[str, Any]:
+    """Return what the gains of a law stand for, as plain data; nothing where names say it."""
+    return {"formula": law.formula, "where": law.definitions} if law.formula else {}
 
 
-def law_lines(law: Any, N: int) -> list[str]:
+def law_lines(law: Law) -> list[str]:
     """Return a law in lines: its gains, of a polynomial what they are and stand for."""
-    gains = gains_of(law, N)
-    if not isinstance(law, PolynomialGain):
+    gains = gains_of(law)
+    if not law.formula or (not law.degree and not law.measured):
         return gain_lines(gains)
-    if law.constant and not law.measured:
-        return gain_lines(gains)
-    return [f"  {line}" for line in (formula(law), *definitions(law))] + _matrices(gains)
+    return [f"  {line}" for line in (law.formula, *law.definitions)] + _matrices(gains)
 
 
 def _matrices(gains: Mapping[str, list[list[float]]]) -> list[str]:

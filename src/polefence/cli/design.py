@@ -27,7 +27,6 @@ from polefence.cli.common import (
     spec_argument,
     structure_of_options,
 )
-from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import exact
@@ -89,7 +88,7 @@ def design_command(options: Any) -> int:
     check_results(options)
     errors = errors_of(options.error)
     design = place(plant, region, method, structure=structure, errors=errors)
-    if structure is not None and is_one(design.law):
+    if structure is not None and design.law.fixed:
         structure = replace(structure, schedule=())
     label = design.label if structure is None else structure.words(plant)
     lines = [

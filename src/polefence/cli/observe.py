@@ -27,7 +27,6 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.law.laws import FixedGain
 from polefence.plant.spec import load
 from polefence.region.regions import Disk
 from polefence.region.text import parse_region
@@ -117,7 +116,7 @@ def observe_command(options: Any) -> int:
 
 def _gains(observer: Observer) -> dict[str, Any]:
     """Return L, or L at each vertex, as plain data."""
-    if isinstance(observer.design.law, FixedGain):
+    if observer.design.law.fixed:
         return {"L": observer.gain().tolist()}
     corners = np.eye(len(observer.plant.vertices))
     return {f"L at vertex {j + 1}": L.tolist() for j, L in enumerate(observer.gain(corners))}

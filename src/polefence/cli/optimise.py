@@ -49,7 +49,6 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.law.laws import FixedGain
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
@@ -210,7 +209,7 @@ def label_of(done: Optimised, method: Method | None) -> str:
     """Return the form of a law: of one that an LMI gave the method."""
     if done.structure is not None:
         return done.structure.words(done.plant)
-    if isinstance(done.law, FixedGain):
+    if done.law.K is not None:
         return "quadratic"
     on = "box" if done.plant.parameters else "simplex"
     return method_label(Scheduled(1, 0, on) if method is None else method)
@@ -355,7 +354,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     elif not _samples_keep_region(done, rows[0].own.alpha):
         lines.append(TOO_LARGE)
     lines += _rest_lines(done, rows)
-    return lines + law_lines(done.law, len(done.plant.vertices))
+    return lines + law_lines(done.law)
 
 
 def _design_lines(done: Optimised) -> list[str]:
@@ -505,7 +504,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "shared": done.shared if np.isfinite(done.shared) else None,
         "designed": None if done.designed is None else str(done.designed),
         "stepped back": None if done.retreat is None else _retreat_document(done.retreat),
-        "gains": gains_of(done.law, len(done.plant.vertices)),
+        "gains": gains_of(done.law),
         **words_of(done.law),
     }
 

@@ -15,7 +15,6 @@ from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import is_proof_file
 from polefence.cli.common import PROVED
 from polefence.cli.terminal import say
-from polefence.law.laws import FixedGain
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import dumps, loads
 from polefence.region.text import load_region, parse_region
@@ -106,6 +105,6 @@ def _design(path: Path, folder: Path) -> tuple[Subject, State]:
 
     design = Found.read(path).design
     subject = Subject.read(put_spec(folder, dumps(design.plant)))
-    method = METHODS[0] if isinstance(design.law, FixedGain) else METHODS[-1]
+    method = METHODS[0] if design.law.K is not None else METHODS[-1]
     state = State.first(subject, design.region, method=method, given=str(path))
     return subject, state.asking(measured=subject.measured_by(design), given=str(path))

@@ -22,7 +22,7 @@ from polefence.cli.common import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.law.arrays import law_from, negated
+from polefence.law.arrays import law_from
 from polefence.law.laws import GainTable, Law
 from polefence.plant.arrays import Arrays, plant_from, read_arrays
 from polefence.plant.family import UncertainPlant
@@ -152,7 +152,7 @@ def _law(plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], op
         law = law_from(arrays, plant)
     if isinstance(law, GainTable):
         raise InputError(f"--gain {what}: a table of gains; polefence analyse takes it")
-    return negated(law) if options.minus else law
+    return law.negated() if options.minus else law
 
 
 def _lyapunov(arrays: Arrays | None, names: dict[str, str], path: str | None) -> list[Any]:

@@ -35,7 +35,7 @@ from polefence.export.program import (
     number,
 )
 from polefence.export.sources import Texts, context, environment, sources
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
@@ -207,7 +207,7 @@ def of_signals(design: Design) -> Design:
     Its proof is the same: K C is the same matrix.
     """
     law, plant, certificate = design.law, design.plant, design.certificate
-    if design.method != "lyapunov" or not isinstance(law, FixedGain):
+    if design.method != "lyapunov" or law.K is None:
         return design
     used = np.asarray(law.K.any(axis=0))
     used[len(used) - kept(design) :] = True
@@ -224,7 +224,7 @@ def of_signals(design: Design) -> Design:
 
 def code_law(law: Law) -> Law:
     """Return the law as code computes it: that of one vertex is one gain."""
-    if isinstance(law, ScheduledGain) and law.domain.corners == 1:
+    if law.W is not None and law.domain.corners == 1:
         return FixedGain(law.gain([1.0]))
     return law
 
@@ -240,7 +240,7 @@ def names(
     plant: UncertainPlant = design.plant
     n, m = plant.shape
     inputs = tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
-    if isinstance(design.law, PolynomialGain) and design.law.measured:
+    if design.law.measured:
         found = tuple(own.label for own in design.law.measured)
     else:
         found = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
@@ -250,16 +250,16 @@ def names(
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
     form, law = number(code.bits), certificate.law
-    measured = isinstance(law, PolynomialGain) and bool(law.measured)
+    measured = bool(law.measured)
     own = code.memory
     memory = None
     if own is not None:
         memory = Memory(own.states, float(own.step), float(own.sample_time))
-    if code.K is not None or isinstance(law, FixedGain):
+    if code.K is not None or law.K is not None:
         return Fixed(form, _floats(code.K), measured, memory)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
     shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
-    if isinstance(law, PolynomialGain):
+    if law.W is None:
         gains = np.array([_floats(each) for each in code.terms])
         return Polynomial(form, shares, law.domain, law.powers, gains, measured, memory)
     W, Z = (np.array([_floats(each) for each in table]) for table in (code.W, code.Z))

@@ -31,7 +31,6 @@ from polefence.export.observer import observer_sources
 from polefence.export.program import Program, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.vectors import harness, makefile
-from polefence.law.laws import PolynomialGain, is_one
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
@@ -226,7 +225,7 @@ def _require_observer(
             "an observer's code follows combinations of the vertices, which samples are not; leave "
             "out the observer, or design both in continuous time"
         )
-    if isinstance(design.law, PolynomialGain) and design.law.measured:
+    if design.law.measured:
         raise InputError("the law takes measured signals, not states; leave out the observer")
     if kept(design):
         raise InputError("the law has states of its own; leave out the observer")
@@ -303,7 +302,7 @@ def _scheduled_on(design: Design, given: str | None) -> tuple[Parameter, ...]:
         raise InputError(f"given = {given!r} is unknown; use {' or '.join(GIVEN)}")
     if given == "parameters" and not design.plant.parameters:
         raise InputError("given = 'parameters': this plant was given by its vertices; use 'alpha'")
-    if is_one(code_law(design.law)) or given == "alpha":
+    if code_law(design.law).fixed or given == "alpha":
         return ()
     return design.plant.parameters
 

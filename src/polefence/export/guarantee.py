@@ -27,7 +27,7 @@ from polefence.export.sampled import (
     sampling_effect,
 )
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import Law
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
@@ -215,7 +215,7 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
         return _rows(size), tuple(map(tuple, exactly(program.T)))
     sizes = program.sizes if sizes is None else sizes
     rows, own = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
-    if not (isinstance(law, PolynomialGain) and law.measured):
+    if not law.measured:
         return rows, own
     count, n = law.C.shape[1:]
     if len(law.C) > 1 or count > n:
@@ -253,13 +253,14 @@ def _exact(values: Array) -> tuple[Fraction, ...]:
 
 def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
-    if not (isinstance(program, Scheduled) and isinstance(design.law, ScheduledGain)):
+    if not isinstance(program, Scheduled):
         return claim
     own = Coordinates(program.T)
     rows = scales(program, design.law)[0][:, None]
     domain, degree = program.domain, program.degree
-    W = bernstein(domain, own.forms(design.law.W), degree)
-    Z = bernstein(domain, own.gains(design.law.Z) / rows, degree)
+    left, right = np.split(design.law.form, [len(program.T)], axis=1)
+    W = bernstein(domain, own.forms(left), degree)
+    Z = bernstein(domain, own.gains(right) / rows, degree)
     square, best = times(W, W), (inf, 0.0, 0.0, 0)
     for elevation in range(ELEVATIONS + 1):
         if domain.count(2 * degree + elevation) > MOST_COEFFICIENTS:

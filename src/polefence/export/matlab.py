@@ -12,7 +12,6 @@ from polefence.base.explained import explained
 from polefence.base.files import write_bytes
 from polefence.certify.design import Design
 from polefence.export.memory import kept, with_rates
-from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
@@ -101,9 +100,9 @@ def statement(design: Design) -> str:
 def _law(design: Design) -> dict[str, Any]:
     law = design.law
     order = {"order": float(kept(design))} if kept(design) else {}
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         return order | {"K": np.array(law.K)}
-    if isinstance(law, PolynomialGain):
+    if law.gains is not None:
         measured = tuple(own.label for own in law.measured) or design.plant.states
         return order | {
             "gains": _stacked(law.gains),

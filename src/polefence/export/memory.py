@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from polefence.certify.design import Design
-from polefence.law.laws import PolynomialGain, ScheduledGain
+from polefence.law.laws import Law, PolynomialGain
 from polefence.plant.delta import delta_form
 from polefence.plant.larger import (
     DERIVATIVE,
@@ -27,7 +27,7 @@ from polefence.plant.system import Array
 
 def kept(design: Design) -> int:
     """Return how many states, the last ones, the code of a law keeps itself."""
-    return 0 if isinstance(design.law, ScheduledGain) else own_states(design.plant)
+    return own_states(design.plant) if design.law.W is None else 0
 
 
 def late_inputs(design: Design, delay: int) -> int:
@@ -42,7 +42,7 @@ def with_rates(design: Design) -> Design:
     other design is returned as it is.
     """
     law, plant = design.law, design.plant
-    if not isinstance(law, PolynomialGain) or not law.measured:
+    if law.gains is None or not law.measured:
         return design
     r, names = len(law.measured) // 3, [own.name for own in law.measured]
     known = [own.name for own in states(plant)[-2 * r :]] if r else []
@@ -72,9 +72,7 @@ def _rates(r: int, w: float) -> Array:
     return np.block([[eye, none, none], [w * eye, none, -w * eye]])
 
 
-def _terms(
-    law: PolynomialGain, gains: Array, rates: Array
-) -> tuple[tuple[tuple[int, ...], ...], Array]:
+def _terms(law: Law, gains: Array, rates: Array) -> tuple[tuple[tuple[int, ...], ...], Array]:
     """Return powers and gains with the rates below, the same for all parameters."""
     powers, ones = law.powers, law.one
     every = (*powers, *(e for e in ones if e not in powers))

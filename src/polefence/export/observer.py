@@ -151,8 +151,7 @@ def _gain_tables(number: Number, gain: Scheduled | None) -> dict[str, Any]:
 
 
 def _constant_gain(observer: Observer) -> Array:
-    fixed = isinstance(observer.design.law, FixedGain)
-    return observer.gain(None if fixed else [1.0])  # one vertex
+    return observer.gain([1.0])  # of one vertex, or of all
 
 
 def _programs(
@@ -165,7 +164,7 @@ def _programs(
     law, N = observer.design.law, len(observer.plant.vertices)
     if N == 1:
         return None, None
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         n = observer.plant.shape[0]
         law = ScheduledGain(np.stack([np.eye(n)] * N), np.zeros((N, 1, n)), parameters)
         found = program(law, parameters, number)
@@ -303,7 +302,7 @@ def family_points(observer: Observer) -> Array:
     """
     N = len(observer.plant.vertices)
     law = observer.design.law
-    box = bool(observer.plant.parameters) or (isinstance(law, ScheduledGain) and len(law.sizes) > 1)
+    box = bool(observer.plant.parameters) or law.domain.on == "box"
     domain = Domain.of("box" if box else "simplex", N)
     return check_alpha(domain.alpha(sample(domain)), N)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is_one
+from polefence.law.laws import Law
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
@@ -200,32 +200,32 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
     InputError
         If the law has too many coefficients, or numbers out of the format's range.
     """
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         return Fixed(number, _held(number.nearest(law.K), "K"))
-    count = len(law.gains) if isinstance(law, PolynomialGain) else law.domain.count(law.degree)
+    count = len(law.form if law.gains is None else law.gains)
     if count > MAX_TERMS:
         raise InputError(f"a law of {count} coefficients is not exported; at most {MAX_TERMS}")
     if parameters and 2 ** len(parameters) != law.domain.corners:
         raise InputError("the plant's vertices are not those of its parameters; export with alpha")
     shares = tuple(_share(p, number) for p in parameters)
-    if isinstance(law, PolynomialGain):
+    if law.gains is not None:
         gains, measured = _held(number.nearest(law.gains), "K"), bool(law.measured)
-        if is_one(law):
+        if law.fixed:
             return Fixed(number, gains[0], measured)
         return Polynomial(number, shares, law.domain, law.powers, gains, measured)
     if not law.degree:
         raise InputError("a law of degree 0 is one gain; export FixedGain(law.gain(alpha))")
     T = _held(number.nearest(_whitening(law)), "T")
     coordinates = Coordinates(T)
-    W, Z = coordinates.forms(law.W), coordinates.gains(law.Z)
+    W, Z = np.split(law.form, [len(T)], axis=1)
     return Scheduled(
         number,
         shares,
         law.domain,
         law.degree,
         T,
-        _held(number.nearest(W), "W"),
-        _held(number.nearest(Z), "Z"),
+        _held(number.nearest(coordinates.forms(W)), "W"),
+        _held(number.nearest(coordinates.gains(Z)), "Z"),
     )
 
 
@@ -255,7 +255,7 @@ def exactly(matrix: Array) -> Exact:
     return [[Fraction(float(value)) for value in row] for row in matrix]
 
 
-def _whitening(law: ScheduledGain) -> Array:
+def _whitening(law: Law) -> Array:
     """Return T with T W T' = I at the centre of the family."""
     if law.coordinates.whitens:
         return law.coordinates.T

@@ -29,12 +29,8 @@ from polefence.certify.margins.kinds import Scales, largest_of
 from polefence.export.memory import kept, late_inputs
 from polefence.export.program import exactly
 from polefence.law.laws import (
-    FixedGain,
     Law,
-    PolynomialGain,
-    ScheduledGain,
     check_alpha,
-    domain_of,
     given_law,
 )
 from polefence.lmi.conditions.target import Disks
@@ -43,7 +39,6 @@ from polefence.lmi.solve.lyapunov import least
 from polefence.lmi.solve.starts import start_matrix
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output
 from polefence.plant.points import edges, inside, values_at
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -508,8 +503,7 @@ class _Search:
 
     def _forms(self) -> tuple[tuple[int, int], ...]:
         law = self.design.law
-        degree = 0 if isinstance(law, FixedGain) else law.degree
-        return LADDER.get(degree, ((degree, 0), (degree, 0)))
+        return LADDER.get(law.degree, ((law.degree, 0), (law.degree, 0)))
 
     def _in(self, coordinates: Coordinates) -> Family:
         return family_of(self.design, self.sample_time, self.delay, coordinates)
@@ -617,9 +611,10 @@ def _terms(family: Family) -> int:
 def _with_bounds(blank: Sampled, family: Family) -> Sampled:
     """Add bounds on the law in the claim's coordinates."""
     law, own = family.design.law, family.coordinates
-    if not isinstance(law, ScheduledGain):
+    if law.W is None:
         return blank
-    W, Z = own.T @ law.W @ own.T.T, law.Z @ own.T.T / own.scale[:, None]
+    Z = law.form[:, len(own.T) :]
+    W, Z = own.T @ law.W @ own.T.T, Z @ own.T.T / own.scale[:, None]
     smallest = float(np.linalg.eigvalsh((W + W.swapaxes(1, 2)) / 2).min())
     if smallest <= 0:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")
@@ -737,7 +732,7 @@ def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates
 
 def _evened(law: Law, T: Array) -> Array:
     """Return a multiple of T for which T W T' is of the identity's size: that stands beside it."""
-    if not isinstance(law, ScheduledGain):
+    if law.W is None:
         return T
     W = T @ law.W @ T.T
     return np.asarray(T * np.sqrt(len(T) / np.trace(W.mean(axis=0))))
@@ -788,41 +783,19 @@ def _plant(design: Design, steps: Array, late: int, sample_time: float) -> Uncer
 
 
 def _law(design: Design, plant: UncertainPlant, coordinates: Coordinates) -> Law:
-    (n, m), law, T = design.plant.shape, design.law, coordinates.T
-    width = plant.shape[0]
-    if isinstance(law, FixedGain):
-        K = np.zeros((m + n, width))
-        K[:m, :n] = law.K @ np.linalg.inv(T) / coordinates.scale[:, None]
-        return FixedGain(K)
-    if isinstance(law, PolynomialGain):
-        return _polynomial(law, coordinates, width)
-    W = np.tile(np.eye(width), (len(law.W), 1, 1))
-    own = T @ law.W @ T.T
-    W[:, :n, :n] = (own + own.swapaxes(1, 2)) / 2
-    Z = np.zeros((len(W), m + n, width))
-    Z[:, :m, :n] = law.Z @ T.T / coordinates.scale[:, None]
-    return ScheduledGain(W, Z, plant.parameters, law.degree, law.sizes)
-
-
-def _polynomial(law: PolynomialGain, coordinates: Coordinates, width: int) -> PolynomialGain:
-    """Return the law in these coordinates, with no gain of v, and of none the remainder."""
-    C = np.pad(law.C @ np.linalg.inv(coordinates.T), ((0, 0), (0, 0), (0, width - law.C.shape[2])))
-    gains = law.gains / coordinates.scale[:, None]
-    gains = np.pad(gains, ((0, 0), (0, law.C.shape[2]), (0, 0)))
-    if len(C) == 1:
-        return replace(law, gains=gains @ C[0], measured=())
-    rows = zip(law.measured, np.moveaxis(C, 1, 0), strict=True)
-    return replace(law, gains=gains, measured=tuple(Output(y.name, y.unit, own) for y, own in rows))
+    n = design.plant.shape[0]
+    more = {"states": plant.shape[0] - n, "inputs": n}
+    return design.law.moved(coordinates.T, coordinates.scale, **more)
 
 
 def _middle(family: Family, evidence: Mapping[str, Any]) -> Array:
     """Return the Lyapunov matrix at the middle."""
     law = family.law
-    where = domain_of(family.plant, law)
+    where = law.domain_of(family.plant)
     alpha = np.full(where.corners, 1 / where.corners)
     basis = where.basis(alpha, evidence["degree"])
     Q = np.tensordot(basis, in_floats(evidence["X"]), 1)
-    if not isinstance(law, ScheduledGain):
+    if law.W is None:
         return np.asarray(Q)
     W = np.tensordot(where.basis(alpha, law.degree), law.W, 1)
     X = W @ (basis @ np.asarray(evidence["multiple"]) * np.eye(len(W)) + Q @ W)

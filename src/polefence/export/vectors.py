@@ -24,7 +24,7 @@ from polefence.export.program import (
     memory_of,
 )
 from polefence.export.sources import MARKER, Texts, context, environment
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, is_one
+from polefence.law.laws import Law
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
@@ -323,12 +323,12 @@ def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array,
     """
     if not _is_of(program, law):
         raise InputError(f"{law!r} is not the law of this code, which is {program.shape[::-1]}")
-    if isinstance(program, Fixed) or not isinstance(law, ScheduledGain):
+    if isinstance(program, Fixed) or law.W is None:
         gains = _gains(program, law, given)
         pairs = ((K, _rationals(v)) for K, v in zip(gains, x, strict=True))
         answers = [(_float(K @ v), _float(np.abs(K) @ np.abs(v))) for K, v in pairs]
     else:
-        Z, W = _whole(_rationals(law.Z)), _whole(_rationals(law.W))
+        W, Z = (_whole(_rationals(M)) for M in np.split(law.form, [law.shape[1]], axis=1))
         alphas = [_alpha(program, values) for values in given]
         answers = [_at(law, Z, W, alpha, v) for alpha, v in zip(alphas, x, strict=True)]
     u, scale = (np.array(column) for column in zip(*answers, strict=True))
@@ -336,19 +336,14 @@ def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array,
 
 
 def _is_of(program: Program, law: Law) -> bool:
-    if isinstance(law, PolynomialGain):
-        own, shape = is_one(law), law.gains.shape[1:]
-        kind: type[Program] = Fixed if own else Polynomial
-    elif isinstance(law, FixedGain):
-        kind, shape = Fixed, law.K.shape
-    else:
-        kind, shape = Scheduled, law.Z.shape[1:]
+    kind: type[Program] = Fixed if law.fixed else Polynomial if law.W is None else Scheduled
+    shape = law.shape[0], law.C.shape[1]
     return isinstance(program, kind) and shape == program.shape[::-1]
 
 
 def _gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
     """Yield the gains of what the code is given, exactly."""
-    if isinstance(law, PolynomialGain) and isinstance(program, Polynomial):
+    if isinstance(program, Polynomial) and law.gains is not None:
         K = _rationals(law.gains)
         for values in given:
             c = law.domain.coordinates(_alpha(program, values))
@@ -356,11 +351,11 @@ def _gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
             terms = [math.prod(c ** np.array(e)) for e in law.powers]
             yield np.tensordot(np.array(terms), K, 1)
         return
-    K = _rationals(law.gains[0] if isinstance(law, PolynomialGain) else law.gain(None))
+    K = _rationals(law.own_gain(None))
     yield from (K for _ in given)
 
 
-def _at(law: ScheduledGain, Z: Whole, W: Whole, alpha: Rationals, x: Array) -> tuple[Array, Array]:
+def _at(law: Law, Z: Whole, W: Whole, alpha: Rationals, x: Array) -> tuple[Array, Array]:
     """Return u and the scale of its error at one alpha and x."""
     c = law.domain.coordinates(alpha)
     basis = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,15 +41,6 @@ def _law(arrays: Arrays, plant: UncertainPlant) -> Law:
     if "B" not in arrays:
         return FixedGain(np.zeros(plant.shape[::-1]))
     raise InputError(f"{arrays.place}: no gain K in it, nor W and Z; name the file of one")
-
-
-def negated(law: Law) -> Law:
-    """Return the law with the other sign."""
-    if isinstance(law, FixedGain):
-        return FixedGain(-law.K)
-    if isinstance(law, PolynomialGain):
-        return replace(law, gains=-law.gains)
-    return replace(law, Z=-law.Z)
 
 
 def _floats(matrices: list[Exact]) -> Any:

@@ -18,7 +18,7 @@ from polefence.base.errors import (
     suggest,
 )
 from polefence.base.explained import explained
-from polefence.law.laws import Law, PolynomialGain, is_one
+from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split, stacked, states
 from polefence.plant.system import Array, System, floats
@@ -275,17 +275,17 @@ def law_to_control(
     """
     control = _control()
     keys = _scheduled_by(plant, law, given)
-    x, u, _ = signal_names(plant, keys)
-    y = x if not isinstance(law, PolynomialGain) else _measured_names(plant, law, keys)
+    _, u, _ = signal_names(plant, keys)
+    y = _measured_names(plant, law, keys)
     common = {
         "inputs": [*y, *keys],
         "outputs": u,
         "dt": 0 if plant.sample_time is None else float(plant.sample_time),
         "name": name,
     }
-    if is_one(law):
-        K = law.gains[0] if isinstance(law, PolynomialGain) else law.K
-        return control.ss([], [], [], np.pad(K, ((0, 0), (0, len(keys)))), **common)
+    if law.fixed:
+        K = np.pad(law.own_gain(None), ((0, 0), (0, len(keys))))
+        return control.ss([], [], [], K, **common)
     r, by_alpha = len(y), given == "alpha" or not plant.parameters
 
     def output(_t: float, _x: Array, signals: Any, _params: Any) -> Array:
@@ -294,14 +294,12 @@ def law_to_control(
         alpha: Any = values[r:]
         if not by_alpha:
             alpha = plant.alpha(clamp=clamp, **dict(zip(keys, values[r:].tolist(), strict=True)))
-        if isinstance(law, PolynomialGain):
-            return np.asarray(law.own_gain(alpha, clamp) @ values[:r])
-        return law.control(alpha, values[:r], clamp)
+        return np.asarray(law.own_gain(alpha, clamp) @ values[:r])
 
     return control.nlsys(None, output, **common)
 
 
-def _measured_names(plant: UncertainPlant, law: PolynomialGain, keys: Sequence[str]) -> list[str]:
+def _measured_names(plant: UncertainPlant, law: Law, keys: Sequence[str]) -> list[str]:
     """Return names of what a law is given, those that `to_control` has for the plant's outputs."""
     x, u, w = signal_names(plant, keys)
     if not law.measured:
@@ -318,7 +316,7 @@ def _scheduled_by(plant: UncertainPlant, law: Law, given: str) -> list[str]:
     wanted = " or ".join(repr(g) for g in GIVEN) if plant.parameters else "'alpha'"
     if given not in ("", *GIVEN) or (given == "parameters" and not plant.parameters):
         raise InputError(f"given = {given!r} is not what {plant.name} has; use {wanted}")
-    if is_one(law) and not given:
+    if law.fixed and not given:
         return []
     if given == "alpha" or not plant.parameters:
         return [f"alpha{j + 1}" for j in range(len(plant.vertices))]

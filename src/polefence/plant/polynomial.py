@@ -62,6 +62,11 @@ class Domain:
         """Number of vertices of the family."""
         return math.prod(self.sizes)
 
+    @property
+    def on(self) -> str:
+        """What files call it: "box", or "simplex"."""
+        return "box" if len(self.sizes) > 1 else "simplex"
+
     def count(self, degree: int) -> int:
         """Return the number of monomials of a degree in each simplex."""
         return math.prod(math.comb(size - 1 + degree, degree) for size in self.sizes)

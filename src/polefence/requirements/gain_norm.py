@@ -11,7 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown
 from polefence.base.explained import explained_fields
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.plant.family import UncertainPlant
@@ -169,13 +169,12 @@ class GainNorm(Specification):
 
 def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[float, int]]:
     """Yield what is proved of a law in floats, with the elevation at which it is."""
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         yield float(own.norms(plant, law.K)), 0
         return
     domain, degree, n = law.domain, law.degree, plant.shape[0]
-    form = law.form if isinstance(law, PolynomialGain) else np.concatenate([law.W, law.Z], axis=1)
     rows, columns = (np.array(each) for each in own.units(plant))
-    H, Z = form[:, :n] / columns[:, None], form[:, n:] / rows[:, None]
+    H, Z = law.form[:, :n] / columns[:, None], law.form[:, n:] / rows[:, None]
     right = np.linalg.inv(H.mean(axis=0))
     P, Q = (bernstein(domain, each @ right, degree) for each in (H, Z))
     square = times({e: p.T for e, p in P.items()}, P)
@@ -194,10 +193,10 @@ def by_multiples(plant: UncertainPlant, law: Law, own: GainNorm) -> tuple[float,
     W is above s diag(columns)^2. That costs up to the root of how far W is from a multiple of it,
     and asks for no more of a W that varies much.
     """
-    if not isinstance(law, ScheduledGain):
+    if law.W is None:
         return None
     rows, columns = (np.array(each) for each in own.units(plant))
-    W, V = law.W / columns[:, None] / columns, law.Z / rows[:, None] / columns
+    W, V = law.W / columns[:, None] / columns, law.form[:, len(columns) :] / rows[:, None] / columns
     s = (1 - ABOVE) * np.linalg.eigvalsh(W).min(axis=1)
     if not s.min() > 0:
         return None

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import FixedGain, Law, domain_of
+from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.gramians import DualProblem, cheapest
 from polefence.lmi.solve.loops import polynomial_of
@@ -93,13 +93,12 @@ class RelativeRms(Rms):
         return self._baseline(plant, domain, states).variance(domain, C[:, :, list(states)])
 
     def _baseline(self, plant: UncertainPlant, domain: Domain, states: tuple[int, ...]) -> Baseline:
-        on = "box" if len(domain.sizes) > 1 else "simplex"
         disturbance(plant)
-        return baseline(plant, on, self.density / 2, self.scales(plant), states)
+        return baseline(plant, domain.on, self.density / 2, self.scales(plant), states)
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the dual form of the rms, as a share of the variance without control."""
-        own, domain = super().dual(plant, law), domain_of(plant, law)
+        own, domain = super().dual(plant, law), law.domain_of(plant)
         if own is None:
             return None
         return replace(own, share=self.square(plant, domain, own.C))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import FixedGain, GainTable, PolynomialGain, ScheduledGain, given_law
+from polefence.law.laws import GainTable, Law, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import Output, padded
@@ -179,29 +179,11 @@ def wider(law: Any, plant: UncertainPlant, larger: UncertainPlant) -> Any:
     if law is None or not more:
         return law
     if isinstance(law, GainTable):
-        return replace(law, gains=_columns(law.gains, more))
+        return law.with_states(more)
     own = law.as_law() if hasattr(law, "as_law") else law
-    checked = given_law(plant, own)  # a scheduled law's alpha stays where it lives
-    own = own if isinstance(own, ScheduledGain) else checked
-    if isinstance(own, FixedGain):
-        return FixedGain(_columns(own.K, more))
-    if isinstance(own, PolynomialGain):
-        if not own.measured:
-            return replace(own, gains=_columns(own.gains, more))
-        return replace(own, measured=tuple(padded(y, more) for y in own.measured))
-    return _scheduled(own, more)
-
-
-def _scheduled(law: ScheduledGain, more: int) -> ScheduledGain:
-    """Return a law with a multiple of the identity in W, the same as `proof.filters` takes."""
-    n = law.W.shape[1]
-    W = np.pad(law.W, ((0, 0), (0, more), (0, more)))
-    W[:, range(n, n + more), range(n, n + more)] = law.W[0, 0, 0]
-    return replace(law, W=W, Z=_columns(law.Z, more))
-
-
-def _columns(matrices: Any, more: int) -> Any:
-    return np.pad(matrices, [(0, 0)] * (np.ndim(matrices) - 1) + [(0, more)])
+    checked = given_law(plant, own)
+    # a scheduled law's alpha stays where it lives
+    return (own if isinstance(own, Law) else checked).with_states(more)
 
 
 def _exact(matrix: Any) -> Rationals:

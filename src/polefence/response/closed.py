@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import GainTable, Law, check_alpha, given_law
+from polefence.law.laws import check_alpha, law_or_table
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
@@ -88,13 +88,7 @@ def gains(plant: UncertainPlant, law: Any, alpha: Array) -> Array:
     n, m = plant.shape
     if law is None:
         return np.zeros((len(alpha), m, n))
-    if isinstance(law, GainTable):
-        found = [values_at(plant, a) for a in alpha]
-        if any(v is None for v in found):
-            raise InputError(f"a table of gains needs the parameters of {plant.name}")
-        return np.stack([law.gain_at(clamp=True, **v) for v in found])  # type: ignore[arg-type]
-    own: Law = given_law(plant, law)
-    return np.asarray(own.gain(alpha))
+    return law_or_table(plant, law).over(plant, alpha)
 
 
 def point_text(plant: UncertainPlant, alpha: Array) -> str:

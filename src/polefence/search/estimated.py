@@ -38,7 +38,6 @@ from polefence.certify.margins.claims import (
     subject_of,
 )
 from polefence.certify.margins.kinds import count_blocks, count_pairs, estimate_holds, points_of
-from polefence.law.laws import is_one
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
 from polefence.lmi.conditions.target import Patch
 from polefence.lmi.solve.search import Reached as Point
@@ -226,7 +225,7 @@ def _weights(own: Any, ends: tuple[Fraction, Fraction]) -> Array:
 
 def _claim(design: Design, errors: list[Fraction]) -> Estimate | None:
     """Return the claim that the errors are borne, None where no fineness proves it."""
-    if is_one(design.law):
+    if design.law.fixed:
         return None
     loops, sizes = balanced(design, design.region), list(map(float, errors))
     for pieces, elevation in BOX:

@@ -973,7 +973,7 @@ def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
     """Prove the region with the law's own W; None where that is no proof."""
     elevation = options(origin.task.method).elevation
     name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
-    if isinstance(law, FixedGain):
+    if law.W is None:
         name, evidence = "quadratic", {"W": origin.found.values["W1"]}
     own = Certificate(task.plant, task.region, name, law, evidence)
     return own if own.holds() else None

@@ -29,7 +29,7 @@ from polefence.certify.checks import (
     stable_region,
 )
 from polefence.certify.design import FILE_NAME, Design
-from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
+from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
 from polefence.plant.card import card
@@ -522,7 +522,7 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
     document = from_plain(row["performance"])
     claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
     certificate = _of_plant(Certificate.of(document), asked.plant)
-    fixed = isinstance(certificate.law, FixedGain)
+    fixed = certificate.law.K is not None
     if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
         return None
     kept = {key: row[key] for key in ("value", "method")}
@@ -532,9 +532,7 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
 
 def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
     """Return the claim as one about the plant asked for, of the same vertices."""
-    law = certificate.law
-    if isinstance(law, ScheduledGain | PolynomialGain):
-        law = replace(law, parameters=plant.parameters)
+    law = certificate.law.of(plant.parameters)
     return replace(certificate, plant=plant, law=law) if _is_of(certificate, plant) else certificate
 
 

@@ -20,7 +20,6 @@ from polefence.base.explained import explained
 from polefence.certify.design import Design
 from polefence.certify.given import Analysis
 from polefence.certify.table import TableAnalysis
-from polefence.law.laws import domain_of
 from polefence.plant.outputs import Signal
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import sample, values_text
@@ -595,7 +594,7 @@ def _limits(ax: Axes, parameters: tuple[Parameter, ...]) -> None:
 @explained
 def analysis_figure(analysis: Analysis) -> Figure:
     """Draw the poles of a given law over the family with the region; and at a counterexample."""
-    domain = domain_of(analysis.plant, analysis.law)
+    domain = analysis.law.domain_of(analysis.plant)
     corners = np.eye(len(analysis.plant.vertices))
     clouds = analysis.poles(domain.alpha(sample(domain))), analysis.poles(corners)
     title, discrete = analysis.plant.name, analysis.plant.sample_time is not None

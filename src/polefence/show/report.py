@@ -18,8 +18,7 @@ from polefence.certify.certificate import Check
 from polefence.certify.checks import implies_stability
 from polefence.certify.design import Design, check, require_kind
 from polefence.export.memory import kept, with_rates
-from polefence.law.laws import FixedGain, PolynomialGain
-from polefence.law.words import definitions, formula, terms_of
+from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
@@ -206,13 +205,10 @@ def sections(
 
 
 def _claim(design: Design, answer: Check, besides: Sequence[Bound]) -> Section:
-    law = "one gain, u = K x" if isinstance(design.law, FixedGain) else "u = K(alpha) x"
-    if isinstance(design.law, PolynomialGain):
-        law = f"{'one gain' if design.law.fixed else 'a polynomial'}, {formula(design.law)}"
     rows = [
         ("plant", design.plant.name),
         ("region", short_text(design.region)),
-        ("law", f"{law}; method {design.method}"),
+        ("law", f"{design.law.title}; method {design.method}"),
         ("claim", "; ".join((*answer.claims, *(own.what for own in besides if not own.level)))),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
@@ -434,35 +430,32 @@ def _front(front: tuple[str, bytes] | None) -> Section | None:
 
 def _gain(design: Design) -> Section:
     names = design.plant.states or tuple(f"x{i + 1}" for i in range(design.plant.shape[0]))
-    if isinstance(design.law, PolynomialGain):
+    if design.law.formula:
         return _terms(design, design.law, names)
-    corners = np.eye(len(design.plant.vertices))
-    gains = design.law.gain(corners)
-    if isinstance(design.law, FixedGain):
-        gains, heads = gains[:1], [""]
-    else:
-        heads = [f"vertex {j + 1}" for j in range(len(gains))]
+    corners, fixed = np.eye(len(design.plant.vertices)), design.law.fixed
+    gains = design.law.gain(corners)[: 1 if fixed else None]
+    heads = [""] if fixed else [f"vertex {j + 1}" for j in range(len(gains))]
     rows = tuple(
         (f"{head} {_input(design, i)}".strip(), *(f"{k:.6g}" for k in row))
         for head, K in zip(heads, gains, strict=True)
         for i, row in enumerate(K)
     )
     text: Sequence[str] = ("Six digits; use the numbers of the file.",)
-    if not isinstance(design.law, FixedGain):
+    if not fixed:
         degree = f"of degree {design.law.degree} in the weights alpha of the vertices"
         text = (*text, f"Between the vertices K(alpha) = Z(alpha) W(alpha)^-1, W and Z {degree}.")
     return Section("The gain", tuple(text), Table(("u = K x", *names), rows))
 
 
-def _terms(design: Design, law: PolynomialGain, states: Sequence[str]) -> Section:
+def _terms(design: Design, law: Law, states: Sequence[str]) -> Section:
     names = tuple(own.label for own in law.measured) or states
     rows = tuple(
         (f"{name} {_input(design, i)}".strip(), *(f"{k:.6g}" for k in row))
-        for name, K in terms_of(law).items()
+        for name, K in law.named_gains().items()
         for i, row in enumerate(K)
     )
     letter = "y" if law.measured else "x"
-    text = ("Six digits; use the numbers of the file.", f"{formula(law)}.", *definitions(law))
+    text = ("Six digits; use the numbers of the file.", f"{law.formula}.", *law.definitions)
     return Section("The gain", text, Table((f"u = K {letter}", *names), rows))
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.files import read_text
 from polefence.certify.design import Design
-from polefence.law.laws import PolynomialGain
 from polefence.law.structure import Structure, load_structure
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
@@ -115,7 +114,7 @@ class Subject(Short):
         """Return the names of what the law of a design measures, of those that are known."""
         law, vertices = design.law, np.eye(len(self.plant.vertices))
         names = own_states(self.plant)
-        if isinstance(law, PolynomialGain) and law.measured:
+        if law.measured:
             names = tuple(own.name for own in law.measured)
         used = np.any([law.gain(alpha) for alpha in vertices], axis=(0, 1))
         known = {name for name, some in zip(names, used, strict=False) if some}

@@ -15,7 +15,6 @@ from polefence.certify.candidates import edge, first
 from polefence.certify.counterexample import leaves
 from polefence.certify.design import Design
 from polefence.certify.margins.gains import MOST, Gains
-from polefence.law.laws import PolynomialGain
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
@@ -227,9 +226,7 @@ class _Weights:
 def _closed(design: Design, plant: Array, law: Array) -> Array:
     """Return the loops of the plant at one alpha and the law at another."""
     A, B = design.plant.at(plant)
-    own = design.law
-    K = own.told(plant, law) if isinstance(own, PolynomialGain) else own.gain(law)
-    return np.asarray(A + B @ K)
+    return np.asarray(A + B @ design.law.told(plant, law))
 
 
 # --- errors of the gain --------------------------------------------------------------------------

@@ -22,10 +22,9 @@ from polefence.base.explained import explained
 from polefence.certify.candidates import first, rising
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import Design
-from polefence.certify.evaluation import Lyapunov, domain_of, lyapunovs
+from polefence.certify.evaluation import Lyapunov, lyapunovs
 from polefence.certify.given import analyse
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
@@ -346,7 +345,7 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
 
 def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     """Return the value for a Lyapunov polynomial of the region."""
-    law, plant, domain = design.law, design.plant, domain_of(design.certificate)
+    law, plant, domain = design.law, design.plant, design.certificate.domain
     A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
     N, (n, m) = len(A), plant.shape
     if plant.curve_degree > 1:
@@ -354,16 +353,16 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         B = np.concatenate([B, plant.curve[:, :, n : n + m]])
     if own.box is not None:
         A, B = plant.at(own.box.alpha(domain, np.eye(domain.corners)))
-    if isinstance(law, FixedGain):
+    if law.K is not None:
         KX: Array = law.K @ X
-    elif isinstance(law, PolynomialGain):
+    elif law.W is None:
         form = bernstein(domain, law.form, law.degree)
         form = form if own.box is None else own.box.polynomial(form, domain)
         both = times(form, bernstein(domain, X, degree))
         degree += law.degree
         X, KX = np.split(_stacked(both, domain, degree), [plant.shape[0]], axis=1)
     elif own.multiple is None:
-        KX = law.Z
+        KX = law.form[:, n:]
     else:
         # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
         first, (W, Z) = law.coordinates, law.even
@@ -395,7 +394,7 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         region.pairs(),
         all(part.kind == "disk" for part in region.parts),
         own.elevation,
-        not (own.degree if isinstance(law, PolynomialGain) else degree),
+        not (own.degree if law.W is None else degree),
         np.concatenate([A[N:], B[N:]], axis=2) if plant.curve_degree > 1 else None,
         plant.curve_degree,
         None if own.remainder is None else Spread.of(own.remainder, T, m),

@@ -43,7 +43,7 @@ from polefence.certify.margins.claims import (
     whole_points,
 )
 from polefence.certify.margins.kinds import COVERS, GIVEN, largest_bordered
-from polefence.law.laws import Law, PolynomialGain, domain_of
+from polefence.law.laws import Law
 from polefence.lmi.conditions.performance import Output, Through
 from polefence.lmi.solve.loops import loop_with, polynomial_of
 from polefence.lmi.solve.lyapunov import kept_whatever, points_inside
@@ -87,14 +87,13 @@ class Gains:
     def of(cls, design: Design, own: bool = False) -> Gains:
         """Return the gains of the inputs; with ``own`` those of the rates of the law's states."""
         law, N, C = design.law, len(design.plant.vertices), None
-        gain = law.gain
-        if isinstance(law, PolynomialGain) and law.measured:
-            gain, C = law.own_gain, np.broadcast_to(law.C, (N, *law.C.shape[1:]))
-        if isinstance(law, PolynomialGain):
+        if law.measured:
+            C = np.broadcast_to(law.C, (N, *law.C.shape[1:]))
+        if law.W is None:  # coefficients bound what points only show
             at = law.domain.nodes(law.degree)
-            found = law.domain.interpolated(gain(at), law.degree)
+            found = law.domain.interpolated(law.own_gain(at), law.degree)
         else:
-            found = gain(seeded(design.plant, N + BETWEEN))
+            found = law.own_gain(seeded(design.plant, N + BETWEEN))
         sizes = np.abs(found).max(axis=0)
         rates = np.arange(len(sizes)) >= len(sizes) - own_states(design.plant)
         return cls(np.where(rates[:, None] == own, sizes, 0.0), C)
@@ -363,7 +362,7 @@ def _evidence(
     SolverError
         If there is none of this form.
     """
-    domain = domain_of(plant, law)
+    domain = law.domain_of(plant)
     N, (n, m), degree = len(plant.vertices), plant.shape, plant.curve_degree
     B = polynomial_of(plant, domain, plant.B, n)
     inputs = np.array([B[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)])

@@ -20,7 +20,6 @@ from polefence.certify.margins import kinds
 from polefence.certify.margins.breaks import estimate_break, gain_break
 from polefence.certify.margins.claims import Balanced, Question, balanced, claimed_design, proved
 from polefence.certify.margins.gains import Gains, each_gain_claim
-from polefence.law.laws import FixedGain, is_one
 from polefence.plant.card import card
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.estimate import Estimate
@@ -72,8 +71,7 @@ class _Task:
 
     @property
     def fixed(self) -> bool:
-        law = self.design.law
-        return is_one(law) or (not isinstance(law, FixedGain) and not law.degree)
+        return self.design.law.fixed or not self.design.law.degree
 
     def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
         """Yield name, unit and span: of each parameter alone, and of all at once."""

@@ -19,7 +19,6 @@ from itertools import product
 
 import numpy as np
 
-from polefence.law.laws import ScheduledGain
 from polefence.lmi.conditions.motion import change
 from polefence.lmi.solve.gramians import MOST, OVER, ROOM, ROUNDS, SMALL, DualProblem, majorant
 from polefence.plant.motion import Motion
@@ -57,7 +56,7 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
         How far above it a level ends the climb, as a share.
     """
     motion = Motion.of(problem.plant)
-    still = problem.gain or problem.share is not None or isinstance(problem.law, ScheduledGain)
+    still = problem.gain or problem.share is not None or problem.law.W is not None
     if still or motion.free or motion.centre is not None or set(problem.domain.sizes) != {2}:
         return
     for degree in range(1, HIGHEST + 1):

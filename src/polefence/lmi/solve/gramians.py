@@ -25,7 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from polefence.base.effort import ended, spend
-from polefence.law.laws import FixedGain, Law, ScheduledGain, divisible, domain_of, right_divide
+from polefence.law.laws import Law, right_divide
 from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
@@ -107,7 +107,7 @@ class DualProblem:
     @property
     def domain(self) -> Domain:
         """Where alpha lives."""
-        return domain_of(self.plant, self.law)
+        return self.law.domain_of(self.plant)
 
     @property
     def step(self) -> float:
@@ -124,13 +124,12 @@ class DualProblem:
     @property
     def rows(self) -> int:
         """Degree of A W + B Z, and at most that of C W + D Z."""
-        own = 0 if isinstance(self.law, FixedGain) else self.law.degree
-        return own + self.plant.curve_degree
+        return self.law.degree + self.plant.curve_degree
 
     @property
     def left(self) -> int:
         """Degree of W, by which all is multiplied from the left."""
-        return self.law.degree if isinstance(self.law, ScheduledGain) else 0
+        return self.law.denominator_degree
 
     @property
     def degree(self) -> int:
@@ -166,11 +165,7 @@ class DualProblem:
         """Return [W; Z], or [I; K], at points."""
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
-        if isinstance(self.law, ScheduledGain):
-            basis = self.law.domain.basis(alpha, self.law.degree)
-            return np.concatenate([np.tensordot(basis, M, 1) for M in (self.law.W, self.law.Z)], 1)
-        K = np.asarray(self.law.gain(alpha))
-        return np.concatenate([np.tile(np.eye(K.shape[2]), (len(K), 1, 1)), K], 1)
+        return np.concatenate(self.law.parts(alpha), axis=1)
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return W (I but of scheduled laws), A W + B Z, C W + D Z, E and F at points.
@@ -181,20 +176,15 @@ class DualProblem:
             alpha = self.box.alpha(self.domain, alpha)
         A, B = self.plant.at(alpha)
         C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
-        n, curved = A.shape[-1], self.plant.curve_degree > 1
+        curved = self.plant.curve_degree > 1
         E = self.plant.driven(alpha) * self.scales if curved else np.tensordot(alpha, self.E, 1)
-        if not isinstance(self.law, ScheduledGain):
-            W = np.broadcast_to(np.eye(n), A.shape)
-            Z = self.law.gain(alpha)
-        else:
-            basis = self.law.domain.basis(alpha, self.law.degree)
-            W, Z = (np.tensordot(basis, M, 1) for M in (self.law.W, self.law.Z))
+        W, Z = self.law.parts(alpha)
         return W, A @ W + B @ Z, C @ W + D @ Z, E, F
 
     def closed(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
         """Return A + B K, C + D K, E and F at points."""
         W, N, Y, E, F = self.at(alpha)
-        if not isinstance(self.law, ScheduledGain):
+        if self.law.W is None:
             return N, Y, E, F
         return right_divide(N, W), right_divide(Y, W), E, F
 
@@ -275,7 +265,7 @@ def in_parts(
         What was found for lower levels of the problem; what is found now is added.
     """
     known = {} if known is None else known
-    if not divisible(problem.plant, problem.law) or problem.share is not None:
+    if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
     degrees = [own for own in DEGREES if problem.work(own) * ROUNDS <= MOST_IN_PART]
     if not degrees:
@@ -532,7 +522,7 @@ class _Interpolation:
             a, b, c = _inverse(level, F)
             cross, Yt = QE @ b @ Y, Y.swapaxes(-1, -2)
             missed = N + QE @ a @ QE.swapaxes(-1, -2) + cross + cross.swapaxes(-1, -2) + Yt @ c @ Y
-        if isinstance(self.problem.law, ScheduledGain):
+        if self.problem.law.W is not None:
             middle = np.linalg.inv(W.mean(axis=0))
             missed = middle.T @ missed @ middle
         return missed, bound

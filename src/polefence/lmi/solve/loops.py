@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import FixedGain, Law, PolynomialGain, domain_of
+from polefence.law.laws import Law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
@@ -29,29 +29,19 @@ def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
 def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
     """Return a loop with how its inputs enter, and what they are: they are cut off."""
     n, domain = plant.shape[0], loop.domain
-    if isinstance(law, FixedGain):
-        K = {(0,) * sum(domain.sizes): law.K}
-    elif isinstance(law, PolynomialGain):
-        K = {e: p[n:] for e, p in bernstein(domain, law.form, law.degree).items()}
-    else:
-        K = bernstein(domain, law.Z, law.degree)
+    K = bernstein(domain, law.form[:, n:], law.degree)
     return replace(loop, B=polynomial_of(plant, domain, plant.B, n), K=K)
 
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:
-    n, domain, step = plant.shape[0], domain_of(plant, law), float(plant.step)
+    n, domain, step = plant.shape[0], law.domain_of(plant), float(plant.step)
     AB, motion, d = polynomial_of(plant, domain, rows), Motion.of(plant), plant.curve_degree
-    if isinstance(law, FixedGain):
-        eye = {(0,) * sum(domain.sizes): np.eye(n)}
-        both = {(0,) * sum(domain.sizes): np.vstack([np.eye(n), law.K])}
-        return Loop(elevated(eye, domain, d), times(AB, both), domain, step=step, motion=motion)
-    if isinstance(law, PolynomialGain):
-        both = bernstein(domain, law.form, law.degree)
+    closed = times(AB, bernstein(domain, law.form, law.degree))
+    if law.W is None:
         eye = elevated({(0,) * sum(domain.sizes): np.eye(n)}, domain, law.degree + d)
-        return Loop(eye, times(AB, both), domain, step=step, motion=motion)
+        return Loop(eye, closed, domain, step=step, motion=motion)
     W = bernstein(domain, law.W, law.degree)
-    both = bernstein(domain, np.concatenate([law.W, law.Z], axis=1), law.degree)
-    return Loop(elevated(W, domain, d), times(AB, both), domain, W, step, motion)
+    return Loop(elevated(W, domain, d), closed, domain, W, step, motion)
 
 
 def polynomial_of(

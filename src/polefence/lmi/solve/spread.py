@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import Law, domain_of
+from polefence.law.laws import Law
 from polefence.lmi.solve.gramians import cheapest, majorant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -46,7 +46,7 @@ def spread_of(
     if remainder is None:
         raise InputError(f"{plant.name} has no remainder")
     n = plant.shape[0]
-    XKX = lifted(law.exact, evidence, domain_of(plant, law).sizes)
+    XKX = lifted(law.exact, evidence, law.domain_of(plant).sizes)
     each = _coefficients(XKX)
     if cut:
         Y = polynomials.bernstein([*evidence.held], XKX.sizes, evidence.held_degree)

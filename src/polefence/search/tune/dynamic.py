@@ -19,7 +19,7 @@ from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
-from polefence.plant.outputs import padded, states
+from polefence.plant.outputs import states
 from polefence.plant.system import Array
 from polefence.region.regions import Disk, Region, stable
 from polefence.requirements.specification import Specification
@@ -290,30 +290,13 @@ def beside_filters(
     region : Region
         Where the filters' poles are to be.
     """
-    k, (m, n), names = larger.shape[0] - plant.shape[0], plant.shape[::-1], states(larger)
+    k, n, names = larger.shape[0] - plant.shape[0], plant.shape[0], states(larger)
     y = structure.outputs(plant)
     found = [_pole(plant, region, speed) for speed in np.geomspace(*SPEEDS, k)]
     if None in found:
         return None
     rates = np.array(found, dtype=float)
-    if isinstance(law, FixedGain):
-        C = np.array([[float(x) for x in own.C[0]] for own in y])
-        gains = np.zeros((1, m + k, n + k))
-        gains[0, :m, :n] = law.K
-        gains[0, m:, :n] = rates[:, None] * C[np.arange(k) % len(C)]
-        gains[0, m:, n:] = -np.diag(rates)
-        return FixedGain(gains[0])
-    if not isinstance(law, PolynomialGain) or (not law.parameters and law.degree > 1):
-        return None
-    r = law.gains.shape[2]
-    gains = np.zeros((len(law.gains), m + k, r + k))
-    gains[:, :m, :r] = law.gains
-    whole = [e for e in law.powers if not any(e)] or law.powers  # alpha sums to one
-    for j in (law.powers.index(e) for e in whole):
-        gains[j, m + np.arange(k), np.arange(k) % r] = rates
-        gains[j, m:, r:] = -np.diag(rates)
-    measured = (*(padded(own, k) for own in law.measured or states(plant)), *names[n:])
-    return PolynomialGain(law.powers, gains, measured, law.parameters)
+    return law.with_filters(y, rates, states(plant), names[n:])
 
 
 def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | None:
@@ -356,11 +339,10 @@ def _of_order(
     if not whole:
         return None
     every = np.zeros((len(powers), m + k, r + k))
-    if isinstance(found.law, PolynomialGain):
+    if found.law.K is None:
         every[:, :m, : r + 1] = found.law.gains
     else:
-        K = found.law.gain(np.eye(len(plant.vertices))[0])
-        every[whole, :m, : r + 1] = K @ np.linalg.pinv(static.rows(larger)[0])
+        every[whole, :m, : r + 1] = found.law.K @ np.linalg.pinv(static.rows(larger)[0])
     for j in whole:
         for i, poles in enumerate(pole * FACTOR ** np.arange(k)):
             every[j, m + i, (filtered + i) % r] = poles

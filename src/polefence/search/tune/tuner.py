@@ -18,7 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.progress import counted, stage
-from polefence.law.laws import Law, ScheduledGain
+from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Goal, Side
 from polefence.plant.family import UncertainPlant
@@ -221,7 +221,7 @@ def _task(
 def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
     """Return what a search finds; one gain, a special case, is first if no such law is given."""
     structure = task.unknowns.structure
-    if task.unknowns.terms > 1 and all(isinstance(own, ScheduledGain) for own in starts):
+    if task.unknowns.terms > 1 and all(own.W is not None for own in starts):
         one = replace(task.unknowns, structure=replace(structure, schedule=()))
         simple = _Search(replace(task, unknowns=one)).run(starts)
         starts = (*starts, *(own.law for own in simple[:1]))
@@ -557,7 +557,7 @@ class _Search:
     def _of_structure(self, law: Law) -> bool:
         """Whether a law is one of the structure."""
         own = self.task.unknowns
-        if isinstance(law, ScheduledGain):
+        if law.W is not None:
             free = self.task.unknowns.structure
             return free.measured is None and free.schedule is None and free.pattern is None
         K = np.asarray(law.gain(self.cloud.alpha)) * own.states

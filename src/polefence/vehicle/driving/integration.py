@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, suggest
-from polefence.law.laws import FixedGain, GainTable, PolynomialGain, given_law
+from polefence.law.laws import GainTable, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
 from polefence.plant.system import Array
@@ -550,14 +550,15 @@ def gains_of(space: Space, law: Any) -> Gains:
 
         return table
     own = given_law(plant, law)
-    if isinstance(own, PolynomialGain) and len(own.C) > 1:
+    if len(own.C) > 1:
         varying = ", ".join(repr(y.name) for y in own.measured if len(y.C) > 1)
         raise InputError(
             f"the law takes {varying}, which depends on the parameters: drives have laws of states "
             "or of outputs that are the same for all parameters"
         )
-    if isinstance(own, FixedGain):
-        return lambda values: np.broadcast_to(own.K, (*values.shape[:-1], m, n))
+    K = own.K
+    if K is not None:
+        return lambda values: np.broadcast_to(K, (*values.shape[:-1], m, n))
     return lambda values: own.gain(space.alpha(space.inside(values)), clamp=True)
 
 

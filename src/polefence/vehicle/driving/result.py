@@ -12,7 +12,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.certify.margins import Margin, Margins
-from polefence.law.laws import GainTable, given_law, is_one
+from polefence.law.laws import given_law, law_or_table
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, inputs, rates_in
 from polefence.plant.system import Array
@@ -560,16 +560,14 @@ def _require_same(service: Margins, space: Space, law: Any) -> None:
     if plant.digest != space.plant.digest or plant.parameters != space.plant.parameters:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")
     theirs = given_law(plant, service.design.law)
-    own = None if law is None or isinstance(law, GainTable) else given_law(plant, law)
+    own = None if law is None else law_or_table(plant, law)
     if own is None or own.exact != theirs.exact:
         raise InputError("the margins are another law's; give those of the law that drives")
 
 
 def is_scheduled(space: Space, law: Any) -> bool:
     """Whether the law looks at the parameters at all."""
-    if law is None or isinstance(law, GainTable):
-        return law is not None
-    return not is_one(given_law(space.plant, law))
+    return law is not None and not law_or_table(space.plant, law).fixed
 
 
 def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:

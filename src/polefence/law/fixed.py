@@ -1,0 +1,131 @@
+"""One gain for every parameter value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polefence.base.explained import explained, explained_fields
+from polefence.law.law import Law, frozen, gain_rows, more_columns, rationals
+from polefence.plant.card import card
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import laws as proof
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FixedGain(Law):
+    """u = K x for every parameter value.
+
+    Parameters
+    ----------
+    K : (m, n) array
+        [input unit / state unit]
+    """
+
+    K: Array
+    W = None
+    powers = ((0,),)
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K", frozen(self.K, 2, "K"))
+        object.__setattr__(self, "gains", self.K[None])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of inputs and states."""
+        m, n = self.K.shape
+        return m, n
+
+    @property
+    def fixed(self) -> bool:
+        """It never looks at the parameters."""
+        return True
+
+    @property
+    def in_parts(self) -> bool:
+        """It is the same on every part of a box."""
+        return True
+
+    @property
+    def form(self) -> Array:
+        """[I; K], (1, n + m, n)."""
+        return np.vstack([np.eye(self.K.shape[1]), self.K])[None]
+
+    @property
+    def exact(self) -> proof.Law:
+        """The law in rationals."""
+        return proof.Law([rationals(self.K)])
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, as a proof file has it."""
+        return {"kind": "fixed", "K": self.K.tolist()}
+
+    def __repr__(self) -> str:
+        return f"<FixedGain {self.K.shape[0]} x {self.K.shape[1]}: {self.K.tolist()}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return card("u = K x", gain_rows("K", self.K))
+
+    @explained
+    def gain(self, alpha: Any = None, clamp: bool = False) -> Array:  # noqa: ARG002
+        """Return K; alpha is accepted, and not needed. Batched alpha gives batched gains."""
+        lead = () if alpha is None else np.shape(alpha)[:-1]
+        return np.broadcast_to(self.K, (*lead, *self.K.shape))
+
+    def gain_at(self, clamp: bool = False, **values: Any) -> Array:  # noqa: ARG002
+        """Return K, whatever the physical parameters."""
+        return self.K
+
+    def fitted(self, plant: UncertainPlant) -> FixedGain:  # noqa: ARG002
+        """Return it: it fits every family of its shape."""
+        return self
+
+    def domain_of(self, plant: UncertainPlant) -> Domain:
+        """Return where claims about its loop are made: the box where there are parameters."""
+        return Domain.of("box" if plant.parameters else "simplex", len(plant.vertices))
+
+    def negated(self) -> FixedGain:
+        """Return it with the other sign."""
+        return FixedGain(-self.K)
+
+    def with_states(self, more: int) -> FixedGain:
+        """Return it for a plant with more states behind its n, which are not fed back."""
+        return FixedGain(more_columns(self.K, more))
+
+    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> FixedGain:
+        """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
+        K = self.K @ np.linalg.inv(T) / scale[:, None]
+        return FixedGain(np.pad(K, ((0, inputs), (0, states))))
+
+    def with_filters(
+        self,
+        y: Sequence[Output],
+        rates: Array,
+        states: Sequence[Output],  # noqa: ARG002
+        filters: Sequence[Output],  # noqa: ARG002
+    ) -> FixedGain:
+        """Return it beside filters of signals, which it steps and does not use."""
+        (m, n), k = self.shape, len(rates)
+        C = np.array([[float(x) for x in own.C[0]] for own in y])
+        K = np.zeros((m + k, n + k))
+        K[:m, :n] = self.K
+        K[m:, :n] = rates[:, None] * C[np.arange(k) % len(C)]
+        K[m:, n:] = -np.diag(rates)
+        return FixedGain(K)
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return "one gain, u = K x"
+
+    def named_gains(self) -> dict[str, Array]:
+        """Return K by its name."""
+        return {"K": self.K}

@@ -1,0 +1,286 @@
+"""A gain of what is measured, polynomial in the parameters, and the words that it is shown by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, require_type
+from polefence.base.explained import explained_fields
+from polefence.law.law import Law, check_alpha, frozen, gain_rows, more_columns, rationals
+from polefence.plant.card import card
+from polefence.plant.outputs import Output, padded
+from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof import laws as proof
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialGain(Law):
+    """u = K(p) y, y = C x what is measured, K a polynomial: the sum of its terms' gains times c^e.
+
+    c are the parameters' coordinates in [-1, 1], in which the plant is multi-affine: from the lower
+    to the upper bound of p, or of 1/p where the plant is affine in that. Of a plant without
+    parameters they are alpha, and all terms have one degree.
+
+    Parameters
+    ----------
+    powers : sequence of sequence of int
+        Exponents e of each term.
+    gains : (terms, m, r) array
+        [input unit / unit of the signal]
+    measured : tuple of Output, optional
+        The signals y; all states by default.
+    parameters : tuple of Parameter
+        The plant's.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit together.
+    """
+
+    K = W = None
+    powers: tuple[tuple[int, ...], ...]
+    gains: Array
+    measured: tuple[Output, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        powers = tuple(tuple(int(power) for power in e) for e in self.powers)
+        object.__setattr__(self, "powers", powers)
+        object.__setattr__(self, "gains", frozen(self.gains, 3, "gains"))
+        object.__setattr__(self, "measured", tuple(self.measured))
+        widths = {len(e) for e in powers}
+        if len(widths) != 1 or len(powers) != len(self.gains) or len(set(powers)) < len(powers):
+            raise InputError("powers must be one a gain, of one length, each once")
+        if self.parameters and widths != {len(self.parameters)}:
+            raise InputError(f"powers must have {len(self.parameters)} exponents, one a parameter")
+        if not self.parameters and len({sum(e) for e in powers}) > 1:
+            raise InputError("terms in alpha must be of one degree")
+        for own in self.measured:
+            require_type(own, Output, "each of measured", "plant.signal(name) returns one")
+        if self.measured and len(self.measured) != self.gains.shape[2]:
+            raise InputError(
+                f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of inputs and states."""
+        return self.gains.shape[1], self.C.shape[2]
+
+    @property
+    def domain(self) -> Domain:
+        """The simplices in which alpha lives."""
+        count = len(self.powers[0])
+        return Domain((2,) * count if self.parameters else (count,))
+
+    @property
+    def degree(self) -> int:
+        """Degree of K(p) C(p) in each parameter, or in alpha."""
+        own = max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
+        return own + int(any(len(output.C) > 1 for output in self.measured))
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it is one gain of what is measured."""
+        return len(self.powers) == 1 and (not any(self.powers[0]) or self.domain.corners == 1)
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is one gain of states."""
+        return self.degree == 0
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether it is one in the parameters: on parts of their box it is too."""
+        return bool(self.parameters)
+
+    @property
+    def names_signals(self) -> bool:
+        """It names what it measures, and is of the plant's parameters."""
+        return True
+
+    @cached_property
+    def C(self) -> Array:
+        """Rows of what is measured, (N, r, n), or (1, r, n) where they are the same everywhere."""
+        if not self.measured:
+            return np.eye(self.gains.shape[2])[None]
+        count = max(len(output.C) for output in self.measured)
+        rows = [np.array([[float(x) for x in row] for row in y.C]) for y in self.measured]
+        return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
+
+    @property
+    def exact(self) -> proof.Law:
+        """The law in rationals, with the rows that it measures at each vertex."""
+        N, measured = self.domain.corners, self.measured
+        rows = [y.C if len(y.C) > 1 else y.C * N for y in measured]
+        C = tuple([list(row[k]) for row in rows] for k in range(N)) if rows else ()
+        names, degree = tuple(y.name for y in measured), proof.total_degree(self.powers)
+        K = [rationals(own) for own in self.gains]
+        return proof.Law(K, degree=degree, powers=self.powers, measured=names, C=C)
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, as a proof file has it."""
+        pairs = zip(self.powers, self.gains.tolist(), strict=True)
+        terms = [{"powers": list(e), "K": K} for e, K in pairs]
+        measured = {"measured": [own.name for own in self.measured]} if self.measured else {}
+        return {"kind": "polynomial", "on": self.domain.on, "terms": terms} | measured
+
+    @cached_property
+    def form(self) -> Array:
+        """Bernstein coefficients of [I; K C], (count, n + m, n), of the law's degree."""
+        at = self.domain.nodes(self.degree)
+        K = self.gain(at)
+        one = np.broadcast_to(np.eye(K.shape[-1]), (len(K), K.shape[-1], K.shape[-1]))
+        return self.domain.interpolated(np.concatenate([one, K], axis=1), self.degree)
+
+    def __repr__(self) -> str:
+        _, m, r = self.gains.shape
+        return f"<PolynomialGain {m} x {r}, {len(self.powers)} terms, degree {self.degree}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        terms = [row for name, K in self.named_gains().items() for row in gain_rows(name, K)]
+        return card(self.formula, [("with", "; ".join(self.definitions)), *terms])
+
+    def terms(self, alpha: Any) -> Array:
+        """Return c^e of each term at alpha (..., N), as (..., terms)."""
+        a = np.asarray(alpha, dtype=float)
+        c = self.domain.coordinates(a)
+        c = c[..., 1::2] - c[..., ::2] if self.parameters else c
+        return np.asarray(np.prod(c[..., None, :] ** np.array(self.powers), axis=-1))
+
+    def gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return K(alpha) C(alpha), the gain of all states, (..., m, n) for alpha (..., N).
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        return self.told(a, a)
+
+    def own_gain(self, alpha: Any, clamp: bool = False) -> Array:
+        """Return K(alpha), the gain of what is measured, (..., m, r) for alpha (..., N).
+
+        One gain needs no alpha: it may be None.
+
+        Raises
+        ------
+        ParameterValueError
+            If alpha lies off the simplex by more than rounding, unless ``clamp``.
+        """
+        if alpha is None and self.fixed:
+            return np.asarray(self.gains[0])
+        a = check_alpha(alpha, self.domain.corners, clamp)
+        return np.asarray(np.tensordot(self.terms(a), self.gains, 1))
+
+    def told(self, alpha: Any, law: Any) -> Array:
+        """Return the gain of all states of a plant at alpha where the law is told another one."""
+        C = self.C[0] if len(self.C) == 1 else np.tensordot(alpha, self.C, 1)
+        return np.asarray(np.tensordot(self.terms(law), self.gains, 1) @ C)
+
+    def of(self, parameters: tuple[Parameter, ...]) -> PolynomialGain:
+        """Return it with the parameters that alpha comes from."""
+        return replace(self, parameters=parameters)
+
+    def negated(self) -> PolynomialGain:
+        """Return it with the other sign."""
+        return replace(self, gains=-self.gains)
+
+    def with_states(self, more: int) -> PolynomialGain:
+        """Return it for a plant with more states behind its n, which are not fed back."""
+        if not self.measured:
+            return replace(self, gains=more_columns(self.gains, more))
+        return replace(self, measured=tuple(padded(y, more) for y in self.measured))
+
+    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> PolynomialGain:
+        """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
+        C = more_columns(self.C @ np.linalg.inv(T), states)
+        gains = np.pad(self.gains / scale[:, None], ((0, 0), (0, inputs), (0, 0)))
+        if len(C) == 1:
+            return replace(self, gains=gains @ C[0], measured=())
+        rows = zip(self.measured, np.moveaxis(C, 1, 0), strict=True)
+        measured = tuple(Output(y.name, y.unit, own) for y, own in rows)
+        return replace(self, gains=gains, measured=measured)
+
+    def with_filters(
+        self,
+        y: Sequence[Output],  # noqa: ARG002
+        rates: Array,
+        states: Sequence[Output],
+        filters: Sequence[Output],
+    ) -> PolynomialGain | None:
+        """Return it beside filters of what it measures; None where no term is constant."""
+        if not self.parameters and self.degree > 1:
+            return None
+        (terms, m, r), k = self.gains.shape, len(rates)
+        gains = np.zeros((terms, m + k, r + k))
+        gains[:, :m, :r] = self.gains
+        whole = [e for e in self.powers if not any(e)] or self.powers  # alpha sums to one
+        for j in (self.powers.index(e) for e in whole):
+            gains[j, m + np.arange(k), np.arange(k) % r] = rates
+            gains[j, m:, r:] = -np.diag(rates)
+        measured = (*(padded(own, k) for own in self.measured or states), *filters)
+        return PolynomialGain(self.powers, gains, measured, self.parameters)
+
+    @property
+    def title(self) -> str:
+        """What it is, and its formula."""
+        return f"{'one gain' if self.fixed else 'a polynomial'}, {self.formula}"
+
+    @property
+    def formula(self) -> str:
+        """As u = (K0 + K1 c1 + K2 c1^2) y."""
+        letter = "y" if self.measured else "x"
+        if self.fixed:
+            return f"u = K {letter}"
+        own = "c" if self.parameters else "alpha"
+        sums = [
+            " ".join([f"K{k}", *(_power(f"{own}{j + 1}", p) for j, p in enumerate(e) if p)])
+            for k, e in enumerate(self.powers)
+        ]
+        return f"u = ({' + '.join(sums)}) {letter}"
+
+    @property
+    def definitions(self) -> list[str]:
+        """What y is, and how each coordinate of the law depends on its parameter."""
+        lines = [f"y = {', '.join(own.label for own in self.measured)}"] if self.measured else []
+        if self.fixed:
+            return lines
+        if not self.parameters:
+            return [*lines, "alpha1 and so on: the weights of the vertices"]
+        looked = [any(e[j] for e in self.powers) for j in range(len(self.parameters))]
+        pairs = zip(self.parameters, looked, strict=True)
+        return lines + [f"c{j + 1} = {_coordinate(p)}" for j, (p, own) in enumerate(pairs) if own]
+
+    def named_gains(self) -> dict[str, Array]:
+        """Return the gains of the terms: K alone, or K0, K1 and so on."""
+        if self.fixed:
+            return {"K": self.gains[0]}
+        return {f"K{k}": K for k, K in enumerate(self.gains)}
+
+
+def _power(name: str, power: int) -> str:
+    return name if power == 1 else f"{name}^{power}"
+
+
+def _coordinate(p: Parameter) -> str:
+    """Say how a parameter's coordinate, from -1 to 1, is found."""
+    low, high = float(p.scheduling(p.low)), float(p.scheduling(p.high))
+    middle, half = (low + high) / 2, (high - low) / 2
+    own = f"1/{p.name}" if p.inverted else p.name
+    first, second = (own, f"{middle:.6g}") if half > 0 else (f"{middle:.6g}", own)
+    unit = f" [{p.unit}]" if p.unit else ""
+    text = f"({first} - {second})/{abs(half):.6g}" if middle else f"{own}/{half:.6g}"
+    text = text.replace("- -", "+ ")
+    return f"{text}: -1 at {p.name} = {float(p.low):g}, 1 at {float(p.high):g}{unit}"

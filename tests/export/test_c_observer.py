@@ -260,7 +260,7 @@ def units(observer: Observer) -> np.ndarray:
     """Sizes of the states that belong together: those of the dual's W."""
     law = observer.design.law
     K = law.gain([1 / len(observer.plant.vertices)] * len(observer.plant.vertices))
-    W = law.W.mean(axis=0) if hasattr(law, "W") else np.diag(1 + 0 * K[0])
+    W = law.W.mean(axis=0) if law.W is not None else np.diag(1 + 0 * K[0])
     return 1 / np.sqrt(np.diagonal(W))
 
 

@@ -18,7 +18,7 @@ from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector
 from polefence.requirements.text import load_specifications
-from polefence.search.tuned import _faster, tighter
+from polefence.search.tuned import _faster
 from support.specs import ride_of_loads
 
 CAR = HalfPlane(1) & Sector(0.15)
@@ -140,7 +140,7 @@ def test_a_method_and_a_structure_are_two_questions(study):
 )
 @pytest.mark.parametrize("share", [1e-3, 0.05])
 def test_a_tighter_region_lies_inside(region, share):
-    inner = tighter(region, share)
+    inner = region.tighter(share)
     random = np.random.default_rng(5)
     z = random.uniform(-90, 5, 4000) + 1j * random.uniform(-40, 40, 4000)
     within, outside = inner.distance(z) < 0, region.distance(z) > 0

@@ -20,7 +20,8 @@ from polefence import (
     place,
 )
 from polefence.base.errors import NotProvedError
-from polefence.certify.margins import estimated, estimation_error, gain_error, search
+from polefence.certify.margins import estimation_error, gain_error
+from polefence.certify.margins import service as search
 from polefence.certify.margins.breaks import Break
 from polefence.certify.margins.claims import Reached, subject_of
 from polefence.law.laws import FixedGain
@@ -31,7 +32,7 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
-from polefence.search import nearby
+from polefence.search import estimated, nearby
 from support.specs import SPRING
 
 T = 0.02

@@ -20,7 +20,7 @@ from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.proof.matrices import least_work
 from polefence.proof.reading import LARGEST, is_double
-from polefence.proof.regions import MAX_PARTS, parts_of
+from polefence.proof.regions import KINDS, MAX_PARTS, parts_of
 from polefence.proof.work import MAX_WORK, FormatError
 from polefence.region.regions import Disk, Region
 
@@ -145,7 +145,7 @@ def _poles(
     pairs, count = _pairs(parts), domain.count(degree + 1 + elevation)
     if pairs is None or not _usual(certificate, count * len(pairs), forms):
         return None
-    positive = any(not isinstance(part, Disk) for part in parts)
+    positive = any(not KINDS[part.kind].definite for part in parts)
     plant = _plant(certificate, domain)
     return _ANSWERS.get(
         own.poles(domain.sizes, plant, *forms, pairs, tau, elevation, count, positive)
@@ -164,9 +164,6 @@ def _usual(certificate: Certificate, count: int, forms: Sequence[Any]) -> bool:
 
 def _pairs(parts: Sequence[Region]) -> list[Pair] | None:
     """Return L and M of the parts, None where doubles do not hold them."""
-    if all(isinstance(part, Disk) for part in parts):
-        exact = [pair for part in parts for pair in part.pairs()]
-        return [(L[None], M[None]) for L, M in exact]
     found = [pair for part in parts for own in parts_of(part.document()) for pair in own.pairs]
     if not all(is_double(e) for pair in found for M in pair for row in M for e in row):
         return None

@@ -38,6 +38,7 @@ class Part(Short):
 
     kind: ClassVar[str]
     positive: ClassVar[tuple[str, ...]] = ()  # those of its numbers that must be
+    definite: ClassVar[bool] = False  # whether its inequality implies that X is positive definite
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -79,6 +80,10 @@ class Part(Short):
         """Yield half-planes p x + q |y| < c of which it is the intersection; of a disk none."""
         raise NotImplementedError
 
+    def decays(self, step: Fraction) -> bool:  # noqa: ARG002
+        """Whether it says how fast motions decay, in continuous time or at this step."""
+        return False
+
     def facing(self, z: complex) -> Iterator[Side]:  # noqa: ARG002
         """Yield half-planes p x + q |y| < c that hold it and may not hold z, Im z >= 0."""
         return self.sides()
@@ -90,6 +95,7 @@ class Disk(Part):
 
     kind = "disk"
     positive = ("radius",)
+    definite = True
 
     centre: Fraction
     radius: Fraction
@@ -109,6 +115,10 @@ class Disk(Part):
         c, r = self.centre, self.radius
         return [([[-r, -c], [-c, -r]], [[ZERO, ONE], [ZERO, ZERO]])]
 
+    def decays(self, step: Fraction) -> bool:
+        """Whether a motion's factor at each step is below the radius."""
+        return bool(step) and not self.centre
+
     def in_half_plane(self, p: Fraction, q: Fraction, c: Fraction) -> bool:
         """Whether the distance of the centre is no less than the radius."""
         rest = c - p * self.centre
@@ -127,6 +137,10 @@ class HalfPlane(Part):
     kind = "half_plane"
 
     decay: Fraction
+
+    def decays(self, step: Fraction) -> bool:
+        """Whether motions decay at its rate."""
+        return not step
 
     @property
     def pairs(self) -> list[Pair]:

@@ -25,7 +25,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, lifted
 from polefence.proof.matrices import Rationals
 from polefence.proof.polynomials import Polynomial, affine, constant, count_of, diagonal
-from polefence.proof.regions import Disk, Part, factors, lyapunov
+from polefence.proof.regions import Part, factors, lyapunov
 from polefence.proof.remainder import Spread
 from polefence.proof.work import FormatError
 
@@ -134,7 +134,7 @@ class Bordered(MarginClaim):
         law, Y = design.law, X
         if self.of_signals and law.C:
             Y = X * affine(law.C, sizes).T
-        if not isinstance(part, Disk):
+        if not part.definite:
             yield Inequality("of X", [[X]], degrees)
         if evidence.spread is not None:
             blocks = self._bounding(evidence.spread, XKX, Y)

@@ -31,7 +31,7 @@ from polefence.proof.polynomials import (
     number,
 )
 from polefence.proof.reading import Table
-from polefence.proof.regions import Disk, Part
+from polefence.proof.regions import Part
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
 from polefence.proof.work import FormatError, WorkError
@@ -279,7 +279,7 @@ class Cell(Short):
         self, X: Polynomial, degrees: tuple[int, ...], parts: tuple[Part, ...]
     ) -> Iterator[Inequality]:
         """X > 0, which the inequality of a disk implies."""
-        if any(not isinstance(part, Disk) for part in parts):
+        if any(not part.definite for part in parts):
             yield Inequality("of W", [[X]], degrees, self.name)
 
 

@@ -83,7 +83,6 @@ from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,
     Disk,
-    HalfPlane,
     Part,
     factors,
     lyapunov,
@@ -191,7 +190,7 @@ class Poles(Short, Claim):
 
     def said(self, plant: Plant) -> str:
         """Say too what holds of motions where parameters move."""
-        text, decays = super().said(plant), [p for p in self.region if self._moves(p)]
+        text, decays = super().said(plant), [p for p in self.region if p.decays(self.step)]
         if not is_moving(plant.ranges) or not decays:
             return text
         if self.step:
@@ -202,12 +201,6 @@ class Poles(Short, Claim):
             decay = max(part.numbers[0] for part in decays)
             how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"
         return f"{text}; {how} with {motion_text(plant.ranges)}"
-
-    def _moves(self, part: Part) -> bool:
-        """Whether a part of the region says how fast motions decay."""
-        if self.step:
-            return isinstance(part, Disk) and not part.numbers[0]
-        return isinstance(part, HalfPlane)
 
     @property
     def under(self) -> str:
@@ -282,7 +275,7 @@ class Poles(Short, Claim):
 
     def _require_motion(self) -> None:
         """Reject evidence that does not cover moving parameters where the region sets a rate."""
-        if not self.motion or not any(map(self._moves, self.region)):
+        if not self.motion or not any(part.decays(self.step) for part in self.region):
             return
         if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
             what = "disk about zero" if self.step else "half-plane"
@@ -292,7 +285,7 @@ class Poles(Short, Claim):
         if self.remainder is not None:
             raise FormatError("sampled plants with a remainder need constant parameters")
         for own, parts in self._each_with_parts:
-            if any(map(self._moves, parts)):
+            if any(part.decays(self.step) for part in parts):
                 X = lifted(self.law, own, self.sizes).part(slice(len(self.A[0])))
                 require_motion(X, self.motion, self.step)
 
@@ -411,7 +404,7 @@ class Poles(Short, Claim):
         if self.weights:
             X = bernstein([[[q]] for q in self.weights], sizes, 1) * X
         degrees = tuple(degree + evidence.elevation for degree in N.degrees)
-        if any(not isinstance(part, Disk) for part in parts):
+        if any(not part.definite for part in parts):
             yield Inequality("of X", [[X]], degrees)
         spread = evidence.spread
         if spread is not None:
@@ -419,7 +412,7 @@ class Poles(Short, Claim):
             yield Inequality.raised("of the remainder", blocks, evidence.elevation)
         for part in parts:
             name = part.kind if len(self.region) > 1 else ""
-            motion = self.motion if self._moves(part) else ()
+            motion = self.motion if part.decays(self.step) else ()
             for more, change in changes(XKX.part(slice(n)), motion, self.step):
                 for L, M in part.pairs:
                     F = lyapunov(L, M, X, N)
@@ -459,7 +452,7 @@ class Poles(Short, Claim):
                     last = (G + G.T).beside(eye).times(e)
                     rows = [[lyapunov(L, T, P, N), -corner], [last]]
                 yield Inequality(part.kind if len(self.region) > 1 else "", rows, degrees)
-        if any(not isinstance(part, Disk) for part in parts):
+        if any(not part.definite for part in parts):
             yield Inequality("of P", [[P]], degrees)
 
     # --- one alpha -------------------------------------------------------------------------------

@@ -1,0 +1,91 @@
+"""The public names of `polefence` and where they are: `__init__.py` loads what is asked for."""
+
+from polefence import (
+    examples as examples,
+    export as export,
+    fleet as fleet,
+    response as response,
+    vehicle as vehicle,
+)
+from polefence.base.errors import (
+    DesignFileError as DesignFileError,
+    InputError as InputError,
+    MultiAffinityError as MultiAffinityError,
+    NotProvedError as NotProvedError,
+    OutputError as OutputError,
+    PlantError as PlantError,
+    PolefenceError as PolefenceError,
+    SpecError as SpecError,
+    UncontrollableError as UncontrollableError,
+)
+from polefence.base.workers import processes as processes
+from polefence.certify.certificate import Certificate as Certificate, Check as Check
+from polefence.certify.design import Design as Design, check as check
+from polefence.certify.given import analyse as analyse, worst_case as worst_case
+from polefence.certify.margins import (
+    estimation_error as estimation_error,
+    gain_error as gain_error,
+    in_service as in_service,
+    parameter_rate as parameter_rate,
+)
+from polefence.certify.progress import progress as progress
+from polefence.certify.refutation import refute_limits as refute_limits
+from polefence.certify.verify import Verified as Verified, verify as verify
+from polefence.fleet.run import study as study
+from polefence.law.control import from_control as from_control, to_control as to_control
+from polefence.law.laws import (
+    FixedGain as FixedGain,
+    GainTable as GainTable,
+    PolynomialGain as PolynomialGain,
+    ScheduledGain as ScheduledGain,
+)
+from polefence.law.structure import Structure as Structure, load_structure as load_structure
+from polefence.lmi.conditions.methods import (
+    METHODS as METHODS,
+    Scheduled as Scheduled,
+    Slack as Slack,
+    build as build,
+)
+from polefence.lmi.solve.engine import engine as engine
+from polefence.plant.family import UncertainPlant as UncertainPlant
+from polefence.plant.larger import with_actuator as with_actuator, with_sensor as with_sensor
+from polefence.plant.linearise import Linearised as Linearised, linearise as linearise
+from polefence.plant.parameters import Parameter as Parameter
+from polefence.plant.spec import load as load
+from polefence.plant.system import System as System
+from polefence.region.regions import (
+    Disk as Disk,
+    Ellipse as Ellipse,
+    HalfPlane as HalfPlane,
+    HorizontalStrip as HorizontalStrip,
+    Sector as Sector,
+    VerticalStrip as VerticalStrip,
+    Wedge as Wedge,
+)
+from polefence.region.text import load_region as load_region, parse_region as parse_region
+from polefence.region.z_plane import z_plane as z_plane
+from polefence.requirements.energy_peak import EnergyPeak as EnergyPeak
+from polefence.requirements.gain import Gain as Gain
+from polefence.requirements.gain_norm import GainNorm as GainNorm
+from polefence.requirements.initial_peak import InitialPeak as InitialPeak
+from polefence.requirements.relative_rms import RelativeRms as RelativeRms
+from polefence.requirements.rms import Rms as Rms
+from polefence.requirements.saturation import Saturation as Saturation
+from polefence.requirements.specification import Specification as Specification
+from polefence.requirements.text import (
+    load_specifications as load_specifications,
+    parse_specification as parse_specification,
+)
+from polefence.response.control import closed_loops as closed_loops
+from polefence.response.samples import at_sample_time as at_sample_time
+from polefence.search import many as many
+from polefence.search.limits import Limit as Limit, limits as limits
+from polefence.search.observer import observe as observe
+from polefence.search.optimise import Optimised as Optimised, optimise as optimise
+from polefence.search.placed import place as place, tightest as tightest
+from polefence.search.semi_active import semi_active as semi_active
+from polefence.search.tradeoff import tradeoff as tradeoff
+from polefence.show import plots as plots
+
+__version__: str
+__all__: list[str]

@@ -10,36 +10,59 @@ from polefence import (
 from polefence.base.errors import (
     DesignFileError as DesignFileError,
     InputError as InputError,
+    MissingExtraError as MissingExtraError,
     MultiAffinityError as MultiAffinityError,
     NotProvedError as NotProvedError,
     OutputError as OutputError,
+    ParameterValueError as ParameterValueError,
     PlantError as PlantError,
     PolefenceError as PolefenceError,
+    RegionError as RegionError,
+    SolverError as SolverError,
     SpecError as SpecError,
     UncontrollableError as UncontrollableError,
+    UnobservableError as UnobservableError,
 )
 from polefence.base.workers import processes as processes
+from polefence.certify.bounds import Bound as Bound
 from polefence.certify.certificate import Certificate as Certificate, Check as Check
 from polefence.certify.design import Design as Design, check as check
-from polefence.certify.given import analyse as analyse, worst_case as worst_case
+from polefence.certify.given import (
+    Analysis as Analysis,
+    WorstCase as WorstCase,
+    analyse as analyse,
+    worst_case as worst_case,
+)
 from polefence.certify.margins import (
+    Margin as Margin,
+    Margins as Margins,
     estimation_error as estimation_error,
     gain_error as gain_error,
     in_service as in_service,
     parameter_rate as parameter_rate,
 )
 from polefence.certify.progress import progress as progress
-from polefence.certify.refutation import refute_limits as refute_limits
-from polefence.certify.verify import Verified as Verified, verify as verify
+from polefence.certify.refutation import Refutation as Refutation, refute_limits as refute_limits
+from polefence.certify.running import Running as Running, running as running
+from polefence.certify.table import TableAnalysis as TableAnalysis
+from polefence.certify.verify import (
+    GivenLyapunov as GivenLyapunov,
+    Verified as Verified,
+    VerifiedBound as VerifiedBound,
+    verify as verify,
+)
 from polefence.fleet.run import study as study
 from polefence.law.control import from_control as from_control, to_control as to_control
+from polefence.law.coordinates import Coordinates as Coordinates
 from polefence.law.laws import (
     FixedGain as FixedGain,
     GainTable as GainTable,
+    Law as Law,
     PolynomialGain as PolynomialGain,
     ScheduledGain as ScheduledGain,
 )
 from polefence.law.structure import Structure as Structure, load_structure as load_structure
+from polefence.lmi import conditions as conditions
 from polefence.lmi.conditions.methods import (
     METHODS as METHODS,
     Scheduled as Scheduled,
@@ -47,17 +70,22 @@ from polefence.lmi.conditions.methods import (
     build as build,
 )
 from polefence.lmi.solve.engine import engine as engine
-from polefence.plant.family import UncertainPlant as UncertainPlant
+from polefence.plant.controllability import FixedModes as FixedModes
+from polefence.plant.family import SamplesOf as SamplesOf, UncertainPlant as UncertainPlant
 from polefence.plant.larger import with_actuator as with_actuator, with_sensor as with_sensor
 from polefence.plant.linearise import Linearised as Linearised, linearise as linearise
 from polefence.plant.parameters import Parameter as Parameter
+from polefence.plant.polynomial import Domain as Domain
 from polefence.plant.spec import load as load
 from polefence.plant.system import System as System
+from polefence.plant.vehicle import Vehicle as Vehicle
 from polefence.region.regions import (
     Disk as Disk,
     Ellipse as Ellipse,
     HalfPlane as HalfPlane,
     HorizontalStrip as HorizontalStrip,
+    Intersection as Intersection,
+    Region as Region,
     Sector as Sector,
     VerticalStrip as VerticalStrip,
     Wedge as Wedge,
@@ -73,18 +101,26 @@ from polefence.requirements.rms import Rms as Rms
 from polefence.requirements.saturation import Saturation as Saturation
 from polefence.requirements.specification import Specification as Specification
 from polefence.requirements.text import (
+    RoadSpectrum as RoadSpectrum,
     load_specifications as load_specifications,
     parse_specification as parse_specification,
 )
 from polefence.response.control import closed_loops as closed_loops
 from polefence.response.samples import at_sample_time as at_sample_time
 from polefence.search import many as many
+from polefence.search.effort import Closer as Closer
 from polefence.search.limits import Limit as Limit, limits as limits
-from polefence.search.observer import observe as observe
+from polefence.search.observer import (
+    Observer as Observer,
+    OutputFeedback as OutputFeedback,
+    observe as observe,
+)
 from polefence.search.optimise import Optimised as Optimised, optimise as optimise
 from polefence.search.placed import place as place, tightest as tightest
-from polefence.search.semi_active import semi_active as semi_active
-from polefence.search.tradeoff import tradeoff as tradeoff
+from polefence.search.rows import RunOptions as RunOptions
+from polefence.search.semi_active import SemiActiveLaw as SemiActiveLaw, semi_active as semi_active
+from polefence.search.shares import Retreat as Retreat
+from polefence.search.tradeoff import Asked as Asked, Front as Front, tradeoff as tradeoff
 from polefence.show import plots as plots
 
 __version__: str

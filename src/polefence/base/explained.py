@@ -37,7 +37,7 @@ REMEDIES = {
     "Damper": "polefence.vehicle.load_dampers(path) reads them",
     "Road": 'for example polefence.vehicle.random_road("C", 100)',
     "Workers": "polefence.fleet.processes(2) gives some",
-    "Sampling": "for example polefence.response.Sampling(0.005)",
+    "Sampling": "for example polefence.vehicle.Sampling(0.005)",
 }
 WORDS = {
     float: "a finite number",

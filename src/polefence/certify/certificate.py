@@ -19,7 +19,7 @@ from polefence.certify.exact import holds
 from polefence.certify.measured import dual_plant
 from polefence.law.laws import Law, law_of
 from polefence.plant.exact import bare_plant
-from polefence.plant.family import Sampling, UncertainPlant
+from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
@@ -373,7 +373,7 @@ def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
     return files.Output(C, D, own.name, driven, own.unit)
 
 
-def sampling_of(claim: Samples, plant: UncertainPlant) -> Sampling:
+def sampling_of(claim: Samples, plant: UncertainPlant) -> SamplesOf:
     """Return what a plant of a file is the samples of; outputs are not kept."""
     n = claim.n
     bare = UncertainPlant.from_vertices(
@@ -386,7 +386,7 @@ def sampling_of(claim: Samples, plant: UncertainPlant) -> Sampling:
         disturbances=plant.disturbances,
     )
     bare = replace(bare, parameters=plant.parameters)
-    return Sampling(bare, claim.delay, claim.terms, claim.units)
+    return SamplesOf(bare, claim.delay, claim.terms, claim.units)
 
 
 def plant_of(plant: files.Plant) -> UncertainPlant:

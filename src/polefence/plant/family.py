@@ -42,7 +42,7 @@ _OUTPUTS = "outputs."
 
 
 @dataclass(frozen=True)
-class Sampling(Short):
+class SamplesOf(Short):
     """What a plant is the samples of.
 
     Attributes
@@ -92,7 +92,7 @@ class UncertainPlant(Short):
         `polefence.plant.delta`. Zero in continuous time.
     remainder : Remainder, optional
         Where the plant is only near combinations of its vertices: by how much.
-    sampling : Sampling, optional
+    sampling : SamplesOf, optional
         What it is the samples of.
 
     Raises
@@ -113,7 +113,7 @@ class UncertainPlant(Short):
     noise: tuple[str, ...] = ()
     step: Fraction = Fraction(0)
     remainder: Remainder | None = None
-    sampling: Sampling | None = None
+    sampling: SamplesOf | None = None
 
     @explained_fields
     def __post_init__(self) -> None:

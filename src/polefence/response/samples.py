@@ -18,7 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, require_type
 from polefence.base.explained import explained
-from polefence.plant.family import Sampling, UncertainPlant
+from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.parameters import exact
 from polefence.plant.samples import claim_of_samples
@@ -141,7 +141,7 @@ def _with_remainder(
     (n, m), q = plant.shape, plant.disturbance_count
     where = f"{plant.name} sampled every {float(bare.sample_time or 0):g} s"
     terms = _terms(plant, units, float(bare.sample_time or 0), about)
-    own = Sampling(plant, delay, terms, tuple(map(Fraction, units.tolist())))
+    own = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
     try:
         exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=own)).off()
     except FormatError as problem:

@@ -30,6 +30,7 @@ from polefence.vehicle.driving.parts import (
     Jump,
     Measured,
     Ramp,
+    Scheduling,
     Sensors,
     Sine,
 )
@@ -91,6 +92,7 @@ __all__ = [
     "Road",
     "Row",
     "Sampling",
+    "Scheduling",
     "Sensors",
     "Sine",
     "Sizes",

@@ -14,3 +14,28 @@ condition               Lyapunov matrix          gain                  blocks (N
 `lyapunov`              of a law given           given                 as its degrees say
 ======================  =======================  ====================  ==========================
 """
+
+from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack, build
+from polefence.lmi.conditions.pencil import Block, Linear, Pencil, Term, Variable
+from polefence.lmi.conditions.target import Patch, Side, Target
+from polefence.plant.boxes import Box
+from polefence.plant.motion import Motion, Move
+
+__all__ = [
+    "METHODS",
+    "Block",
+    "Box",
+    "Linear",
+    "Method",
+    "Motion",
+    "Move",
+    "Patch",
+    "Pencil",
+    "Scheduled",
+    "Side",
+    "Slack",
+    "Target",
+    "Term",
+    "Variable",
+    "build",
+]

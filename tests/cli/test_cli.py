@@ -41,11 +41,11 @@ def test_limits_prints_and_writes_rows(spec, tmp_path, capsys):
     assert [row["centre"] for row in document["rows"]] == [-2.0, -3.0]
     for row in document["rows"]:
         assert set(row) == {
-            *("centre", "method", "radius", "lower", "status", "seconds", "runs", "unrunnable"),
+            *("centre", "method", "radius", "lower", "answer", "seconds", "runs", "unrunnable"),
             *("law", "proof"),
         }
         assert 0 < row["lower"] < row["radius"] < row["lower"] * (1 + 1e-5)
-        assert row["status"] == "proved"
+        assert row["answer"] == "proved"
         assert len(row["law"]["K"]) == 1
     assert document["plant"]["vertices"] == 2
     assert "<svg" in figure.read_text()
@@ -64,7 +64,7 @@ def test_design_then_check(car, tmp_path, capsys):
     words = ["design", car, "--disk", "-40", "31", "--method", "scheduled", "-o", str(folder)]
     assert main([*words, "--json", str(tmp_path / "summary.json")]) == 0
     assert "proved" in capsys.readouterr().out
-    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "proved"
+    assert json.loads((tmp_path / "summary.json").read_text())["answer"] == "proved"
     assert check(folder / "design.json").proved
     assert main(["check", str(folder / "design.json"), "--spec", car]) == 0
     assert "proved: 20 inequalities" in capsys.readouterr().out

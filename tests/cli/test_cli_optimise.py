@@ -87,7 +87,7 @@ def test_files_say_what_was_proved(here, capsys):
     design = Design.load("stage")
     assert design.region == HalfPlane(0.2)
     document = json.loads(Path("s.json").read_text())
-    assert (document["status"], document["method"]) == ("proved", "scheduled(1, 0, box)")
+    assert (document["answer"], document["method"]) == ("proved", "scheduled(1, 0, box)")
     assert document["gains"]["K at vertex 1"] == design.law.gain([1, 0]).tolist()
     first, force, gain = document["bounds"]
     assert [b["signal"] for b in document["bounds"]] == ["x", "force", "v"]

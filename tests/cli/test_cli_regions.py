@@ -144,7 +144,7 @@ def test_tightest_prints_what_is_proved_rounded_to_the_safe_side(stage, tmp_path
         "disk": lambda: worst(design, lambda z: np.abs(z + 10)),
     }[of]()
     assert measured <= value if of == "disk" else measured >= value
-    assert summary["status"] == "proved"
+    assert summary["answer"] == "proved"
     assert summary["of"] == of
     if plot:
         assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")

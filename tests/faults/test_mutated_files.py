@@ -137,8 +137,8 @@ WORDS = {
         ("claims", 0, "code", "bits"),
         ("export", "text", "given"),
     ],
-    "limits": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
-    "tradeoff": [("rows", 0, "status"), ("rows", 0, "method"), ("polefence",)],
+    "limits": [("rows", 0, "answer"), ("rows", 0, "method"), ("polefence",)],
+    "tradeoff": [("rows", 0, "answer"), ("rows", 0, "method"), ("polefence",)],
 }
 
 

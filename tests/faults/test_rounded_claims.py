@@ -78,7 +78,7 @@ def test_a_column_is_as_wide_as_its_numbers(spec, capsys):
 
 @pytest.mark.parametrize(("radius", "shown"), [(29.07204, "27.31 %"), (29.0755, "27.31 %")])
 def test_the_share_of_a_centre_is_rounded_down(radius, shown):
-    row = {"centre": -40.0, "method": "scheduled", "radius": radius, "status": "proved"}
+    row = {"centre": -40.0, "method": "scheduled", "radius": radius, "answer": "proved"}
     assert f" {shown} " in _row_line(row | {"seconds": 0.1}, 10, 10, True)
 
 

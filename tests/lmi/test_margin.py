@@ -32,5 +32,5 @@ def test_a_search_without_a_start_leaves_a_row_undecided(monkeypatch, make_rando
     monkeypatch.setattr("polefence.search.disks.smallest_disks", lambda A, *_: [None] * len(A))
     plant = make_random(1, 2, 1, 2)
     rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
-    assert [row.status for row in rows] == ["undecided"] * 4
+    assert [row.answer for row in rows] == ["undecided"] * 4
     assert [row.radius for row in rows] == [row.lower for row in rows] == [None] * 4

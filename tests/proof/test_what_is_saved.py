@@ -126,7 +126,7 @@ def files_of_rows(folder):
         return
     rows = json.loads((folder / "rows.json").read_text())["rows"]
     plant = file_plant(load(folder / "spec.toml")).write()
-    for number, row in enumerate(own for own in rows if own["status"] == "proved"):
+    for number, row in enumerate(own for own in rows if own["answer"] == "proved"):
         if "performance" in row:
             table = row["performance"]
         else:

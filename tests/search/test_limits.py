@@ -35,7 +35,7 @@ def rows(plant):
 def test_rows_come_in_the_order_asked_for_and_are_proved(rows):
     assert [(r.centre, r.method) for r in rows] == [(c, m) for c in CENTRES for m in METHODS]
     for row in rows:
-        assert row.status == "proved"
+        assert row.answer == "proved"
         assert row.design.certificate.prove().proved
         assert row.radius == row.design.region.radius
         # at -4 the infimum is not attained: an uncontrollable mode between the vertices

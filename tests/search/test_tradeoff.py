@@ -100,7 +100,7 @@ def test_the_first_command_prints_what_the_page_shows(page):
     assert (page[0] / "front.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(("number", "status"), [(1, 1), (2, 0)], ids=["contradictory", "reused"])
+@pytest.mark.parametrize(("number", "answer"), [(1, 1), (2, 0)], ids=["contradictory", "reused"])
 def test_the_other_commands_print_what_the_page_shows(page, number, status, monkeypatch):
     monkeypatch.chdir(page[0])
     (answer, shown, said) = _follows(CONSOLE[number])[0]
@@ -255,7 +255,7 @@ def test_every_row_has_the_best_law_that_keeps_its_limit(drawn):
         rows[value, "m"] = {
             "value": value,
             "method": "m",
-            "status": "proved" if law else "not proved",
+            "answer": "proved" if law else "undecided",
             "proved": level,
             "sampled": level,
             "law_of": value if law else None,
@@ -274,7 +274,7 @@ def test_every_row_has_the_best_law_that_keeps_its_limit(drawn):
         ]
         assert row["proved"] == (min(kept) if kept else None)
         assert row["own"] == rows[value, label]["own"]
-        assert (row["status"] == "proved") == bool(kept)
+        assert (row["answer"] == "proved") == bool(kept)
         if kept:
             assert row["performance"] == {"of": row["law_of"]}
             assert row["bounds"][0]["proved"] <= row["bounds"][0]["at_most"] == value
@@ -459,7 +459,7 @@ def test_one_row_that_fails_stops_nothing(spring, monkeypatch):
 
     monkeypatch.setattr(module, "optimise", failing)
     found = tradeoff(spring, PLACE, PUSH, [0.6, 1.0], methods=["quadratic"])
-    assert [row["status"] for row in found.rows] == ["not proved", "proved"]
+    assert [row["answer"] for row in found.rows] == ["undecided", "proved"]
     assert found.rows[0]["reason"] == "a fault in two lines"
     assert not found.proved
     assert not found.references

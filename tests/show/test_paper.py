@@ -96,7 +96,7 @@ def test_a_reproduction_writes_everything(reproduction):
     for name in ("as-printed", "physical"):
         assert check(folder / f"design-{name}").proved
     for row in results["radii"]:
-        assert row["status"] == "proved"
+        assert row["answer"] == "proved"
 
 
 def test_figures_are_well_formed(reproduction):

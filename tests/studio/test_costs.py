@@ -54,7 +54,7 @@ def test_a_trade_off_falls_to_what_no_limit_holds(own, known):
     shown, _ = known
     assert [len(rows) for rows in shown] == [*range(1, COUNT + 1), COUNT]
     rows = sorted(shown[-1], key=lambda row: row["value"])
-    assert all(row["status"] == "proved" for row in rows)
+    assert all(row["answer"] == "proved" for row in rows)
     bounds = [row["proved"] for row in rows]
     assert bounds == sorted(bounds, reverse=True)
     least, limits = load_specifications(spec_path("quarter-car-ride"))
@@ -306,7 +306,7 @@ def test_panel_keeps_a_message_until_the_next_one(monkeypatch):
 ROW = {
     "value": 0.0047,
     "method": "tuned",
-    "status": "proved",
+    "answer": "proved",
     "proved": 1.1,
     "law_of": 0.0047,
     "bounds": [],

@@ -31,7 +31,7 @@ import numpy as np
 from polefence.base import VERSION
 from polefence.base.errors import InputError, SolverError, require_type
 from polefence.base.explained import explained
-from polefence.base.files import write_text
+from polefence.base.renamed import write_in
 from polefence.certify.certificate import file_plant
 from polefence.lmi.conditions.pencil import Index
 from polefence.plant.dampers import Damper
@@ -58,6 +58,7 @@ SHORT = 1e-9  # below what P stands for, the factor that is claimed
 
 _ZERO, _ONE = Fraction(0), Fraction(1)
 
+FILE_NAME = "limit.json"
 LEAST = 1e-7  # of a weight, of their sum: without any the control may be free
 CLOSE = 1e-7  # to the largest value, at which the search ends
 ROUNDS = 60
@@ -114,10 +115,15 @@ class Refutation(Short):
         plant = with_weights(self.plant, self.specifications)[0]
         return Document(file_plant(plant), None, (self.claim,), polefence=VERSION)
 
-    def save(self, path: str | Path) -> Path:
-        """Write a file that `polefence check` proves; return its path."""
-        write_text(Path(path), self.file().dumps())
-        return Path(path)
+    def save(self, directory: str | Path) -> Path:
+        """Write ``limit.json`` into a folder, made if need be; return its path.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written.
+        """
+        return write_in(directory, FILE_NAME, self.file().dumps())
 
     def __str__(self) -> str:
         named = "; ".join(map(limit_text, self.specifications))

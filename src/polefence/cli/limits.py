@@ -114,7 +114,7 @@ def limits_command(options: Any) -> int:
         if row["radius"] is not None and row.get("runs") is False:
             say(f"{where} no law was found that doubles can evaluate; this radius is of one that")
             say("they cannot")
-    return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
+    return PROVED if all(row["answer"] == "proved" for row in rows) else NOT_PROVED
 
 
 def _centres(plant: UncertainPlant, options: Any) -> list[float]:
@@ -185,7 +185,7 @@ class _Table:
         say(f"{self.plant.name}: {self.plant.size_text}")
         say(
             f"{'centre':>{self.wide}}  {'method':<{self.width}} {'radius':>10}  {'at least':>10}  "
-            f"{'d/sigma':>8}  {'status':<9}  seconds"
+            f"{'d/sigma':>8}  {'answer':<9}  seconds"
         )
 
 
@@ -201,5 +201,5 @@ def _row_line(row: dict[str, Any], wide: int, width: int, continuous: bool) -> s
         ratio = f"{math.floor(100 * percent) / 100:.2f} %"
     return (
         f"{exactly(row['centre']):>{wide}}  {row['method']:<{width}} {radius:>10}  "
-        f"{lower:>10}{mark} {ratio:>8}  {row['status']:<9}  {row['seconds']:.2f}"
+        f"{lower:>10}{mark} {ratio:>8}  {row['answer']:<9}  {row['seconds']:.2f}"
     )

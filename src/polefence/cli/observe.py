@@ -107,7 +107,7 @@ def observe_command(options: Any) -> int:
             "measured": list(names),
             "region": region.document(),
             "method": label,
-            "status": "proved",
+            "answer": "proved",
             "gains": gains,
         }
         write_json(options.json, summary)

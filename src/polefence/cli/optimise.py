@@ -472,7 +472,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "plant": plant_summary(done.plant),
         "region": done.design.region.document(),
         "method": label,
-        "status": "proved",
+        "answer": "proved",
         "sampled": len(rows[0].own.alpha),
         "bounds": [
             {

@@ -39,9 +39,9 @@ def paper_command(options: Any) -> int:
         printed = "" if row["published"] is None else f"published {row['published']:g}"
         say(
             f"{row['family']:<11} {row['method']:<10} {printed:<15} "
-            f"{row['status']} {digits_up(row['radius']) if row['radius'] else '-'}"
+            f"{row['answer']} {digits_up(row['radius']) if row['radius'] else '-'}"
         )
     saved(f"{folder / 'report.md'}, with {len(paths) - 1} files beside it")
     rows = [row for sweep_rows in results["limits"].values() for row in sweep_rows]
     rows += [*results["radii"], *results["slow centres"]]
-    return PROVED if all(row["status"] == "proved" for row in rows) else NOT_PROVED
+    return PROVED if all(row["answer"] == "proved" for row in rows) else NOT_PROVED

@@ -10,6 +10,7 @@ from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import write_documents
+from polefence.certify.refutation import FILE_NAME as LIMIT
 from polefence.certify.refutation import Refutation, lowest
 from polefence.cli.common import (
     NOT_PROVED,
@@ -36,8 +37,9 @@ from polefence.search.semi_active import (
     semi_active,
     unproved,
 )
-
-LAW, LIMIT = "law.json", "limit.json"
+from polefence.search.semi_active import (
+    FILE_NAME as LAW,
+)
 
 Lowest = tuple[Refutation, float] | None  # that no law goes below a level
 
@@ -166,10 +168,10 @@ def _lines(answer: Answer) -> list[str]:
 def _document(answer: Answer) -> dict[str, Any]:
     """Return the summary."""
     law, others = answer.law, answer.others
-    proved: dict[str, Any] = {"status": "not proved", "reason": answer.reason}
+    proved: dict[str, Any] = {"answer": "undecided", "reason": answer.reason}
     if law is not None:
         proved = {
-            "status": "proved",
+            "answer": "proved",
             "at_most": law.level,
             "degree": law.degree,
             "K": law.K.tolist(),

@@ -131,7 +131,7 @@ def _row(margin: Margin) -> dict[str, Any]:
     return {
         "kind": margin.kind,
         "parameter": margin.parameter or None,
-        "status": margin.status,
+        "answer": margin.answer,
         "value": "any" if math.isinf(margin.value) else margin.value,
         "unit": margin.unit,
         "breaks at": margin.upper,

@@ -253,7 +253,7 @@ def _lines(front: Front) -> list[str]:
     lines += [
         f"at {exactly(row['value'])}, {row['method']}: {row['reason']}"
         for row in front.rows
-        if row["status"] != "proved"
+        if row["answer"] != "proved"
     ]
     return lines
 
@@ -266,7 +266,7 @@ def _table(rows: Sequence[Row]) -> list[str]:
     width = _width(rows)
     head = (
         f"{'limit':>10}  {'method':<{width}} {'proved':>10}  {'sampled':>10}  {'keeps':>10}  "
-        f"{'law of':>10}  {'status':<10}  seconds"
+        f"{'law of':>10}  {'answer':<10}  seconds"
     )
     return [head, *(_row_line(row, width) for row in rows)]
 
@@ -280,7 +280,7 @@ def _row_line(row: Row, width: int) -> str:
         sampled = f"{row['sampled']:.6g}"
     return (
         f"{exactly(row['value']):>10}  {row['method']:<{width}} {proved:>10}  {sampled:>10}  "
-        f"{keeps:>10}  {law_of:>10}  {row['status']:<10}  {row['seconds']:.2f}"
+        f"{keeps:>10}  {law_of:>10}  {row['answer']:<10}  {row['seconds']:.2f}"
     )
 
 
@@ -301,7 +301,7 @@ def _finished(total: int) -> Iterator[Callable[[Row], None]]:
 
         def finished(row: Row) -> None:
             rows.append(row)
-            told(f"limit {row['value']:g} {row['method']}: {row['status']}")
+            told(f"limit {row['value']:g} {row['method']}: {row['answer']}")
 
         try:
             yield finished

@@ -19,6 +19,7 @@ from polefence.base.errors import InputError, NotProvedError, PolefenceError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
+from polefence.base.renamed import warn_renamed
 from polefence.certify.certificate import Certificate, file_plant
 from polefence.certify.checks import (
     require_checkable,
@@ -69,7 +70,7 @@ class Limit(Short):
         As `method_label` writes it: "slack", or "scheduled(2, 1, box)".
     radius : float or None
         The smallest proved radius [1/s]; None where nothing was proved.
-    status : str
+    answer : str
         "proved" or "undecided".
     lower : float or None
         A radius [1/s] proved to be out of the method's reach; None where none was proved.
@@ -83,7 +84,7 @@ class Limit(Short):
     centre: float
     method: str
     radius: float | None
-    status: str
+    answer: str
     seconds: float
     lower: float | None = None
     found: InitVar[Design | None] = None
@@ -105,7 +106,7 @@ class Limit(Short):
             (key, "" if value is None else f"{value:.6g}")
             for key, value in (("radius", self.radius), ("not below", self.lower))
         )
-        return card(self.method, [("centre", f"{self.centre:g}"), ("answer", self.status), *texts])
+        return card(self.method, [("centre", f"{self.centre:g}"), ("answer", self.answer), *texts])
 
     @property
     def runs(self) -> bool:
@@ -113,9 +114,20 @@ class Limit(Short):
         return self.design is not None and self.design.runs
 
     @property
+    def proved(self) -> bool:
+        """Whether a radius is proved."""
+        return self.answer == "proved"
+
+    @property
+    def status(self) -> str:
+        """The old name of ``answer``."""
+        warn_renamed("Limit.status", "Limit.answer")
+        return self.answer
+
+    @property
     def words(self) -> str:
         """The row in a few words."""
-        return f"centre {self.centre:g} {self.method}: {self.status}"
+        return f"centre {self.centre:g} {self.method}: {self.answer}"
 
     @property
     def ratio(self) -> float | None:
@@ -126,7 +138,7 @@ class Limit(Short):
         """Return the row as plain data, with its law where wanted."""
         row: dict[str, Any] = {
             key: getattr(self, key)
-            for key in ("centre", "method", "radius", "lower", "status", "seconds")
+            for key in ("centre", "method", "radius", "lower", "answer", "seconds")
         }
         row |= {"runs": self.runs, "unrunnable": self.unrunnable}
         if gain:
@@ -294,7 +306,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
         whole = parse(read_text(path, MAX_BYTES, InputError))
         version, digest = whole["polefence"], whole["plant"]["digest"]
         rows = {(row["centre"], row["method"]): row for row in whole["rows"]}
-        proved = [row for row in rows.values() if row["status"] == "proved"]
+        proved = [row for row in rows.values() if row["answer"] == "proved"]
         sound = all(_sound(row, plant) for row in proved)
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error

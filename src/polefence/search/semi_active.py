@@ -23,8 +23,8 @@ import numpy as np
 from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
 from polefence.base.explained import explained
-from polefence.base.files import write_text
 from polefence.base.processors import small_matrices
+from polefence.base.renamed import write_in
 from polefence.certify.certificate import file_plant
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
@@ -57,6 +57,7 @@ LEVEL = 1e-9  # of an rms: others that are so near are as large
 LOWEST = 1e-3  # of the upper bound, the least coefficient above zero that is tried
 STEPS, DIGITS = 60, 3  # of a fixed damper: tried from bound to bound; kept
 OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
+FILE_NAME = "law.json"
 LEAST = 1e-3  # of the largest, what a force costs at least
 UNREACHED = 1e-12  # of the largest variance of a state, in balanced units
 
@@ -105,10 +106,15 @@ class SemiActiveLaw(Short):
         plant, _ = with_weights(self.plant, (self.specification,))
         return Document(file_plant(plant), None, (self.claim,), polefence=VERSION)
 
-    def save(self, path: str | Path) -> Path:
-        """Write a file that `polefence check` proves; return its path."""
-        write_text(Path(path), self.file().dumps())
-        return Path(path)
+    def save(self, directory: str | Path) -> Path:
+        """Write ``law.json`` into a folder, made if need be; return its path.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written.
+        """
+        return write_in(directory, FILE_NAME, self.file().dumps())
 
     def __str__(self) -> str:
         stays = ", ".join(f"{c:g}" for c in self.coefficients)

@@ -16,8 +16,9 @@ from typing import Any, Unpack
 from polefence.base import VERSION, workers
 from polefence.base.errors import InputError, PolefenceError, require_type
 from polefence.base.explained import explained
-from polefence.base.files import make_folder, read_text, write_documents, write_text
+from polefence.base.files import make_folder, read_text, write_text
 from polefence.base.progress import stage
+from polefence.base.renamed import warn_renamed
 from polefence.certify.bounds import best_bound, bounds_file, sampled
 from polefence.certify.certificate import Certificate
 from polefence.certify.checks import (
@@ -28,7 +29,7 @@ from polefence.certify.checks import (
     require_region,
     stable_region,
 )
-from polefence.certify.design import FILE_NAME, Design
+from polefence.certify.design import Design
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label, options
@@ -53,7 +54,7 @@ MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
 
 # Of a row whose law is taken over for another limit.
-TAKEN = ("status", "proved", "sampled", "law_of", "performance")
+TAKEN = ("answer", "proved", "sampled", "law_of", "performance")
 
 SAMPLES = 2000  # points of the family that each law is looked at
 
@@ -101,7 +102,7 @@ def tradeoff(
     Returns
     -------
     Front
-        A row that fails is "not proved", with the reason, and stops nothing.
+        A row that fails is "undecided", with the reason, and stops nothing.
 
     Raises
     ------
@@ -221,7 +222,7 @@ def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
-        found = {"status": "not proved", **nothing, "bounds": [], "reason": reason}
+        found = {"answer": "undecided", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start
     return {"value": value, "method": label} | found | {"seconds": seconds}
 
@@ -298,7 +299,7 @@ class Front(Short):
         Plant, specifications and region.
     rows : tuple of dict
         One a value and method, as plain data: ``value``, the limit; ``method``, its label;
-        ``status``, "proved" or "not proved"; ``proved``, the bound on what is minimised, and
+        ``answer``, "proved" or "undecided"; ``proved``, the bound on what is minimised, and
         ``sampled``, the same law's worst at sampled parameters; ``bounds``, of ``over`` and the
         other specifications, each with ``specification``, ``at_most``, ``proved``, ``sampled``;
         ``law_of``, the limit that the law was found for: another one's law is taken where it
@@ -316,13 +317,13 @@ class Front(Short):
     references: tuple[Row, ...] = ()
 
     def __repr__(self) -> str:
-        done = sum(row["status"] == "proved" for row in self.rows)
+        done = sum(row["answer"] == "proved" for row in self.rows)
         return f"<Front of {self.asked.plant.name!r}: {done} of {len(self.rows)} rows proved>"
 
     @property
     def proved(self) -> bool:
         """Whether every row is."""
-        return all(row["status"] == "proved" for row in self.rows)
+        return all(row["answer"] == "proved" for row in self.rows)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -352,26 +353,20 @@ class Front(Short):
         raise InputError(f"no row of {label} at {value:g}")
 
     def design(self, value: float, method: Method | str) -> Design:
-        """Return the law of a row with the proof of its region.
+        """Return the law of a row with the proofs of its region and of its bounds.
 
         Raises
         ------
         InputError
             If there is no such row, or it is not proved.
         """
-        return Design(Certificate.of(self.file(value, method)))
+        file = self.file(value, method)
+        return Design(Certificate.of(file), more=file.claims[1:])
 
     def save(self, value: float, method: Method | str, directory: str | Path) -> Path:
-        """Write a row's ``design.json``, with its bounds, into a folder; return its path.
-
-        Raises
-        ------
-        InputError
-            If there is no such row, or it is not proved.
-        OutputError
-            If the folder cannot be written.
-        """
-        return write_documents(Path(directory), {FILE_NAME: self.file(value, method).dumps()})[0]
+        """Save the design of a row: the old name of ``design(value, method).save(directory)``."""
+        warn_renamed("Front.save", "Front.design(value, method).save(directory)")
+        return self.design(value, method).save(directory)
 
     def file(self, value: float, method: Method | str) -> Document:
         """Return the file of a row: the law, its region and its bounds.
@@ -391,7 +386,7 @@ class Front(Short):
 
         What each other specification is proved and sampled at are columns with its title.
         """
-        plain = ("value", "method", "status", "proved", "sampled", "law_of", "own", "seconds")
+        plain = ("value", "method", "answer", "proved", "sampled", "law_of", "own", "seconds")
         found = []
         for row in self.rows:
             own = {key: row.get(key) for key in (*plain, "reason")}
@@ -405,7 +400,7 @@ class Front(Short):
         """Show it in a notebook."""
         over, least = self.labels
         rows = (
-            (f"{row['value']:g}, {row['method']}", _level(row["proved"], row["status"]))
+            (f"{row['value']:g}, {row['method']}", _level(row["proved"], row["answer"]))
             for row in self.rows
         )
         return card(f"{least} for limits on {over}", rows)
@@ -415,8 +410,8 @@ class Front(Short):
         return head(self.asked) | {"references": list(self.references), "rows": list(self.rows)}
 
 
-def _level(proved: float | None, status: str) -> str:
-    return status if proved is None else f"<= {digits_up(proved)}"
+def _level(proved: float | None, answer: str) -> str:
+    return answer if proved is None else f"<= {digits_up(proved)}"
 
 
 def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]:
@@ -495,7 +490,7 @@ def finished(
             proved = {
                 key: _reproved(row, asked) if same else None
                 for key, row in rows.items()
-                if row["status"] == "proved"
+                if row["answer"] == "proved"
             }
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no trade-off to resume; {again}") from error
@@ -568,7 +563,7 @@ def proved_row(
     worst = [_worst(plant, law, own, alpha) for own in wanted]
     bounds = zip(wanted[1:], levels[1:], worst[1:], strict=True)
     return {
-        "status": "proved",
+        "answer": "proved",
         "proved": levels[0],
         "sampled": worst[0],
         "bounds": [

@@ -602,11 +602,11 @@ def _radii_text(rows: Sequence[Mapping[str, Any]]) -> str:
             "" if r["published"] is None else number(r["published"]),
             _radius(r["radius"]),
             "-" if r["lower"] is None else digits_down(r["lower"]),
-            r["status"],
+            r["answer"],
         )
         for r in rows
     ]
-    head = ("family", "method", "published", "computed, proved", "lower bound, proved", "status")
+    head = ("family", "method", "published", "computed, proved", "lower bound, proved", "answer")
     return table(head, cells)
 
 
@@ -682,7 +682,7 @@ def _figure(name: str) -> str:
 def _sweeps(sweeps: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     lines = []
     for name, rows in sweeps.items():
-        proved = sum(row["status"] == "proved" for row in rows)
+        proved = sum(row["answer"] == "proved" for row in rows)
         seconds = sum(row["seconds"] for row in rows)
         lines.append(f"- {name}: {proved} of {len(rows)} radii proved, {seconds:.0f} s of work")
     return "\n".join(lines)

@@ -989,7 +989,7 @@ def front_figure(front: Front) -> Figure:
     figure, (ax,) = new_figure(1, 6.4, 4.2)
     known = styles(front.methods)
     for k, method in enumerate(front.methods):
-        rows = [r for r in front.rows if r["method"] == method and r["status"] == "proved"]
+        rows = [r for r in front.rows if r["method"] == method and r["answer"] == "proved"]
         pairs = sorted({(r["bounds"][0]["proved"], r["proved"]) for r in rows})
         line = [*pairs, (max(r["value"] for r in rows), pairs[-1][1])] if pairs else []
         style: dict[str, Any] = {"marker": "os^D"[k % 4]} | known[method]

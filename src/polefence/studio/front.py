@@ -80,7 +80,7 @@ class Front:
             self._choose(proved[which]["law_of"])
 
     def _proved(self) -> list[Row]:
-        return [row for row in self.rows if row["status"] == "proved"]
+        return [row for row in self.rows if row["answer"] == "proved"]
 
     def over(self, title: str) -> Specification:
         """Return what is limited, of a title; the first where there is none of it."""
@@ -101,7 +101,7 @@ class Front:
         proved = self._proved()
         x, y = [row["value"] for row in proved], [row["proved"] for row in proved]
         self.points.data = {"x": x, "y": y}
-        none = [row["value"] for row in self.rows if row["status"] != "proved"]
+        none = [row["value"] for row in self.rows if row["answer"] != "proved"]
         self.failed.data = {"x": none, "y": [min(y, default=0.0)] * len(none)}
         self.look(question)
 
@@ -157,7 +157,7 @@ class Front:
             on_row=finished,
         )
         for row in front.rows:
-            if row["status"] == "proved" and row["law_of"] == row["value"]:
+            if row["answer"] == "proved" and row["law_of"] == row["value"]:
                 law = front.design(row["value"], TUNED), front.file(row["value"], TUNED)
                 kept = ((subject.wanted.least, row["proved"]), *_bounds(subject, over, row))
                 texts = tuple(f"{own.title} <= {digits_up(level)}" for own, level in kept)

@@ -319,7 +319,7 @@ def test_another_region_is_kept(services):
     assert stable.value > own["estimate-m"].value
     assert gain_error(design, region=HalfPlane(0)).value > own["gain"].value
     refused = gain_error(design, region=Disk(-3, 0.5))
-    assert (refused.status, refused.value, refused.text) == ("undecided", 0.0, "-")
+    assert (refused.answer, refused.value, refused.text) == ("undecided", 0.0, "-")
     with pytest.raises(InputError, match="is no region"):
         in_service(design, region="half_plane(0)")
 
@@ -338,7 +338,7 @@ def test_another_region_is_proved_anew_of_a_law_that_was_given(services):
         assert claim["region"]["kind"] == "half_plane"
         assert claim["method"] == "lyapunov"
         refused = in_service(own.design, 0.05, region=Disk(-3, 0.05))
-        assert refused["gain"].status == "undecided"
+        assert refused["gain"].answer == "undecided"
         assert refused["gain"].upper is not None
 
 
@@ -356,7 +356,7 @@ def test_a_law_that_proves_no_polynomial_is_undecided():
     """Of a slack design at its very limit nothing may be proved: said, no traceback."""
     design = tightest(oscillator(), -3, "slack")
     service = in_service(design, region=Disk(-3, design.region.radius * 0.9))
-    assert service["gain"].status == "undecided"
+    assert service["gain"].answer == "undecided"
     assert service["gain"].claim is None
     assert service["gain"].design is None
 
@@ -437,7 +437,7 @@ def test_the_car(physical):
     service = in_service(place(physical, Disk(-40, 31), BOX0))
     assert service["estimate-m1"].value == pytest.approx(3.27, abs=0.01)
     assert service["estimate-m1"].upper == pytest.approx(10.98, abs=0.05)
-    assert [m.status for m in service] == ["proved"] * 7
+    assert [m.answer for m in service] == ["proved"] * 7
 
 
 def test_values_print(services):

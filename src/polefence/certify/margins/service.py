@@ -14,6 +14,7 @@ from polefence.base.errors import InputError
 from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import counted, stage
+from polefence.base.renamed import warn_renamed
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import Design, require_kind
 from polefence.certify.margins import kinds
@@ -356,9 +357,15 @@ class Margin(Short):
         return self.claim is not None
 
     @property
-    def status(self) -> str:
+    def answer(self) -> str:
         """Say "proved" or "undecided"."""
         return "proved" if self.proved else "undecided"
+
+    @property
+    def status(self) -> str:
+        """The old name of ``answer``."""
+        warn_renamed("Margin.status", "Margin.answer")
+        return self.answer
 
     @property
     def name(self) -> str:
@@ -413,7 +420,7 @@ class Margins(Short):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        rows = ((own.subject, f"{own.text} {own.unit}, {own.status}") for own in self.margins)
+        rows = ((own.subject, f"{own.text} {own.unit}, {own.answer}") for own in self.margins)
         return card(f"margins of {self.design.plant.name}", rows)
 
     def __str__(self) -> str:

@@ -1,0 +1,26 @@
+"""Old names, which warn for one version."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from polefence.base.files import write_documents, write_text
+
+GONE = "0.3"  # the version without them
+
+
+def warn_renamed(old: str, new: str, depth: int = 1) -> None:
+    """Warn the caller, so many calls above who asks for it, of a name that has changed."""
+    text = f"{old} is now {new}; the old name goes in version {GONE}"
+    warnings.warn(text, DeprecationWarning, stacklevel=depth + 2)
+
+
+def write_in(place: str | Path, name: str, text: str) -> Path:
+    """Write a document into a folder, or, as version 0.1 did, to a path that ends in .json."""
+    path = Path(place)
+    if path.suffix != ".json" or path.is_dir():
+        return write_documents(path, {name: text})[0]
+    warn_renamed("save(FILE.json)", f"save(FOLDER), which writes {name} there", depth=2)
+    write_text(path, text)
+    return path

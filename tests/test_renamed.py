@@ -7,10 +7,13 @@ import re
 import warnings
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
 import polefence as pf
 from polefence.base.renamed import GONE
+from polefence.cli.main import main
+from support.paths import DOCS, ROOT
 
 
 @contextmanager
@@ -24,7 +27,7 @@ def warned(old, new):
 
 @pytest.fixture(scope="module")
 def stage():
-    m = pf.Parameter("m", 1, 2, "kg", inverted=True)
+    m = pf.Parameter("m", 1, 2, "kg", through="1/m")
     return pf.UncertainPlant.from_expressions(
         [m], [[0, 1], ["-3/m", "-1/m"]], [[0], ["1/m"]], [[0], ["1/m"]],
         states=("place [m]", "speed [m/s]"), inputs=("force [N]",), disturbances=("push [N]",),
@@ -55,7 +58,7 @@ def test_a_row_of_a_trade_off_is_saved_as_its_design(stage, tmp_path):
 
 def test_what_is_saved_is_saved_into_a_folder(tmp_path):
     plant = pf.UncertainPlant.from_vertices(
-        [[[0, 1], [-4, -0.5]]], [[[0], [1]]], E=[[[0], [1]]], inputs=("force",)
+        [[[0, 1], [-4, -0.5]]], [[[0], [1]]], [[[0], [1]]], inputs=("force",)
     )
     limits = [pf.Rms("x1", at_most=0.01), pf.Rms("force", at_most=0.01)]
     found = pf.refute_limits(plant, limits)
@@ -72,5 +75,50 @@ def test_what_is_saved_is_saved_into_a_folder(tmp_path):
     assert pf.check(path).proved
 
 
+def test_verify_is_analyse(stage, tmp_path):
+    gain, inside, limit = [[-1.0, -1.0]], pf.HalfPlane(0.1), pf.Rms("place", at_most=9.0)
+    new = pf.analyse(stage, gain, inside, limits=[limit], lyapunov=[np.eye(2)])
+    with warned("verify", "analyse"):
+        old = pf.verify(stage, gain, inside, [np.eye(2)], [limit])
+    with warned("Verified", "Analysis"):
+        assert type(old) is pf.Verified
+    assert (old.answer, old.reason) == (new.answer, new.reason)
+    assert old.bounds[0].bound.level == new.bounds[0].bound.level
+    assert old.lyapunov == new.lyapunov
+    with warned("Verified.analysis", "Analysis"):
+        alone = old.analysis
+    assert (alone.answer, alone.bounds) == ("proved", ())
+    assert len(pf.check(new.save(tmp_path)).claims) == 2  # region and bound
+
+
 def test_old_names_are_not_listed():
     assert not {"verify", "Verified"} & {*pf.__all__, *dir(pf)}
+
+
+PAGES = [*DOCS.rglob("*.md"), *DOCS.glob("examples/*.py"), ROOT / "README.md"]
+OLD = re.compile(
+    r"\b(?:pf|polefence)\.verify\b|\bVerified\b|\bfront\.save\(|\b(?:row|margin)\.status\b"
+    r"|\.save\([\"'][^\"']*\.json[\"']\)|\bexceeded: "
+)
+
+
+def test_no_page_uses_an_old_name():
+    assert OLD.search("found = pf.verify(plant, K, region)")
+    assert OLD.search('law.save("law.json")')
+    assert len(PAGES) > 60
+    for page in PAGES:
+        if page.name != "changelog.md" and "_build" not in page.parts:
+            assert not OLD.search(page.read_text()), page
+
+
+def test_both_names_of_the_command_are_one(capsys):
+    helps = []
+    for name in ("analyse", "verify"):
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        helps.append(capsys.readouterr().out.partition("options:")[2].partition("examples:")[0])
+    assert "--lyapunov" in helps[0]
+    assert helps[0] == helps[1]
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "the same as analyse" in " ".join(capsys.readouterr().out.split())

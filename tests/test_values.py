@@ -101,8 +101,7 @@ def values(plant, tmp_path_factory):
         "study": study,
         "variants": study.variants,
         "margins": pf.in_service(design),
-        "verified": pf.verify(plant, gain, pf.HalfPlane(0.1), limits=[limit]),
-        "analysis": pf.analyse(plant, gain, pf.HalfPlane(0.1)),
+        "analysis": pf.analyse(plant, gain, pf.HalfPlane(0.1), limits=[limit]),
         "worst case": pf.worst_case(plant, gain),
         "comparison": pf.vehicle.compare(car, {"passive": None}),
         "pencil": pf.build("quadratic", plant.A, plant.B, 3.0),
@@ -116,7 +115,7 @@ def values(plant, tmp_path_factory):
 
 SHOWN = (
     "plant", "region", "regions", "ellipse", "design", "scheduled", "fixed", "polynomial", "table",
-    "optimised", "bound", "limit", "front", "study", "margins", "verified", "analysis",
+    "optimised", "bound", "limit", "front", "study", "margins", "analysis",
     "comparison",
 )  # fmt: skip
 
@@ -209,7 +208,7 @@ def test_no_name_in_a_table_is_markup(plant):
 
 @pytest.mark.parametrize("name", ["design", "certificate", "limit", "optimised", "bound", "front",
                                   "scheduled", "fixed", "polynomial", "table", "plant", "regions",
-                                  "margins", "verified", "analysis", "comparison", "study",
+                                  "margins", "analysis", "comparison", "study",
                                   "check", "claim", "document", "structure"])  # fmt: skip
 def test_values_are_copied_sent_and_turned_into_dicts(values, name):
     own = values[name]

@@ -47,7 +47,7 @@ def designed():
     plant, region = loads(SPEC), pf.parse_region(REGION)
     design = pf.place(plant, region, "quadratic")
     limit = pf.parse_specification("gain of output voltage <= 0.5")
-    return design, pf.verify(plant, design.law, region, limits=[limit]).bounds[0]
+    return design, pf.analyse(plant, design.law, region, limits=[limit]).bounds[0]
 
 
 def random_plants(design, count):

@@ -31,7 +31,7 @@ def designed(plant, *more):
 def proved(plant, law, names):
     """The rms of these signals, for every load and age."""
     limits = [pf.Rms(name, at_most=10, density=DENSITY) for name in names]
-    found = pf.verify(plant, law, pf.HalfPlane(0), limits=limits).bounds
+    found = pf.analyse(plant, law, pf.HalfPlane(0), limits=limits).bounds
     return [own.bound.level for own in found]
 
 

@@ -27,7 +27,7 @@ def laws():
     for text in REGIONS:
         region = pf.parse_region(text)
         design = pf.place(servo, region, "quadratic")
-        yield design, pf.verify(servo, design.law, region, limits=PEAKS).bounds
+        yield design, pf.analyse(servo, design.law, region, limits=PEAKS).bounds
 
 
 def moves(design):

@@ -21,6 +21,13 @@ __all__ = sorted(_MODULES)
 
 def __getattr__(name: str) -> Any:
     """Load what is asked for."""
+    if name == "verify":  # which warns when it is called
+        return import_module("polefence.certify.given").verify
+    if name == "Verified":
+        from polefence.base.renamed import warn_renamed
+
+        warn_renamed("Verified", "Analysis")
+        return __getattr__("Analysis")
     module = _MODULES.get(name)
     if module is None:
         raise AttributeError(f"module 'polefence' has no attribute {name!r}")

@@ -41,16 +41,14 @@ from polefence.certify.margins import (
     in_service as in_service,
     parameter_rate as parameter_rate,
 )
+from polefence.certify.promised import (
+    GivenLyapunov as GivenLyapunov,
+    VerifiedBound as VerifiedBound,
+)
 from polefence.certify.progress import progress as progress
 from polefence.certify.refutation import Refutation as Refutation, refute_limits as refute_limits
 from polefence.certify.running import Running as Running, running as running
 from polefence.certify.table import TableAnalysis as TableAnalysis
-from polefence.certify.verify import (
-    GivenLyapunov as GivenLyapunov,
-    Verified as Verified,
-    VerifiedBound as VerifiedBound,
-    verify as verify,
-)
 from polefence.fleet.run import study as study
 from polefence.law.control import from_control as from_control, to_control as to_control
 from polefence.law.coordinates import Coordinates as Coordinates

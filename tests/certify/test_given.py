@@ -424,7 +424,7 @@ def test_the_command_answers(car_spec, capsys):
     assert not (car_spec / "car").exists()
     assert (car_spec / "poles.png").read_bytes().startswith(b"\x89PNG")
     assert main([*gain, "--region", "disk(-40, 69.6)", *results]) == 0
-    assert capsys.readouterr().out.startswith("proved: the given law keeps all poles")
+    assert capsys.readouterr().out.startswith("proved: all poles of")
     assert main(["check", "car", "--spec", "car.toml"]) == 0
     assert Design.load("car").method == "lyapunov"
     # a saved design's law is a gain as well, by its file and by its folder
@@ -463,7 +463,8 @@ def test_the_command_answers(car_spec, capsys):
         (["--of", "sector", "--centre", "-4"], "no other has one"),
         (["--budget", "-1"], "zero or more"),
         (["--plot", "poles.txt"], "ends in .png"),
-        ([], "names no region"),
+        (["--limit", "gain"], "--limit"),
+        (["--of", "sector", "--limit", "gain of x1"], "leave --limit and --lyapunov out"),
         (["--region", "disk(-40)"], "takes 2 numbers"),
         (["--json", "a.json", "--plot", "a.json/b.png"], "cannot be written|Not a directory"),
     ],

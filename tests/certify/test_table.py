@@ -389,7 +389,7 @@ def test_the_pages_python_and_commands_do_what_they_show(example, tmp_path, caps
 
 def test_the_gains_of_a_table_may_be_called_K(tmp_path):
     """It is a table all the same, and no law of the vertices: between knots it is interpolated."""
-    from polefence.cli.analyse import read_gain
+    from polefence.cli.given import read_gain
 
     parameter = Parameter("k", 1, 3)
     plant = UncertainPlant.from_expressions([parameter], [[0, 1], ["-k", 0]], [[0], [1]])

@@ -8,7 +8,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 import polefence as pf
 from polefence import Disk, FixedGain, HalfPlane, InputError, UncertainPlant, parse_specification
-from polefence.certify.verify import verify
+from polefence.certify.given import analyse
 from polefence.law.arrays import law_from
 from polefence.plant.arrays import Arrays
 
@@ -40,21 +40,21 @@ def test_matrices_prove_down_to_their_own_radius_and_no_further(plant, dual):
     radius = least_radius(own, LOOP, dual)
     other = least_radius(own, LOOP, not dual)
     assert other > radius * 1.01
-    above = verify(plant, K, Disk(C, radius * (1 + 1e-9)), [own])
+    above = analyse(plant, K, Disk(C, radius * (1 + 1e-9)), lyapunov=[own])
     assert above.lyapunov.form == ("dual" if dual else "primal")
     assert above.proved
-    below = verify(plant, K, Disk(C, radius * (1 - 1e-9)), [own])
+    below = analyse(plant, K, Disk(C, radius * (1 - 1e-9)), lyapunov=[own])
     assert not below.lyapunov.proved
     assert "its least eigenvalue is about -" in below.lyapunov.reason
     assert below.proved  # by others: these are not the best
 
 
 def test_a_proof_by_given_matrices_is_saved_and_holds(plant, tmp_path):
-    found = verify(plant, K, HalfPlane(0), [P])
+    found = analyse(plant, K, HalfPlane(0), lyapunov=[P])
     assert found.lyapunov.proved
-    path = found.analysis.design.save(tmp_path)
+    path = found.design.save(tmp_path)
     assert pf.check(path).proved
-    (own,) = found.analysis.design.certificate.evidence["parts"]
+    (own,) = found.design.certificate.evidence["parts"]
     np.testing.assert_allclose(own["X"][0], np.linalg.inv(P), rtol=1e-9, atol=1e-12)
 
 
@@ -62,7 +62,7 @@ def test_a_proof_by_given_matrices_is_saved_and_holds(plant, tmp_path):
 def test_one_wrong_entry_is_seen(plant, place):
     own, (i, j) = P.copy(), place
     own[i, j] = own[j, i] = own[i, j] - 3 * np.linalg.norm(P)
-    found = verify(plant, K, HalfPlane(0), [own])
+    found = analyse(plant, K, HalfPlane(0), lyapunov=[own])
     assert not found.lyapunov.proved
     assert found.proved
 
@@ -70,7 +70,7 @@ def test_one_wrong_entry_is_seen(plant, place):
 def test_rounding_of_one_half_is_evened_out(plant):
     own = P.copy()
     own[0, 1] *= 1 + 1e-12
-    assert verify(plant, K, HalfPlane(0), [own]).lyapunov.proved
+    assert analyse(plant, K, HalfPlane(0), lyapunov=[own]).lyapunov.proved
 
 
 def two(stiffness, damping):
@@ -96,24 +96,24 @@ def test_one_matrix_a_vertex(stiffness, damping, square, proved):
         loop, P = (t * both[0] + (1 - t) * both[1] for both in (own.A, np.array(each)))
         worst = max(worst, np.linalg.eigvalsh(P @ loop + loop.T @ P).max())
     assert (worst < 0) == bool(proved)
-    found = verify(own, nothing, HalfPlane(0), each)
+    found = analyse(own, nothing, HalfPlane(0), lyapunov=each)
     assert found.lyapunov.count == 2
     assert found.lyapunov.proved == bool(proved)
     assert found.lyapunov.reason.startswith(proved)
     assert found.proved
     for P in each:
-        alone = verify(own, nothing, HalfPlane(0), [P])
+        alone = analyse(own, nothing, HalfPlane(0), lyapunov=[P])
         assert not alone.lyapunov.proved
         assert alone.proved
 
 
 def test_what_is_refuted_names_the_car(family):
-    found = verify(family, [[0.0, 0.3]], HalfPlane(0))
+    found = analyse(family, [[0.0, 0.3]], HalfPlane(0))
     assert (found.answer, found.lyapunov, found.bounds) == ("refuted", None, ())
-    assert found.analysis.pole.real > 0
+    assert found.pole.real > 0
 
 
-def test_limits_are_proved_or_exceeded():
+def test_limits_are_proved_or_refuted():
     plant = UncertainPlant.from_vertices(
         [[[0.0, 1.0], [-1.0, -0.5]], [[0.0, 1.0], [-2.0, -0.5]]],
         [[[0], [1]]] * 2,
@@ -122,8 +122,8 @@ def test_limits_are_proved_or_exceeded():
     # the static gain of x1 is 1 / stiffness; its peak, at c = 0.5, 2.07 where the stiffness is 1
     peak = 1 / (0.5 * np.sqrt(1 - 0.5**2 / 4))
     limits = [parse_specification(f"gain of x1 <= {peak * own:.9g}") for own in (1.01, 0.99)]
-    found = verify(plant, [[0.0, 0.0]], HalfPlane(0), limits=limits)
-    assert [own.answer for own in found.bounds] == ["proved", "exceeded"]
+    found = analyse(plant, [[0.0, 0.0]], HalfPlane(0), limits=limits)
+    assert [own.answer for own in found.bounds] == ["proved", "refuted"]
     assert found.bounds[0].bound.level == pytest.approx(peak, rel=3e-3)
     assert found.bounds[1].worst == pytest.approx(peak, rel=1e-4)
     assert found.bounds[1].alpha == pytest.approx((1, 0))
@@ -142,7 +142,7 @@ def test_laws_of_files(family):
     (only,) = (law_from(Arrays("f", {"gain": K[:1]}), family),)
     assert isinstance(only.negated(), FixedGain)
     np.testing.assert_allclose(only.negated().K, [[1, 2]])
-    assert verify(family, other, HalfPlane(0)).proved
+    assert analyse(family, other, HalfPlane(0)).proved
 
 
 @pytest.mark.parametrize(
@@ -156,27 +156,27 @@ def test_laws_of_files(family):
 def test_what_does_not_fit_is_said(given, said):
     plant = UncertainPlant.from_vertices([A], [B], [B])
     with pytest.raises(InputError, match=said):
-        verify(plant, K, HalfPlane(0), **given)
+        analyse(plant, K, HalfPlane(0), **given)
 
 
 def test_without_a_limit_the_least_bound_is_proved():
     """Of x' = -x + w by hand: the H-infinity norm is 1."""
     plant = UncertainPlant.from_vertices([[[-1]], [[-2]]], [[[1]], [[1]]], [[[1]], [[1]]])
     asked = [parse_specification("gain of x1"), parse_specification("gain of x1 <= 0.9")]
-    found = verify(plant, [[0]], HalfPlane(0), limits=asked)
+    found = analyse(plant, [[0]], HalfPlane(0), limits=asked)
     free, limited = found.bounds
     assert free.answer == "proved"
     assert 1 <= free.bound.level < 1.001
-    assert limited.answer == "exceeded"
+    assert limited.answer == "refuted"
     assert limited.bound is None
     assert found.answer == "refuted"
     assert repr(free).startswith("<VerifiedBound: gain of x1, proved; 1")
-    assert repr(limited).endswith("exceeded; none proved, 1 sampled>")
+    assert repr(limited).endswith("refuted; none proved, 1 sampled>")
 
 
 def test_lyapunov_matrices_are_for_one_gain(family):
     law = law_from(Arrays("f", {"K": [[[-1.0, -2.0]], [[-3.0, -4.0]]]}), family)
     with pytest.raises(InputError, match="for one gain K"):
-        verify(family, law, HalfPlane(0), [np.eye(2)])
+        analyse(family, law, HalfPlane(0), lyapunov=[np.eye(2)])
     with pytest.raises(InputError, match="no gain K in it"):
         law_from(Arrays("f", {"A": [], "B": []}), family)

@@ -38,7 +38,7 @@ def test_poles_matrices_and_bounds_are_said_and_saved(mine, capsys):
     starts = ["proved: all poles of 'mine' in half_plane(0)", "given P: proves it, as V = x' P x"]
     starts += [
         "proved: gain of x1 <= 1; ",
-        "exceeded: gain of x1 <= 0.1; sampled ",
+        "refuted: gain of x1 <= 0.1; sampled ",
         "read: A of 2 vertices, B, E, K, P from mine.npz",
         "saved: out/design.json",
     ]
@@ -51,7 +51,7 @@ def test_poles_matrices_and_bounds_are_said_and_saved(mine, capsys):
     data = json.loads((mine / "all.json").read_text())
     assert data["answer"] == "refuted"
     assert data["lyapunov"]["form"] == "primal"
-    assert [own["answer"] for own in data["limits"]] == ["proved", "exceeded"]
+    assert [own["answer"] for own in data["limits"]] == ["proved", "refuted"]
     level = data["limits"][0]["proved"]
     assert f"; {level:.5f}" in said[2] or f"; {level:.6f}" in said[2]
 
@@ -161,7 +161,7 @@ def density():
     return 256e-6 * (2 * np.pi * 0.1) ** 2 * 20
 
 
-@pytest.mark.parametrize(("share", "answer"), [(1.01, "proved"), (0.99, "exceeded")])
+@pytest.mark.parametrize(("share", "answer"), [(1.01, "proved"), (0.99, "refuted")])
 def test_a_spec_is_verified_on_its_road_within_its_limits(mine, capsys, share, answer):
     most = float(f"{share * rms_of_x(density()):.4g}")
     (mine / "s.toml").write_text(ROADS.format(most=most))

@@ -96,7 +96,7 @@ def test_the_sign_of_a_regulator(spec, capsys):
     assert "add --minus" in found
     assert "proved" in said(capsys, "verify", spec(), "--gain", "lqr.csv", "--minus", status=0)
     words = ["--gain", "lqr.csv", "--region", "half_plane(0)"]
-    assert "u = -K x, give -K" in said(capsys, "analyse", spec(), *words, status=1)
+    assert "u = -K x, add --minus" in said(capsys, "analyse", spec(), *words, status=1)
     np.savetxt("weak.csv", 0 * K, delimiter=",")
     words[1] = "weak.csv"
     assert "note" not in said(capsys, "analyse", spec(), *words, status=1)

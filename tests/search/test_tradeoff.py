@@ -100,7 +100,7 @@ def test_the_first_command_prints_what_the_page_shows(page):
     assert (page[0] / "front.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(("number", "answer"), [(1, 1), (2, 0)], ids=["contradictory", "reused"])
+@pytest.mark.parametrize(("number", "status"), [(1, 1), (2, 0)], ids=["contradictory", "reused"])
 def test_the_other_commands_print_what_the_page_shows(page, number, status, monkeypatch):
     monkeypatch.chdir(page[0])
     (answer, shown, said) = _follows(CONSOLE[number])[0]

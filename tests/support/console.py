@@ -16,7 +16,7 @@ import pytest
 from polefence.cli.main import main
 
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
-FAILS = re.compile(r"\A(?:\S+: )?(?:refuted|not \w+)\b|^exceeded: ", re.MULTILINE)
+FAILS = re.compile(r"\A(?:\S+: )?(?:refuted|not \w+)\b|^refuted: ", re.MULTILINE)
 SECONDS = re.compile(r"(?<=  proved  ) +\d+\.\d\d$", re.MULTILINE)
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?:e[+-]?\d+)?(?![\w.])")
 GAIN = re.compile(r"^(  [KL](?: at vertex \d+)? =) \[(.*)\]$", re.MULTILINE)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from polefence.base.errors import InputError, RegionError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
+from polefence.base.renamed import warn_renamed
 from polefence.certify.candidates import Deadline, first
 from polefence.certify.certificate import Certificate
 from polefence.certify.checks import in_time_of, require_continuous, require_region
@@ -26,6 +28,7 @@ from polefence.certify.evidence import (
     placeholder,
     whole_evidence,
 )
+from polefence.certify.promised import GivenLyapunov, VerifiedBound, bounded, matrices_given
 from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.law.laws import (
     GainTable,
@@ -43,6 +46,7 @@ from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.requirements.specification import Specification
 
 TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
@@ -60,39 +64,59 @@ _Proved = tuple[float, Region, Certificate]  # with its r
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis(Short):
-    """The answer to "does this law keep all poles in the region?".
+    """The answer to "does this law keep all poles in the region, and these limits?".
 
     Attributes
     ----------
     plant, law, region
         The question.
-    answer : str
-        "proved", "refuted" or "undecided".
+    kept : str
+        Whether the region is kept: "proved", "refuted" or "undecided".
     reason : str
+        Why that is so.
     certificate : Certificate or None
-        Of a proved answer: it saves and checks as a design's does.
+        Of a region that is proved: it saves and checks as a design's does.
     alpha : tuple of Fraction or None
-        Of a refuted answer: where a pole is not in the region, exactly.
+        Of a region that is refuted: where a pole is not in it, exactly.
     pole : complex or None
         That pole, in floats [1/s].
+    lyapunov : GivenLyapunov or None
+        Of the matrices that came with the law.
+    bounds : tuple of VerifiedBound
+        Of each limit; none where the region is refuted.
     """
 
     plant: UncertainPlant
     law: Law
     region: Region
-    answer: str
+    kept: str
     reason: str
     certificate: Certificate | None = None
     alpha: tuple[Fraction, ...] | None = None
     pole: complex | None = None
+    lyapunov: GivenLyapunov | None = None
+    bounds: tuple[VerifiedBound, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Analysis of {self.plant.name!r}: {self.region}, {self.answer}>"
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        rows = [("region", str(self.region)), ("answer", self.answer), ("by", self.reason)]
-        return card(self.plant.name, rows)
+        poles = f"{self.kept}: in {self.region}"
+        bounds = (
+            (
+                own.specification.title,
+                own.answer if own.bound is None else f"{own.answer}: {own.bound}",
+            )
+            for own in self.bounds
+        )
+        return card(self.plant.name, [("poles", poles), ("by", self.reason), *bounds])
+
+    @property
+    def answer(self) -> str:
+        """Say "proved" (all that was asked), "refuted" (some of it) or "undecided"."""
+        answers = {self.kept, *(own.answer for own in self.bounds)}
+        return next(own for own in ("refuted", "undecided", "proved") if own in answers)
 
     @property
     def proved(self) -> bool:
@@ -106,16 +130,35 @@ class Analysis(Short):
 
     @property
     def design(self) -> Design:
-        """The law, region and certificate as a design, to save or draw.
+        """The law, region and certificate as a design, to save or draw, with the proved bounds.
 
         Raises
         ------
         InputError
-            If the answer is not "proved".
+            If the region is not proved.
         """
         if self.certificate is None:
-            raise InputError(f"the analysis is {self.answer}; only a proved one makes a design")
-        return Design(self.certificate)
+            raise InputError(f"the region is {self.kept}; only a proved one makes a design")
+        claims = tuple(own.bound.claim for own in self.bounds if own.bound is not None)
+        return Design(self.certificate, more=claims)
+
+    def save(self, directory: str | Path) -> Path:
+        """Write ``design.json``, with region and proved bounds, into a folder; return its path.
+
+        Raises
+        ------
+        InputError
+            If the region is not proved.
+        OutputError
+            If the folder cannot be written.
+        """
+        return self.design.save(directory)
+
+    @property
+    def analysis(self) -> Analysis:
+        """The old name of what is said of the poles."""
+        warn_renamed("Verified.analysis", "Analysis")
+        return replace(self, lyapunov=None, bounds=())
 
     def poles(self, alpha: Array) -> Array:
         """Closed-loop poles at points alpha (..., N) of the simplex, as (..., n) complex."""
@@ -135,21 +178,38 @@ def analyse(
 
 @overload
 def analyse(
-    plant: UncertainPlant, law: Any, region: Region, budget: float | None = ..., depth: int = ...
+    plant: UncertainPlant,
+    law: Any,
+    region: Region,
+    budget: float | None = ...,
+    depth: int = ...,
+    *,
+    limits: Sequence[Specification] = ...,
+    lyapunov: Sequence[Any] = ...,
 ) -> Analysis: ...
 
 
 @explained
 @small_matrices()
 def analyse(
-    plant: UncertainPlant, law: Any, region: Region, budget: float | None = None, depth: int = 4
+    plant: UncertainPlant,
+    law: Any,
+    region: Region,
+    budget: float | None = None,
+    depth: int = 4,
+    *,
+    limits: Sequence[Specification] = (),
+    lyapunov: Sequence[Any] = (),
 ) -> Analysis | TableAnalysis:
-    """Prove or refute that a given law keeps all poles of the whole family in a region.
+    """Prove or refute that a given law keeps all poles in a region, and limits on signals.
 
     For one gain, or a law Z W^-1: Lyapunov polynomials of growing degree are tried, one for each
     part of the region; where those that are cheap do not prove it, one for each of some parts of
     the box. For a table of gains: cell by cell, see `TableAnalysis`. For a plant with parameters
     the family is that of the parameters' box.
+
+    Lyapunov matrices that came with the law are decided on as they are, as V = x' P x and as
+    V = x' P^-1 x. Whatever they prove, the answer on the poles is the best that is found here.
 
     Parameters
     ----------
@@ -163,6 +223,11 @@ def analyse(
         so. Without one the counted size of the next step alone ends the search.
     depth : int
         How often a cell of a table may be halved.
+    limits : sequence of Specification
+        Each with its limit, ``at_most``; without one the least bound that can be proved is asked
+        for. None of a table.
+    lyapunov : sequence of (n, n) matrices
+        One, or one a vertex: P(alpha) is the sum of alpha_j P_j. Only for one gain K.
 
     Returns
     -------
@@ -172,18 +237,46 @@ def analyse(
     Raises
     ------
     InputError
-        If the law does not fit the plant, or the region the plant's time.
+        If law, limits or matrices do not fit the plant, or the region the plant's time.
     """
     if isinstance(law, GainTable):
+        if len(limits) or len(lyapunov):
+            raise InputError("of a table of gains poles are proved alone: no limits, no lyapunov")
         return analyse_table(plant, law, region, depth, budget)
     law = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     region = in_time_of(plant, region)
     require_region(plant, region)
-    answer = analysed(plant, law, region, Deadline(budget))
-    if answer.certificate is not None and answer.proved:
-        answer.certificate.require_checkable()
-    return answer
+    for limit in limits:
+        limit.require_fit(plant)
+    given, certificate = None, None
+    if len(lyapunov):
+        given, certificate = matrices_given(plant, law, region, lyapunov)
+    if certificate is None:
+        found = analysed(plant, law, region, Deadline(budget))
+    else:
+        reason = certificate.prove().reason
+        found = Analysis(plant, law, region, "proved", reason, certificate)
+    asked = limits if found.kept != "refuted" else ()
+    found = replace(found, lyapunov=given, bounds=tuple(bounded(plant, law, own) for own in asked))
+    if found.certificate is not None:
+        found.certificate.require_checkable(found.design.more)
+    return found
+
+
+def verify(
+    plant: UncertainPlant,
+    law: Any,
+    region: Region,
+    lyapunov: Sequence[Any] = (),
+    limits: Sequence[Specification] = (),
+    budget: float | None = None,
+) -> Analysis:
+    """Call `analyse` by its old name."""
+    warn_renamed("verify", "analyse")
+    if isinstance(law, GainTable):
+        raise InputError("a table of gains is analysed, not verified: polefence.analyse")
+    return analyse(plant, law, region, budget, limits=limits, lyapunov=lyapunov)
 
 
 def analysed(
@@ -219,8 +312,9 @@ def analysed(
         parts.append(proof)
     certificate = certificate_of(plant, law, region, parts)
     verdict = certificate.prove()
-    answer = "proved" if verdict.proved else "undecided"
-    return Analysis(plant, law, region, answer, verdict.reason, certificate)
+    if not verdict.proved:
+        return Analysis(plant, law, region, "undecided", verdict.reason)
+    return Analysis(plant, law, region, "proved", verdict.reason, certificate)
 
 
 def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fraction]) -> Analysis:

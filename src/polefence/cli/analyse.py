@@ -1,10 +1,9 @@
-"""``polefence analyse``: does a gain that is given keep a region, and how far does it go."""
+"""``polefence analyse``: does a law that is given keep a region and limits; how far does it go."""
 
 from __future__ import annotations
 
 import argparse
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
@@ -12,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, shown
-from polefence.base.files import read_text
+from polefence.base.errors import InputError
 from polefence.base.progress import stage
-from polefence.certify.certificate import Certificate
+from polefence.certify.bounds import is_loose
 from polefence.certify.checks import example_centre
-from polefence.certify.design import FILE_NAME, Design, is_proof_file, require_kind
+from polefence.certify.design import FILE_NAME, Design
 from polefence.certify.given import Analysis, WorstCase, analyse, worst_case
+from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.cli.common import (
     NOT_PROVED,
     PROVED,
-    at_samples,
     check_figure,
     check_targets,
     every_alpha,
@@ -32,50 +30,60 @@ from polefence.cli.common import (
     samples_text,
     sampling_arguments,
     saved,
-    spec_argument,
     write_figure,
     write_json,
 )
+from polefence.cli.given import Given, is_design, read_given
 from polefence.cli.terminal import say
 from polefence.cli.tightest import KINDS
-from polefence.law.arrays import law_from
-from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
-from polefence.plant.arrays import NO_NAMES, read_arrays
+from polefence.law.laws import GainTable
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded, values_text, where_text
-from polefence.plant.spec import load
-from polefence.proof import reading, work
 from polefence.proof.claims.cells import Cell
-from polefence.proof.document import FORMAT
 from polefence.proof.text import exactly, plural
 from polefence.region.regions import Region
-from polefence.region.text import digits_down, digits_up, load_region, parse_region
+from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
 
-OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
-WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
-MOST_TEXT = 100_000  # characters of a matrix on the command line
 SHOWN = 3  # counterexamples printed
 BETWEEN = 200  # points beside the vertices, where the other sign is tried
-PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
 CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of `analyse`."""
-    spec_argument(parser)
+    """Declare the options of `analyse`, which are those of `verify`."""
+    parser.add_argument(
+        "spec",
+        metavar="PLANT",
+        help="a TOML spec, or a file with A and B, one each or one a vertex (.mat, .npz, .json, a "
+        "folder of .csv)",
+    )
     parser.add_argument(
         "--gain",
-        required=True,
         metavar="WHAT",
         help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design or a "
-        "table; .mat, .npz, .npy or .csv with a K",
+        "table; .mat, .npz, .npy or .csv with a K; default: the K of PLANT",
+    )
+    parser.add_argument(
+        "--minus", action="store_true", help="the law is u = -K x, as lqr and place have it"
+    )
+    parser.add_argument(
+        "--lyapunov",
+        metavar="FILE",
+        help="Lyapunov matrices P, one or one a vertex; default: the P of PLANT, if it has one",
+    )
+    parser.add_argument(
+        "--name",
+        action="append",
+        default=[],
+        metavar="NEW=OLD",
+        help="the file calls it OLD what is called NEW here: --name P=Xopt; repeat for more",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--region",
         metavar="TEXT",
-        help="'disk(-40, 31) & sector(0.3)'; default: the region that the spec names",
+        help="'disk(-40, 31) & sector(0.3)'; default: the spec's, else stability",
     )
     where.add_argument(
         "--of",
@@ -85,6 +93,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "ratio, that the gain keeps",
     )
     parser.add_argument("--centre", "--center", type=float, metavar="CENTRE", help="--of disk")
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
+        "be proved; repeat for more; none: the poles alone; default: all that a spec asks for",
+    )
     parser.add_argument(
         "--budget",
         type=float,
@@ -110,151 +126,125 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def analyse_command(options: Any) -> int:
-    """Prove or refute that a given gain, or table of gains, keeps a region."""
-    plant = load(options.spec)
+    """Prove or refute that a given gain, or table of gains, keeps a region and limits."""
     if (options.budget or 0) < 0 or options.depth < 0:
         raise InputError("--budget and --depth must be zero or more")
+    given = read_given(options)
+    plant, law = given.plant, given.law
     if (options.of == "disk") != (options.centre is not None):
         centre = example_centre(plant)
         raise InputError(
             f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
         )
-    plant, law = _read(plant, options)
     check_figure(options.plot)
     table = law if isinstance(law, GainTable) else None
     name = FILE_NAME if table is None else TABLE_NAME
     check_targets(options.json, options.plot, folder=options.output, names=(name,))
     if options.of is None:
-        region = _region(options)
-        if table is not None:
-            return _table(plant, table, region, options)
-        return _one(analyse(plant, law, region, options.budget), region, options)
+        return _kept(given, options)
     if table is not None:
         raise InputError("--of is for one gain or law; analyse a table with --region")
+    if options.limit or options.lyapunov is not None:
+        raise InputError("--of asks how far the poles go: leave --limit and --lyapunov out")
     return _worst(
         plant, worst_case(plant, law, options.of, options.centre, options.budget), options
     )
 
 
-def _read(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Law | GainTable]:
-    """Return plant and law, as a computer has them where the options ask for it.
+def verify_command(options: Any) -> int:
+    """Do the same as analyse: its other name, with the same options."""
+    return analyse_command(options)
 
-    A gain of the plant is zero of inputs that are on their way; one of a design at a sample time
-    has them.
-    """
-    seen = at_samples(plant, options)
-    if seen is plant:
-        return plant, read_gain(plant, options.gain)
-    try:
-        law = read_gain(seen, options.gain)
-    except InputError:  # of the plant, not of what is on its way
-        law = read_gain(plant, options.gain)
-        if isinstance(law, FixedGain):
-            return seen, law.with_states(seen.shape[0] - plant.shape[0])
+
+def _kept(given: Given, options: Any) -> int:
+    """Answer whether the region and the limits are kept."""
+    plant, law, region = given.plant, given.law, given.region(options)
+    limits, P = given.limits(options), given.lyapunov(options)
+    if not isinstance(law, GainTable):
+        found = analyse(plant, law, region, options.budget, limits=limits, lyapunov=P)
+        return _one(found, region, given, options)
+    if limits or P:
+        raise InputError("of a table of gains the poles are proved alone; leave --limit and P out")
+    return _table(plant, law, region, options)
+
+
+def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
+    plant, kept = analysis.plant, analysis.kept == "proved"
+    if kept:
+        alpha = every_alpha(analysis.design)
+        where = f"all poles of {plant.name!r} in {analysis.region} for {alpha}"
+        say(f"proved: {where}; {analysis.reason}", verdict="proved")
     else:
-        if not isinstance(law, GainTable):
-            return seen, law
-    raise InputError(
-        "--sample-time judges one gain, and laws that are designed so; of any other "
-        "`polefence export --sample-time` says how fast the loop decays"
-    )
-
-
-def read_gain(
-    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES, option: str = "--gain"
-) -> Law | GainTable:
-    """Read a gain: JSON text, or a file with a matrix, a design or a table; never executed.
-
-    Parameters
-    ----------
-    names : mapping
-        What a file of another tool calls K, Z or W.
-    option : str
-        What says it, for messages.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or does not fit the plant; the file is named.
-    """
-    if what.lstrip().startswith(("[", "{")):
-        name, text = option, what
-        if len(text) > MOST_TEXT:
-            raise InputError(f"{option} has {len(text)} characters; write a file")
-    else:
-        path = Path(what)
-        path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
-        if path.is_dir() or path.suffix.lower() in OTHERS:
-            return law_from(read_arrays(path, names), plant)
-        name, text = str(path), read_text(path, reading.MAX_BYTES, InputError)
-    try:
-        data = reading.parse(_as_json(text))
-    except work.FormatError as error:
-        raise InputError(f"{name}: {error}") from error
-    try:
-        if isinstance(data, dict) and data.get("format") == FORMAT:
-            certificate = Certificate.loads(text)
-            require_kind(certificate)
-            return given_law(plant, certificate.law)
-        if isinstance(data, dict) and "grid" not in data and {"K", "W", *names} & data.keys():
-            return law_from(read_arrays(name, names), plant)
-        if isinstance(data, dict) and "format" in data:
-            raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
-        if isinstance(data, dict):
-            return table_from(plant.parameters, data)
-        return given_law(plant, data)
-    except InputError as error:
-        raise type(error)(f"{name}: {error}") from error
-
-
-def _as_json(text: str) -> str:
-    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
-    found = PRINTED.fullmatch(text.strip())
-    if found is None:
-        return text
-    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
-    return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
-
-
-def _region(options: Any) -> Region:
-    region = load_region(options.spec) if options.region is None else parse_region(options.region)
-    if region is None:
-        raise InputError(
-            f"{options.spec}: names no region; give --region TEXT, or --of for the best one"
-        )
-    return region
-
-
-def _one(analysis: Analysis, asked: Region, options: Any) -> int:
-    if analysis.proved:
-        say(
-            f"proved: the given law keeps all poles of {analysis.plant.name!r} in "
-            f"{analysis.region} for {every_alpha(analysis.design)}; {analysis.reason}",
-            verdict="proved",
-        )
-    else:
-        say(f"{analysis.answer}: {analysis.reason}", verdict=analysis.answer)
-        note_the_sign(analysis, options.gain, "give -K")
-    say(*image_text(analysis.plant, asked, analysis.proved), *samples_text(analysis.plant))
-    pole, alpha = analysis.pole, analysis.alpha
-    _finish(
-        options,
-        analysis.design if analysis.proved else None,
-        {
-            "plant": plant_summary(analysis.plant),
-            "region": analysis.region.document(),
-            "answer": analysis.answer,
-            "reason": analysis.reason,
-            "alpha": None if alpha is None else [str(a) for a in alpha],
-            "values": analysis.values,
-            "pole": None if pole is None else [pole.real, pole.imag],
-        },
-    )
+        say(f"{analysis.kept}: {analysis.reason}", verdict=analysis.kept)
+        other = ("leave out --minus", "K") if options.minus else ("add --minus", "-K")
+        note_the_sign(analysis, options.gain, *other)
+    say(*_lyapunov_lines(analysis))
+    for own in analysis.bounds:
+        say(_bound_text(plant, own), verdict=own.answer)
+    say(*image_text(plant, asked, kept), *samples_text(plant), *given.text(options))
+    _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
         from polefence.show.plots import analysis_figure
 
         write_figure(options.plot, analysis_figure(analysis))
     return PROVED if analysis.proved else NOT_PROVED
+
+
+def _lyapunov_lines(analysis: Analysis) -> list[str]:
+    """Say what the matrices that came with the law prove."""
+    given = analysis.lyapunov
+    if given is None:
+        return []
+    what = "P" if given.count == 1 else f"P of {given.count} vertices"
+    if given.proved:
+        return [f"given {what}: proves it, as {given.words}; {given.reason}"]
+    return [f"given {what}: does not prove it; {given.reason}"]
+
+
+def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
+    most = own.specification.at_most
+    limit = own.specification.title + ("" if most is None else f" <= {exactly(most)}")
+    sampled = f"{digits_down(own.worst)}{where_text(plant, own.alpha)}"
+    if own.answer == "refuted":
+        return f"refuted: {limit}; sampled {sampled}, computed in floats"
+    if own.bound is None:
+        return f"{own.answer}: {limit}; no bound is proved, sampled {sampled}"
+    loose = "; not tight: the worst case lies between" * is_loose(own.bound.level, own.worst)
+    return (
+        f"{own.answer}: {limit}; {digits_up(own.bound.level)} is proved, sampled {sampled}{loose}"
+    )
+
+
+def _summary(analysis: Analysis) -> dict[str, Any]:
+    given, pole, alpha = analysis.lyapunov, analysis.pole, analysis.alpha
+    poles = {
+        "reason": analysis.reason,
+        "alpha": None if alpha is None else [str(a) for a in alpha],
+        "values": analysis.values,
+        "pole": None if pole is None else [pole.real, pole.imag],
+    }
+    return {
+        "plant": plant_summary(analysis.plant),
+        "region": analysis.region.document(),
+        "answer": analysis.answer,
+        **poles,
+        "poles": {"answer": analysis.kept, **poles},
+        "lyapunov": None
+        if given is None
+        else {"proved": given.proved, "form": given.form, "reason": given.reason},
+        "limits": [
+            {
+                "of": own.specification.title,
+                "limit": own.specification.at_most,
+                "answer": own.answer,
+                "proved": None if own.bound is None else own.bound.level,
+                "sampled": own.worst,
+                "alpha": list(own.alpha),
+                "values": own.values,
+            }
+            for own in analysis.bounds
+        ],
+    }
 
 
 def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
@@ -312,7 +302,7 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
     The sign of a design's own file is known.
     """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or law.K is None or _is_design(gain):
+    if analysis.answer != "refuted" or law.K is None or is_design(gain):
         return
     alpha = seeded(plant, len(plant.vertices) + BETWEEN)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
@@ -323,14 +313,6 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
             f"note: {other} keeps the poles{' of all vertices' * (more > 0)} there{between}; "
             f"if the law is u = {other} x, {remedy}"
         )
-
-
-def _is_design(gain: str | None) -> bool:
-    """Whether a gain is a file of claims, or a folder with one."""
-    if gain is None or gain.lstrip().startswith(("[", "{")):
-        return False
-    path = Path(gain)
-    return (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path))
 
 
 def _value(region: Region, of: str) -> float:

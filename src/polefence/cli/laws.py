@@ -13,8 +13,8 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.certify.certificate import file_plant
 from polefence.certify.design import FILE_NAME, Design, is_proof_file, read_document
-from polefence.cli.analyse import read_gain
 from polefence.cli.common import structure_of_options
+from polefence.cli.given import read_gain
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load

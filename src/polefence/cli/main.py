@@ -43,7 +43,6 @@ from polefence.cli import (
     study,
     tightest,
     tradeoff,
-    verify,
 )
 from polefence.cli.common import streams
 from polefence.cli.help import Formatter, examples, listing
@@ -65,7 +64,7 @@ COMMANDS: tuple[Command, ...] = (
     ("semi-active", semi_active.semi_active_command, semi_active.add_arguments),
     ("service", service.service_command, service.add_arguments),
     ("analyse", analyse.analyse_command, analyse.add_arguments),
-    ("verify", verify.verify_command, verify.add_arguments),
+    ("verify", analyse.verify_command, analyse.add_arguments),
     ("simulate", simulate.simulate_command, simulate.add_arguments),
     ("compare", compare.compare_command, compare.add_arguments),
     ("concepts", concepts.concepts_command, concepts.add_arguments),

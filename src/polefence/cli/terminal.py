@@ -21,7 +21,7 @@ from polefence.proof.text import visible
 EVERY = 0.2  # [s] between two drawings
 COLUMNS = 80  # of a terminal that does not say
 MOST_COLUMNS = 100  # of text on a terminal
-COLOURS = {"proved": "1;32", "refuted": "1;31", "exceeded": "1;31", "undecided": "1;33"}
+COLOURS = {"proved": "1;32", "refuted": "1;31", "undecided": "1;33"}
 
 
 class Line:

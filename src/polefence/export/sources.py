@@ -27,6 +27,7 @@ from polefence.export.program import (
     memory_of,
 )
 from polefence.plant.polynomial import Exponent
+from polefence.proof.short import Short
 from polefence.region.text import digits_down, digits_up
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ WIDTH = 100  # of a line
 
 
 @dataclass(frozen=True)
-class Texts:
+class Texts(Short):
     """Words of the code about itself, and its limits.
 
     Attributes

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 DIGITS = 80  # of the factor: condition numbers up to 1e60
 DOUBLES = 4  # that hold an entry of T^-1 together
@@ -24,7 +25,7 @@ Decimals = list[list[Decimal]]
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class Coordinates(Short):
     """y = T x, T lower triangular, of doubles.
 
     Attributes

@@ -21,6 +21,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 
 Exponent = tuple[int, ...]
 Polynomial = dict[Exponent, Array]  # coefficients of monomials
@@ -29,7 +30,7 @@ DOMAINS = ("simplex", "box")
 
 
 @dataclass(frozen=True)
-class Domain:
+class Domain(Short):
     """A product of simplices.
 
     Attributes

@@ -19,6 +19,7 @@ from polefence.law.laws import Law
 from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
+from polefence.proof.short import Short
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.specification import Specification
 from polefence.search.shares import GAP, Candidate, Origin, Task, candidate, level_of
@@ -30,7 +31,7 @@ SAMPLES = 50
 
 
 @dataclass(frozen=True)
-class Closer:
+class Closer(Short):
     """The best law that was found, where one of a smaller gain is as good to a thousandth.
 
     Attributes

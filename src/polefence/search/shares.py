@@ -54,6 +54,7 @@ from polefence.plant.outputs import inputs
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.short import Short
 from polefence.region.regions import HalfPlane, Region, Sector, bounded, stable
 from polefence.requirements.gain_norm import GainNorm, as_norms
 from polefence.requirements.specification import Specification
@@ -1031,7 +1032,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Retreat:
+class Retreat(Short):
     """Distance of a law from an infimum.
 
     Attributes

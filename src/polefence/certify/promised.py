@@ -1,4 +1,4 @@
-"""Designs of other tools verified: their law, their Lyapunov matrices, the bounds they promise."""
+"""What a design of another tool comes with: Lyapunov matrices, and promised bounds on signals."""
 
 from __future__ import annotations
 
@@ -12,17 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, require_type
-from polefence.base.explained import explained
-from polefence.base.processors import small_matrices
+from polefence.base.errors import InputError
 from polefence.certify.bounds import Bound, best_bound, sampled, worst_of
 from polefence.certify.by_transfer import ByTransfer
 from polefence.certify.certificate import Certificate
-from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.evidence import certificate_of, placeholder
-from polefence.certify.given import Analysis, analyse
-from polefence.law.laws import GainTable, Law, given_law
-from polefence.plant.card import card
+from polefence.law.laws import Law
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at
@@ -76,9 +71,9 @@ class VerifiedBound(Short):
     ----------
     specification : Specification
     answer : str
-        "proved", "exceeded" (at a point, computed in floats) or "undecided".
+        "proved", "refuted" (at a point, computed in floats) or "undecided".
     bound : Bound or None
-        The least bound that was proved, below the limit or not; None where the limit is exceeded.
+        The least bound that was proved, below the limit or not; None where the limit is refuted.
     worst : float
         The largest of some samples, in the signal's unit.
     alpha : tuple of float
@@ -94,121 +89,30 @@ class VerifiedBound(Short):
     alpha: tuple[float, ...]
     values: dict[str, float] | None = None
 
+    @property
+    def proved(self) -> bool:
+        """Whether the answer is "proved"."""
+        return self.answer == "proved"
+
     def __repr__(self) -> str:
         level = "none" if self.bound is None else f"{self.bound.level:.6g}"
         name = self.specification.title
         return f"<VerifiedBound: {name}, {self.answer}; {level} proved, {self.worst:.6g} sampled>"
 
 
-@dataclass(frozen=True, eq=False)
-class Verified(Short):
-    """What is proved of a design that was given.
-
-    Attributes
-    ----------
-    plant, law
-        The question.
-    analysis : Analysis
-        Of the poles; it makes the design file where it is proved.
-    lyapunov : GivenLyapunov or None
-        Of the matrices that came with the design.
-    bounds : tuple of VerifiedBound
-    """
-
-    plant: UncertainPlant
-    law: Law
-    analysis: Analysis
-    lyapunov: GivenLyapunov | None = None
-    bounds: tuple[VerifiedBound, ...] = ()
-
-    @property
-    def answer(self) -> str:
-        """Return "proved", "refuted" (a pole is outside, or a limit exceeded) or "undecided"."""
-        each = {self.analysis.answer, *(own.answer for own in self.bounds)}
-        if each == {"proved"}:
-            return "proved"
-        return "refuted" if each & {"refuted", "exceeded"} else "undecided"
-
-    @property
-    def proved(self) -> bool:
-        """Whether all that was asked is proved."""
-        return self.answer == "proved"
-
-    def __repr__(self) -> str:
-        return f"<Verified: {self.plant.name!r}, {self.answer}>"
-
-    def _repr_html_(self) -> str:
-        """Show it in a notebook."""
-        bounds = (
-            (
-                own.specification.title,
-                f"{own.answer}{'' if own.bound is None else f': {own.bound}'}",
-            )
-            for own in self.bounds
-        )
-        poles = ("poles", f"{self.analysis.answer}: in {self.analysis.region}")
-        return card(self.plant.name, [poles, *bounds])
-
-
-@explained
-@small_matrices()
-def verify(
-    plant: UncertainPlant,
-    law: Any,
-    region: Region,
-    lyapunov: Sequence[Any] = (),
-    limits: Sequence[Specification] = (),
-    budget: float | None = None,
-) -> Verified:
-    """Prove or refute what another tool says of its design.
-
-    The Lyapunov matrices, if there are some, are decided on as they are, in both forms. Whatever
-    they prove, the answer on the poles is the best that is found here: by them, by other Lyapunov
-    polynomials, or by a counterexample.
-
-    Parameters
-    ----------
-    plant : UncertainPlant
-    law : (m, n) matrix, or any law of `polefence.law`
-        u = K x. Of lqr and place, whose u is -K x, give -K.
-    region : Region
-    lyapunov : sequence of (n, n) matrices
-        One, or one a vertex: P(alpha) is the sum of alpha_j P_j. Only for one gain K.
-    limits : sequence of Specification
-        Each with its limit, ``at_most``; without one the least bound that can be proved is asked
-        for.
-    budget : float, optional
-        As of `analyse` [s].
+def matrices_given(
+    plant: UncertainPlant, law: Law, region: Region, lyapunov: Sequence[Any]
+) -> tuple[GivenLyapunov, Certificate | None]:
+    """Decide whether Lyapunov matrices prove a region; and the certificate, if they are one.
 
     Raises
     ------
     InputError
-        If law, matrices or limits do not fit the plant.
+        If they do not fit the plant, or the law is not one gain.
     """
-    if isinstance(law, GainTable):
-        raise InputError("a table of gains is analysed, not verified: polefence.analyse")
-    own = given_law(plant, law)
-    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    region = in_time_of(plant, region)
-    require_region(plant, region)
-    for limit in limits:
-        limit.require_fit(plant)
-    given, certificate = None, None
-    if len(lyapunov):
-        if own.K is None:
-            raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
-        given, certificate = _given(plant, own, region, _matrices(plant, lyapunov))
-    if certificate is None:
-        analysis = analyse(plant, own, region, budget)
-    else:
-        reason = certificate.prove().reason
-        analysis = Analysis(plant, own, region, "proved", reason, certificate)
-    stable = analysis.answer != "refuted"
-    bounds = tuple(_bounded(plant, own, limit) for limit in limits) if stable else ()
-    if analysis.certificate is not None and analysis.proved:
-        claims = [own.bound.claim for own in bounds if own.bound is not None]
-        analysis.certificate.require_checkable(claims)
-    return Verified(plant, own, analysis, given, bounds)
+    if law.K is None:
+        raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
+    return _given(plant, law, region, _matrices(plant, lyapunov))
 
 
 def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
@@ -309,7 +213,7 @@ def _certificate(
     return found if found.holds() else None
 
 
-def _bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBound:
+def bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBound:
     """Return what is proved of a limit; sampled first, for no proof passes a sample."""
     most = inf if limit.at_most is None else limit.at_most
     free = replace(limit, at_most=None)
@@ -318,7 +222,7 @@ def _bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedB
     alpha = tuple(float(a) for a in found.alpha[k])
     own = limit, None, worst, alpha, values_at(plant, alpha)
     if worst > most:
-        return VerifiedBound(limit, "exceeded", *own[1:])
+        return VerifiedBound(limit, "refuted", *own[1:])
     bound = best_bound(plant, law, free)
     answer = "proved" if bound is not None and bound.level <= most else "undecided"
     return VerifiedBound(limit, answer, bound, *own[2:])

@@ -1,0 +1,241 @@
+"""A plant, a law and limits that are given, as files or as words of the command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from polefence.base.errors import InputError, shown
+from polefence.base.files import read_text
+from polefence.certify.certificate import Certificate
+from polefence.certify.design import FILE_NAME, is_proof_file, require_kind
+from polefence.cli.common import at_samples
+from polefence.law.arrays import law_from
+from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
+from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load
+from polefence.proof import reading, work
+from polefence.proof.document import FORMAT
+from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.region.text import load_region, parse_region
+from polefence.requirements.asked import promised
+from polefence.requirements.specification import Specification
+from polefence.requirements.text import parse_specification
+
+OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
+WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
+MOST_TEXT = 100_000  # characters of a matrix on the command line
+PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is to be analysed.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+        As the law sees it: its samples, where the options ask for these.
+    law : Law or GainTable
+    arrays : Arrays or None
+        The file of another tool that the plant is from; None of a spec.
+    names : dict
+        What that file calls things.
+    """
+
+    plant: UncertainPlant
+    law: Law | GainTable
+    arrays: Arrays | None
+    names: dict[str, str]
+
+    def region(self, options: Any) -> Region:
+        """Return the region of the options, else the spec's, else stability."""
+        if options.region is not None:
+            return parse_region(options.region)
+        own = load_region(options.spec) if self.arrays is None else None
+        return own or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
+
+    def limits(self, options: Any) -> list[Specification]:
+        """Return the limits of the options, else all that a spec asks for; of a table none."""
+        if options.limit == ["none"]:
+            return []
+        if self.arrays is not None:
+            return [_limit(text) for text in options.limit]
+        if isinstance(self.law, GainTable) and not options.limit:
+            return []
+        return list(promised(self.plant, options.spec, options.limit, "--limit"))
+
+    def lyapunov(self, options: Any) -> list[Any]:
+        """Return the Lyapunov matrices that come with the law, if any."""
+        if options.lyapunov is not None:
+            return read_arrays(options.lyapunov, self.names).only("P")
+        return [] if self.arrays is None or "P" not in self.arrays else self.arrays["P"]
+
+    def text(self, options: Any) -> list[str]:
+        """Say which matrices of the file stand for plant, law and Lyapunov function."""
+        if self.arrays is None:
+            return []
+        names = [*"ABECDF", "sample_time"]
+        if options.gain is None:
+            names += ["K"] if "K" in self.arrays else ["Z", "W"]
+        names += ["P"] if options.lyapunov is None else []
+        sign = "; u = -K x" if options.minus else ""
+        out = self.arrays.left_out(names)
+        rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
+        listed = ", ".join(self.arrays.listed(names))
+        return [f"read: {listed} from {self.arrays.place}{sign}{rest}"]
+
+
+def read_given(options: Any) -> Given:
+    """Read the plant and the law that the options name.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or the law does not fit the plant.
+    """
+    names = _names(options.name)
+    plant, arrays = _plant(options.spec, names)
+    seen = at_samples(plant, options)
+    law: Law | GainTable
+    if seen is plant:
+        law = _law(plant, arrays, names, options)
+    else:
+        law = _sampled_law(plant, seen, arrays, names, options)
+    if options.minus:
+        if isinstance(law, GainTable):
+            raise InputError("--minus is for one gain or law; write the table with u = K x")
+        law = law.negated()
+    return Given(seen, law, arrays, names)
+
+
+def _plant(what: str, names: dict[str, str]) -> tuple[UncertainPlant, Arrays | None]:
+    path = Path(what)
+    if (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path)):
+        raise InputError(f"{path}: a file of claims; polefence check proves it afresh")
+    if path.is_dir() or path.suffix.lower() in (*OTHERS, ".json"):
+        arrays = read_arrays(what, names)
+        return plant_from(arrays), arrays
+    return load(path), None
+
+
+def _law(
+    plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
+) -> Law | GainTable:
+    if options.gain is not None:
+        return read_gain(plant, options.gain, names)
+    if arrays is None:
+        raise InputError(f"{options.spec}: a spec has no gain; name one by --gain")
+    return law_from(arrays, plant)
+
+
+def _sampled_law(
+    plant: UncertainPlant,
+    seen: UncertainPlant,
+    arrays: Arrays | None,
+    names: dict[str, str],
+    options: Any,
+) -> Law:
+    """Return the law of a computer's samples.
+
+    A gain of the plant is zero of inputs that are on their way; one of a design at a sample time
+    has them.
+    """
+    try:
+        law = _law(seen, arrays, names, options)
+    except InputError:  # of the plant, not of what is on its way
+        law = _law(plant, arrays, names, options)
+        if isinstance(law, FixedGain):
+            return law.with_states(seen.shape[0] - plant.shape[0])
+    else:
+        if not isinstance(law, GainTable):
+            return law
+    raise InputError(
+        "--sample-time judges one gain, and laws that are designed so; of any other "
+        "`polefence export --sample-time` says how fast the loop decays"
+    )
+
+
+def _names(given: Sequence[str]) -> dict[str, str]:
+    names = dict[str, str]()
+    for text in given:
+        new, sign, old = text.partition("=")
+        if not (new and sign and old):
+            raise InputError(f"--name {shown(text)} is not of the form NEW=OLD; write P=Xopt")
+        names[new] = old
+    return names
+
+
+def _limit(text: str) -> Specification:
+    try:
+        return parse_specification(text)
+    except InputError as error:
+        raise InputError(f"--limit {shown(text)}: {error}") from error
+
+
+def read_gain(
+    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES, option: str = "--gain"
+) -> Law | GainTable:
+    """Read a gain: JSON text, or a file with a matrix, a design or a table; never executed.
+
+    Parameters
+    ----------
+    names : mapping
+        What a file of another tool calls K, Z or W.
+    option : str
+        What says it, for messages.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or does not fit the plant; the file is named.
+    """
+    if what.lstrip().startswith(("[", "{")):
+        name, text = option, what
+        if len(text) > MOST_TEXT:
+            raise InputError(f"{option} has {len(text)} characters; write a file")
+    else:
+        path = Path(what)
+        path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
+        if path.is_dir() or path.suffix.lower() in OTHERS:
+            return law_from(read_arrays(path, names), plant)
+        name, text = str(path), read_text(path, reading.MAX_BYTES, InputError)
+    try:
+        data = reading.parse(_as_json(text))
+    except work.FormatError as error:
+        raise InputError(f"{name}: {error}") from error
+    try:
+        if isinstance(data, dict) and data.get("format") == FORMAT:
+            certificate = Certificate.loads(text)
+            require_kind(certificate)
+            return given_law(plant, certificate.law)
+        if isinstance(data, dict) and "grid" not in data and {"K", "W", *names} & data.keys():
+            return law_from(read_arrays(name, names), plant)
+        if isinstance(data, dict) and "format" in data:
+            raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
+        if isinstance(data, dict):
+            return table_from(plant.parameters, data)
+        return given_law(plant, data)
+    except InputError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _as_json(text: str) -> str:
+    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
+    found = PRINTED.fullmatch(text.strip())
+    if found is None:
+        return text
+    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
+    return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
+
+
+def is_design(gain: str | None) -> bool:
+    """Whether a gain is a file of claims, or a folder with one."""
+    if gain is None or gain.lstrip().startswith(("[", "{")):
+        return False
+    path = Path(gain)
+    return (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path))

@@ -49,6 +49,8 @@ def test_without_a_compiler_the_package_is_pure_python(tmp_path, environment):
     path, names = wheel(tmp_path, **environment)
     assert "polefence/lmi/solve/interior_point.py" in names
     assert not any("_kernel" in name for name in names)
+    assert "polefence/__init__.pyi" in names  # the list of public names
+    assert path.name.startswith(f"polefence-{polefence.__version__}-")
     site = tmp_path / "site"
     zipfile.ZipFile(path).extractall(site)
     program = (

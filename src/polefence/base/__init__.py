@@ -1,3 +1,3 @@
 """Foundations: errors, files from strangers, worker processes; and the version."""
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"

@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
 import tomllib
 from importlib import metadata
 
+import pytest
 import yaml
 from packaging.requirements import Requirement
 
+from polefence.base import VERSION
 from support.paths import DOCS, ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 RECIPE = (ROOT / "packaging/conda/meta.yaml").read_text()
 PAPER = (ROOT / "packaging/joss/paper.md").read_text()
 BIBLIOGRAPHY = (ROOT / "packaging/joss/paper.bib").read_text()
+CHANGES = (ROOT / "CHANGELOG.md").read_text()
 CITATION = (ROOT / "CITATION.cff").read_text()
 WORKFLOW = (ROOT / ".github/workflows/release.yml").read_text()
 
 
 def test_one_version_and_title_everywhere():
-    assert f'version = "{PROJECT["version"]}"' in RECIPE
-    assert f"version: {PROJECT['version']}" in CITATION
+    assert PROJECT["dynamic"] == ["version"]  # that of the package, in base
+    assert f'version = "{VERSION}"' in RECIPE
+    assert f"\nversion: {VERSION}\n" in CITATION
+    (released,) = re.findall(rf"^## {re.escape(VERSION)} \((\S+)\)$", CHANGES, re.MULTILINE)
+    assert f"\ndate-released: {released}\n" in CITATION
+    assert CHANGES.index("\n## Unreleased\n") < CHANGES.index(f"\n## {VERSION} ")
     archive = json.loads((ROOT / ".zenodo.json").read_text())
     assert f'title: "{archive["title"]}"' in CITATION
     assert f"title: '{archive['title']}'" in PAPER
@@ -130,3 +138,49 @@ def test_the_extra_for_the_documentation_is_enough_to_build_it():
     words = [sys.executable, "-c", BUILT, str(DOCS), " ".join(sorted(hidden)), " ".join(names)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+MAKEFILE = (ROOT / "Makefile").read_text()
+CHECKS = (ROOT / ".github/workflows/checks.yml").read_text()
+
+
+def test_pull_requests_are_checked_on_every_system():
+    document = yaml.safe_load(CHECKS)
+    assert set(document[True]) == {"pull_request", "push"}  # YAML reads the key `on` as true
+    linux, quick = (document["jobs"][name] for name in ("linux", "quick"))
+    assert linux["steps"][-1] == {"run": ".ci/run"}
+    assert os.access(ROOT / ".ci/run", os.X_OK)
+    systems = {name.split("-")[0] for name in quick["strategy"]["matrix"]["system"]}
+    assert systems == {"ubuntu", "macos", "windows"}
+    assert f">={quick['strategy']['matrix']['python'][0]}" == PROJECT["requires-python"]
+    # the same as `make quick`
+    recipe = re.search(r"^quick:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[
+        1
+    ]
+    words = [line.strip().removeprefix("$(BIN)/") for line in recipe.splitlines()]
+    runs = [step["run"] for step in quick["steps"] if "run" in step]
+    assert runs[-len(words) : -1] == words[:-1]
+    (parallel,) = re.findall(r"^PARALLEL := (.*)$", MAKEFILE, re.MULTILINE)
+    assert runs[-1] == "python -m " + words[-1].replace("$(PARALLEL)", parallel)
+
+
+@pytest.mark.parametrize("name", ["fault", "wish"])
+def test_the_forms_of_issues_are_whole(name):
+    form = yaml.safe_load((ROOT / f".github/ISSUE_TEMPLATE/{name}.yml").read_text())
+    assert {"name", "description", "body"} <= set(form)
+    asked = [own for own in form["body"] if own["type"] != "markdown"]
+    assert len({own["id"] for own in asked}) == len(asked)
+    assert all(own["type"] in ("input", "textarea") for own in asked)
+    assert any(own.get("validations", {}).get("required") for own in asked)
+
+
+@pytest.mark.parametrize("name", ["SECURITY.md", "README.md", "CONTRIBUTING.md"])
+def test_links_lead_to_a_heading_that_is_there(name):
+    targets = re.findall(r"\]\((?!http)([^)#]*)(?:#([^)]+))?\)", (ROOT / name).read_text())
+    for path, heading in targets:
+        assert (ROOT / path).exists(), path
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", (ROOT / path).read_text(), re.MULTILINE)
+            own = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+            labels = re.findall(r"^\((\S+)\)=$", (ROOT / path).read_text(), re.MULTILINE)
+            assert heading in own | set(labels), f"{path}#{heading}"

@@ -140,7 +140,9 @@ def calls(plant, here):
             pf.UncertainPlant.from_function, lambda k: ([[0, 1], [-k, -1]], [[0], [1]]),
             plant.parameters,
         ),
-        "analyse": (pf.analyse, plant, GAIN, region),
+        "analyse": (
+            pf.analyse, plant, GAIN, region, {"limits": (pf.Rms("x1"),), "lyapunov": (W[0],)},
+        ),
         "at_sample_time": (pf.at_sample_time, plant, 0.01, 1),
         "check": (pf.check, here / "d"),
         "closed_loops": (pf.closed_loops, plant, GAIN),

@@ -42,8 +42,9 @@ def test_limits_prints_and_writes_rows(spec, tmp_path, capsys):
     for row in document["rows"]:
         assert set(row) == {
             *("centre", "method", "radius", "lower", "answer", "seconds", "runs", "unrunnable"),
-            *("law", "proof"),
+            *("law", "proof", "status"),
         }
+        assert row["status"] == row["answer"]
         assert 0 < row["lower"] < row["radius"] < row["lower"] * (1 + 1e-5)
         assert row["answer"] == "proved"
         assert len(row["law"]["K"]) == 1

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from polefence.base.files import write_documents, write_text
 
@@ -14,6 +16,19 @@ def warn_renamed(old: str, new: str, depth: int = 1) -> None:
     """Warn the caller, so many calls above who asks for it, of a name that has changed."""
     text = f"{old} is now {new}; the old name goes in version {GONE}"
     warnings.warn(text, DeprecationWarning, stacklevel=depth + 2)
+
+
+def with_old_keys(data: Any) -> Any:
+    """Return plain data for a summary with "status" beside each "answer", as it was called."""
+    if isinstance(data, Mapping):
+        old = {"status": data["answer"]} if "answer" in data else {}
+        return {key: with_old_keys(value) for key, value in (old | dict(data)).items()}
+    return [with_old_keys(value) for value in data] if isinstance(data, list | tuple) else data
+
+
+def without_old_keys(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of a file without its old keys."""
+    return {key: value for key, value in row.items() if key != "status" or "answer" not in row}
 
 
 def write_in(place: str | Path, name: str, text: str) -> Path:

@@ -20,6 +20,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
+from polefence.base.renamed import with_old_keys
 from polefence.certify.checks import decays, in_time_of
 from polefence.certify.design import FILE_NAME, Design
 from polefence.cli.terminal import aside, say
@@ -377,7 +378,7 @@ def matrix_text(rows: Any) -> str:
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
     """Write plain data, to standard output where the path is -."""
-    text = json.dumps(dict(document), indent=1, allow_nan=False) + "\n"
+    text = json.dumps(with_old_keys(document), indent=1, allow_nan=False) + "\n"
     if path == STANDARD:
         stream = _standard.get() or sys.stdout
         with aside():

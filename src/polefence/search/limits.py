@@ -19,7 +19,7 @@ from polefence.base.errors import InputError, NotProvedError, PolefenceError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
-from polefence.base.renamed import warn_renamed
+from polefence.base.renamed import warn_renamed, with_old_keys, without_old_keys
 from polefence.certify.certificate import Certificate, file_plant
 from polefence.certify.checks import (
     require_checkable,
@@ -282,7 +282,7 @@ def _dumps(plant: UncertainPlant, rows: list[Row]) -> str:
 
 def _row_text(row: Row) -> str:
     others = {key: value for key, value in row.items() if key != "proof"}
-    text = json.dumps(others, indent=1, allow_nan=False)
+    text = json.dumps(with_old_keys(others), indent=1, allow_nan=False)
     return text[:-2] + ',\n "proof": ' + json.dumps(row["proof"], allow_nan=False) + "\n}"
 
 
@@ -305,7 +305,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
     try:
         whole = parse(read_text(path, MAX_BYTES, InputError))
         version, digest = whole["polefence"], whole["plant"]["digest"]
-        rows = {(row["centre"], row["method"]): row for row in whole["rows"]}
+        rows = {(row["centre"], row["method"]): without_old_keys(row) for row in whole["rows"]}
         proved = [row for row in rows.values() if row["answer"] == "proved"]
         sound = all(_sound(row, plant) for row in proved)
     except (ValueError, KeyError, TypeError, OverflowError) as error:

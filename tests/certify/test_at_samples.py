@@ -22,6 +22,10 @@ from polefence import (
     place,
 )
 from polefence.certify.at_samples import at_samples
+from polefence.certify.design import Design
+from polefence.examples import family
+from polefence.export.guarantee import guarantee
+from polefence.export.program import number, program
 from polefence.plant.larger import own_states
 from polefence.plant.spec import loads
 from polefence.proof.document import check as check_document
@@ -105,6 +109,17 @@ def test_its_decay_is_proved_and_its_file_checks(plant, design, delay):
     kinds = {table["kind"] for table in json.loads(text)["claims"]}
     assert kinds == {"region", "samples"}
     assert not analyse(seen, law, Disk(0, slowest - 1e-3)).proved
+
+
+@pytest.mark.parametrize(("method", "region"), [("quadratic", (-40, 35)), ("scheduled", (-40, 31))])
+def test_the_rounding_of_its_code_is_proved_beside_it(method, region):
+    """The car's force is on its way in N: a gain of it that is zero costs no room."""
+    car = family("quarter-car-physical")
+    seen, law = at_samples(car, place(car, Disk(*region), method).law, 0.001, 1)
+    found = analyse(seen, law, Disk(0, math.exp(-0.005)))
+    made = guarantee(Design(found.certificate), program(law, car.parameters, number(32)))
+    assert made.proved
+    assert made.share < 0.1
 
 
 @pytest.mark.parametrize(("delay", "limit"), [(0, 2.0), (1, 1.0)])

@@ -15,7 +15,7 @@ from polefence.base.explained import explained
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
-from polefence.plant.system import System
+from polefence.plant.system import Array, System
 from polefence.response.samples import at_sample_time
 
 
@@ -99,5 +99,12 @@ def _late(law: Law, n: int, late: int) -> Law:
     W, Z = np.zeros((count, width, width)), np.insert(law.Z, [n] * late, 0.0, axis=2)
     W[:, :n, :n] = law.W
     own = np.arange(n, width)
-    W[:, own, own] = 1.0
+    W[:, own, own] = np.tile(_energy(law), late // law.Z.shape[1])  # any: in the inputs' own units
     return replace(law, W=W, Z=Z)
+
+
+def _energy(law: ScheduledGain) -> Array:
+    """Return the diagonal of Z W^-1 Z' in the middle, short and positive, (m,)."""
+    W, Z = law.W.mean(axis=0), law.Z.mean(axis=0)
+    size = np.diag(Z @ np.linalg.solve(W, Z.T))
+    return np.asarray(2.0 ** np.round(np.log2(np.where(size > 0, size, 1.0))))

@@ -58,7 +58,7 @@ MOST_COEFFICIENTS = 3000
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
-NO_COLUMN = 2.0**-20  # scale of a column of zeros beside the least other: far below, so it takes no room
+NO_COLUMN = 2.0**-20  # scale of a column of zeros, beside the least: it takes no room
 BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 

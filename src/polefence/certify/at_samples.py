@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError
 from polefence.base.explained import explained
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
 from polefence.plant.family import UncertainPlant
@@ -95,6 +96,8 @@ def _late(law: Law, n: int, late: int) -> Law:
             ]
             return replace(law, measured=tuple(wider))
         return replace(law, gains=np.insert(law.gains, [n] * late, 0.0, axis=2))
+    if not isinstance(law, ScheduledGain):
+        raise InputError(f"a law of the kind {type(law).__name__} has no form at samples")
     count, width = len(law.W), n + late
     W, Z = np.zeros((count, width, width)), np.insert(law.Z, [n] * late, 0.0, axis=2)
     W[:, :n, :n] = law.W

@@ -24,6 +24,7 @@ from polefence.base.errors import (
     UnobservableError as UnobservableError,
 )
 from polefence.base.workers import processes as processes
+from polefence.certify.at_samples import at_samples as at_samples
 from polefence.certify.bounds import Bound as Bound
 from polefence.certify.certificate import Certificate as Certificate, Check as Check
 from polefence.certify.design import Design as Design, check as check

@@ -31,7 +31,7 @@ def test_decay_rates_are_those_of_the_table(script):
         if sampled == "nothing proved":
             assert after == 0
         else:
-            assert after == pytest.approx(float(sampled.split()[0]), rel=2e-2)
+            assert after == pytest.approx(float(sampled.split()[0]), rel=1e-2)
 
 
 def test_remainders_are_those_of_the_table(script):

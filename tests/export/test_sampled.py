@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, place
+from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, analyse, place
 from polefence.base.errors import InputError
+from polefence.certify.at_samples import at_samples
 from polefence.examples import family
 from polefence.export.guarantee import guarantee
 from polefence.export.program import number, program
@@ -133,6 +134,13 @@ def test_the_proved_decay_is_below_the_sampled_one_and_near():
     assert 0.95 * found.sampled < found.decay < found.sampled
     assert found.reason == ""
     assert found.sampled == pytest.approx(sampling_effect(car(), TIME).decay, rel=1e-9)
+
+
+def test_the_samples_and_their_law_are_proved_to_decay_no_slower():
+    for delay in (0, 1):
+        decay = (proof() if delay else prove_decay(car(), TIME, 0)).decay
+        seen, law = at_samples(car().plant, car().law, TIME, delay)
+        assert analyse(seen, law, Disk(0, math.exp(-decay * TIME))).proved
 
 
 def test_a_simulation_decays_as_proved():

@@ -58,6 +58,7 @@ MOST_COEFFICIENTS = 3000
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
+NO_COLUMN = 2.0**-20  # scale of a column of zeros, beside the least: it takes no room
 BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 
@@ -225,8 +226,9 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
 
 
 def _filled(columns: Array) -> tuple[Fraction, ...]:
-    """Return positive scales, that of a column of zeros as large as any."""
-    return _exact(_short(np.where(columns > 0, columns, columns.max() or 1.0)))
+    """Return positive scales; that of a column of zeros is small, for its products are exact."""
+    least = columns[columns > 0].min(initial=columns.max() or 1.0) * NO_COLUMN
+    return _exact(_short(np.where(columns > 0, columns, least)))
 
 
 def _rows(size: Array) -> Array:

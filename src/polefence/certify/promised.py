@@ -119,7 +119,7 @@ def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
     """Return Lyapunov matrices in rationals."""
     n, N = plant.shape[0], len(plant.vertices)
     if len(given) not in (1, N):
-        raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one a vertex")
+        raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one per vertex")
     found = list[Rationals]()
     for k, each in enumerate(given):
         what = "the Lyapunov matrix" if len(given) == 1 else f"Lyapunov matrix {k + 1}"

@@ -134,7 +134,7 @@ def analyse_command(options: Any) -> int:
     if (options.of == "disk") != (options.centre is not None):
         centre = example_centre(plant)
         raise InputError(
-            f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
+            f"--of disk needs --centre CENTRE (--centre {centre}, say); other --of take none"
         )
     check_figure(options.plot)
     table = law if isinstance(law, GainTable) else None

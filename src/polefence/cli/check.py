@@ -131,7 +131,7 @@ def _files(path: Path) -> list[Path]:
 def _read(path: Path) -> Document:
     if path.suffix == ".toml" and path.is_file():
         raise DesignFileError(
-            f"{path}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+            f"{path}: a spec, but a design is needed: `polefence design -o DIR` writes one"
         )
     return read_document(path)
 

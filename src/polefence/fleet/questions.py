@@ -64,7 +64,7 @@ from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standar
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
 SAMPLED = "sampled"
 GOOD = (PROVED, SAMPLED)
-DIED = "the process that worked on it died, each time: out of memory, or a fault of ours"
+DIED = "the process that worked on it died each time: out of memory, or a bug"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")

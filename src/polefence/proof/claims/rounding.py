@@ -215,7 +215,7 @@ class Rounded(Short, Claim):
         m, n, law, sizes = len(design.B[0][0]), len(design.A[0]), design.law, design.sizes
         count = count_of(sizes, law.degree)
         if len(code.W) != count or len(code.Z) != count:
-            raise FormatError(f"code: {count} matrices W and Z are needed, one a coefficient")
+            raise FormatError(f"code: {count} matrices W and Z are needed, one per coefficient")
         for name, rows, matrices in (("T", n, [code.T or []]), ("W", n, code.W), ("Z", m, code.Z)):
             for matrix in matrices:
                 require_shape(matrix, rows, n, f"code.{name}")

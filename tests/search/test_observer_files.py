@@ -85,9 +85,9 @@ def test_a_law_is_no_observer(folder, capsys, monkeypatch):
 def test_nor_in_python(folder):
     plant = load(folder / "stage.toml")
     dual = observe(plant, ["place"], Disk(-6, 5.5)).design
-    with pytest.raises(DesignFileError, match="no law"):
+    with pytest.raises(DesignFileError, match="not a law"):
         given_law(plant, dual)
-    with pytest.raises(DesignFileError, match="no law"):
+    with pytest.raises(DesignFileError, match="not a law"):
         Design.load(folder / "seen")
     with pytest.raises(DesignFileError, match="not an observer"):
         Observer.load(folder / "law", plant, ["place"])

@@ -111,7 +111,7 @@ def matrices_given(
         If they do not fit the plant, or the law is not one gain.
     """
     if law.K is None:
-        raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
+        raise InputError("Lyapunov matrices are verified for one gain K; this law has several")
     return _given(plant, law, region, _matrices(plant, lyapunov))
 
 

@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "spec",
         metavar="PLANT",
-        help="a TOML spec, or a file with A and B, one each or one a vertex (.mat, .npz, .json, a "
+        help="a TOML spec, or a file with A and B, one each or one "
+        "per vertex (.mat, .npz, .json, a "
         "folder of .csv)",
     )
     parser.add_argument(
@@ -70,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lyapunov",
         metavar="FILE",
-        help="Lyapunov matrices P, one or one a vertex; default: the P of PLANT, if it has one",
+        help="Lyapunov matrices P, one or one per vertex; default: the P of PLANT, if it has one",
     )
     parser.add_argument(
         "--name",

@@ -460,7 +460,7 @@ def test_the_command_answers(car_spec, capsys):
         (["--gain", "design.json"], "design.json: .*is missing"),
         (["--gain", "car.toml"], "car.toml: not valid JSON"),
         (["--of", "disk"], "--of disk needs --centre"),
-        (["--of", "sector", "--centre", "-4"], "no other has one"),
+        (["--of", "sector", "--centre", "-4"], "other --of take none"),
         (["--budget", "-1"], "zero or more"),
         (["--plot", "poles.txt"], "ends in .png"),
         (["--limit", "gain"], "--limit"),

@@ -29,7 +29,8 @@ def test_an_unstable_pole_that_is_not_seen_is_named():
         require_detectable(plant, x2)
     text = str(caught.value)
     assert (
-        "two, vertex 1: not detectable: what is measured ('x2') does not see the pole 1, " in text
+        "two, vertex 1: not detectable: the measured signals "
+        "('x2') do not show the pole 1, " in text
     )
     assert "not stable" in text
     assert text.endswith("measure more, for example also 'x1'")

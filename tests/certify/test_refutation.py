@@ -315,7 +315,7 @@ def test_other_kinds_are_left_out(one, car):
     with pytest.raises(InputError, match="is in discrete time"):
         refute_limits(loads("sample_time = 1\n" + ONE_STATE), [force])
     bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
-    with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
+    with pytest.raises(InputError, match="has no E, so no disturbance enters"):
         refute_limits(bare, [force])
 
 

@@ -73,16 +73,16 @@ def test_the_drive_is_the_recursion_that_was_designed(plant, kind, delay):
 
 def test_what_cannot_be_driven_is_refused(plant):
     bare = place(plant, HalfPlane(0.1), "quadratic")
-    with pytest.raises(InputError, match="is of no sample time"):
+    with pytest.raises(InputError, match="the design has no sample time"):
         running(plant, bare)
     seen = at_sample_time(plant, T, 1)
     scheduled = place(seen, HalfPlane(0.05), Scheduled(1, 0, "box"))
     prompt = place(at_sample_time(plant, T), HalfPlane(0.05), Scheduled(1, 0, "box"))
     assert running(plant, prompt).law is prompt.law
     later = place(at_sample_time(plant, T, 2), HalfPlane(0.01), "quadratic")
-    with pytest.raises(InputError, match="2 samples late are not driven"):
+    with pytest.raises(InputError, match="2 samples late cannot be simulated"):
         running(plant, later)
-    with pytest.raises(InputError, match="is not the plant that the design is the samples of"):
+    with pytest.raises(InputError, match="is not the plant that the design samples"):
         running(seen, scheduled)
 
 
@@ -99,9 +99,9 @@ def test_the_command_drives_it(plant, tmp_path, monkeypatch, capsys):
     (law,) = json.loads((tmp_path / "summary.json").read_text())["laws"]
     assert law["signals"][0]["peak"] == 1.0
     assert main([*moved, "--law", "passive"]) == 2
-    assert "is driven alone" in capsys.readouterr().err
+    assert "is simulated alone" in capsys.readouterr().err
     assert main([*moved, "--sampling", "0.01"]) == 2
-    assert "the design's own is 0.05 s; leave it out" in capsys.readouterr().err
+    assert "the design has 0.05 s; leave it out" in capsys.readouterr().err
     (tmp_path / "other.toml").write_text(TWO_STATES.replace("[1, 3]", "[1, 4]"))
     moved[1] = "other.toml"
     assert main(moved) == 0

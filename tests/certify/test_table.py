@@ -163,7 +163,7 @@ def test_more_than_two_parameters_and_knots_beyond_the_range():
     assert (
         analyse(plant, GainTable(plant.parameters, grid, gains), HalfPlane(1)).answer == "refuted"
     )
-    with pytest.raises(InputError, match="a map is of one or two parameters; plant has 3"):
+    with pytest.raises(InputError, match="a map shows one or two parameters; plant has 3"):
         table_figure(found)
 
 

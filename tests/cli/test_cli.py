@@ -210,14 +210,14 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
     assert main(table) == 0
     capsys.readouterr()
     cases = {
-        ("check", "plant.toml"): "plant.toml: a spec, where a design is meant",
-        ("report", "plant.toml"): "plant.toml: a spec, where a design is meant",
-        ("service", "plant.toml"): "plant.toml: a spec, where a design is meant",
-        ("export", "plant.toml", "-o", "x"): "plant.toml: a spec, where a design is meant",
+        ("check", "plant.toml"): "plant.toml: a spec, but a design is needed",
+        ("report", "plant.toml"): "plant.toml: a spec, but a design is needed",
+        ("service", "plant.toml"): "plant.toml: a spec, but a design is needed",
+        ("export", "plant.toml", "-o", "x"): "plant.toml: a spec, but a design is needed",
         ("design", "table", "--disk", "-3", "2"): "table: cannot be read: is a folder; name a file",
         ("service", "table"): "has no design.json; name the folder that `polefence design -o` "
         "wrote; it has table.json",
-        ("service", "table/table.json"): "no claim of it is about a region",
+        ("service", "table/table.json"): "none of its claims is about a region",
     }
     for words, said in cases.items():
         assert main(list(words)) == 2
@@ -225,7 +225,7 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
         assert (out, err.count("\n")) == ("", 1)
         assert said in err
     assert main(["analyse", "plant.toml", "--gain", "table/table.json", *region]) == 2
-    assert "no claim of it is about a region" in capsys.readouterr().err
+    assert "none of its claims is about a region" in capsys.readouterr().err
 
 
 def test_a_folder_is_checked_file_by_file(every_file, tmp_path, capsys):

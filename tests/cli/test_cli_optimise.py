@@ -336,7 +336,7 @@ TABLES = {
     "slow": ("[parameter.k]", "[road]\nclass = 'C'\nspeed = 0\n[parameter.k]", "road: speed [m/s]"),
     "half a road": ("[parameter.k]", "[road]\nspeed = 9\n[parameter.k]", "road: class is missing"),
     "no road": ("name =", "road = 3\nname =", "road must be a table; write [road]"),
-    "no E": ("E = [[0], [1]]", "", "says nowhere how a disturbance enters; give E"),
+    "no E": ("E = [[0], [1]]", "", "has no E, so no disturbance enters; give E"),
     "filter": ("density = 2\nat_most", "weight = 2\ndensity = 2\nat_most", "weight = 2 must be"),
     "points": ("at_most = 1.5", "points = [1]\nat_most = 1", "unknown key points = a list"),
     "discrete": ("name =", "sample_time = 0\nname =", "sample_time = 0 must be positive"),

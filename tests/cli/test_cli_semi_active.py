@@ -79,7 +79,7 @@ def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, differenc
             "damper.'damper force': an input or a",
         ),
         ("minimise = true", "at_most = 3", "nothing is to be minimised"),
-        ('kind = "rms"', 'kind = "gain"', "of controllable dampers an rms is"),
+        ('kind = "rms"', 'kind = "gain"', "for controllable dampers minimise an rms"),
     ],
 )
 def test_bad_specs_are_refused_in_one_line(spec, capsys, old, new, words):

@@ -269,7 +269,7 @@ def test_a_loop_that_runs_away_is_no_success(car, hardware, since, capsys):
     assert main([*words, "--speed", "5", "--duration", "1.2", *hardware]) == 1
     said = capsys.readouterr()
     assert said.err.count("\n") == 1
-    assert f"runs away under 'gain' at {since}" in said.err
+    assert f"diverges under 'gain' at {since}" in said.err
     assert f"the state runs away; first at {since}" in said.out
 
 
@@ -425,7 +425,7 @@ def test_a_plant_without_disturbance_comes_from_its_initial_state(tmp_path, monk
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (ROAD, "stage is not described as a vehicle, and a road is for one"),
+        (ROAD, "stage is not described as a vehicle, and a road needs one"),
         ((), "nothing moves the plant: give --step-in"),
         (("--step-in", "gust=1"), "no disturbance of stage is called 'gust'; known: drift, push"),
         (("--initial", "push=1"), "no state of stage is called 'push'; known: v, x"),
@@ -477,7 +477,7 @@ def test_other_disturbances_of_a_car_are_still_on_a_road(tmp_path, monkeypatch, 
 
 PROFILES = {
     "gap.csv": ("distance [m],height [m]\n0,0\n1,\n2,0\n", "gap.csv: row 3: no height"),
-    "nan.csv": ("0,0\n1,nan\n2,0\n", "nan.csv: row 2: height nan is no finite number"),
+    "nan.csv": ("0,0\n1,nan\n2,0\n", "nan.csv: row 2: height nan is not a finite number"),
     "back.csv": ("0,0\n2,0.1\n1,0\n", "back.csv: row 3: distance 1 m lies before"),
     "short.csv": ("0,0\n1,0.1\n", "short is 1 m long; 2 s at 20 m/s need 40 m"),
     "none.csv": ("distance,height\n", "none.csv: 0 points"),
@@ -531,7 +531,7 @@ REFUSED = {
     "interval": ([*ROAD, "--jump", "m1=400@1"], "outside [231.12, 346.68]; the guarantee ends"),
     "sampling": ([*ROAD, "--sampling", "0"], "--sampling [s] = 0.0"),
     "sampling and step": (
-        [*ROAD, "--sampling", "0.0015", "--step", "0.001"], "is no multiple of the step",
+        [*ROAD, "--sampling", "0.0015", "--step", "0.001"], "is not a multiple of the step",
     ),
     "force": ([*ROAD, "--force-limit", "0"], "limit of the actuator = 0.0"),
     "travel": ([*ROAD, "--travel-limit", "-1"], "free travel in bump [m] = -1.0"),

@@ -56,7 +56,7 @@ def test_a_method_is_of_all_states(spec):
     spec.write_text(spec.read_text() + LAW)
     assert asked(spec, method="quadratic") is None
     assert asked(spec, "--degree", "2", method="scheduled") is None
-    with pytest.raises(InputError, match="--largest-gain is for laws of any structure; leave it"):
+    with pytest.raises(InputError, match="--largest-gain applies to laws of a structure; leave it"):
         asked(spec, "--largest-gain", "3", method="scheduled")
 
 

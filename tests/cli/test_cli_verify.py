@@ -103,7 +103,7 @@ def test_nothing_is_saved_where_nothing_is_proved(mine, capsys):
         (["mine.npz", "--limit", "rms"], "--limit 'rms': "),
         (["mine.npz", "--gain", "[1 2 3]"], "--gain: the gain is 1 x 3; mine needs 1 x 2"),
         (["mine.npz", "--region", "disc(1, 2)"], "disc"),
-        (["minus.npz"], "minus.npz: no gain K in it, nor W and Z"),
+        (["minus.npz"], "minus.npz: holds neither a gain K nor W and Z"),
         (["car.toml"], "car.toml: a spec has no gain; name one by --gain"),
         (["out"], "out: a file of claims; polefence check proves it afresh"),
         (["mine.npz", "--lyapunov", "mine.npz", "--gain", "two.npz"], "for one gain K"),

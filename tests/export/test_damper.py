@@ -62,7 +62,7 @@ def test_the_code_sets_the_coefficients_of_the_law(saved, bits, kind, close, tmp
     folder = tmp_path / "code"
     assert main(["export", str(saved), "--float", str(bits), "-o", str(folder)]) == 0
     assert main(["check", str(folder / "guarantee.json")]) == 0
-    assert "cut off to 300 to 3000" in capsys.readouterr().out
+    assert "clipped to 300 to 3000" in capsys.readouterr().out
     update, claim = library(folder), loads(saved.read_text()).claims[0]
     K = np.array([[float(x) for x in row] for row in claim.K])
     rates = np.array([[0.0, 0, -1, 1]])
@@ -120,7 +120,7 @@ def test_what_cannot_be_exported_is_refused(saved, tmp_path, capsys):
     with pytest.raises(NotProvedError, match="not proved"):
         damper_sources(replace(document, claims=(louder,)))
     finer = [[x * (1 + Fraction(1, 10**10)) for x in row] for row in claim.K]
-    with pytest.raises(InputError, match="no number of 32 bits"):
+    with pytest.raises(InputError, match="not a number of 32 bits"):
         damper_sources(replace(document, claims=(replace(claim, K=finer),)), 32)
     for option in (["--lang", "fmu"], ["--sample-time", "0.001"], ["--limit", "3"]):
         said = refused(capsys, "export", saved, *option, "-o", tmp_path / "no")

@@ -446,7 +446,7 @@ def test_a_guarantee_of_other_code_is_no_guarantee(tmp_path):
     source.write_text(text.replace("58.2491798F", "99.0F"))
     assert "58.2491798F" in text
     assert "law.c" in answer(files={}).reason
-    with pytest.raises(DesignFileError, match="no file of this export"):
+    with pytest.raises(DesignFileError, match="not a file of this export"):
         answer(files={"law.c": hashlib.sha256(source.read_bytes()).hexdigest()})
     source.write_text(text)
     assert not answer(code={"bits": 64}).proved

@@ -67,7 +67,7 @@ def test_claims_of_one_file_share_one_count(tmp_path, monkeypatch):
     path.write_text(performance(8))
     enough, little = limited(whole), limited(whole // 2)
     monkeypatch.setattr(check_module, "counted", little)
-    with pytest.raises(DesignFileError, match="than is checked here"):
+    with pytest.raises(DesignFileError, match="to be checked here"):
         check(path)
     monkeypatch.setattr(check_module, "counted", enough)
     assert check(path).proved
@@ -88,7 +88,7 @@ def test_rows_of_a_sweep_that_nobody_asked_for_share_one_count(tmp_path, monkeyp
         sweep(plant, asked, ["quadratic"], path, resume=True)
     monkeypatch.setattr(work, "counted", limited(count.spent // 2))
     assert len(sweep(plant, asked, ["quadratic"], path, resume=True)) == 3
-    with pytest.raises(InputError, match="than is checked here"):
+    with pytest.raises(InputError, match="to be checked here"):
         sweep(plant, [-9.0], ["quadratic"], path, resume=True)
 
 
@@ -111,7 +111,7 @@ def test_mixing_is_the_sum_and_is_counted():
     wanted = [[sum(w * M[0][j] for w, M in zip(weights, matrices, strict=True)) for j in range(3)]]
     with work.counted() as count:
         assert mix(weights, matrices) == wanted
-    with work.counted(count.spent - 1), pytest.raises(FormatError, match="than is checked"):
+    with work.counted(count.spent - 1), pytest.raises(FormatError, match="to be checked"):
         mix(weights, matrices)
 
 
@@ -214,5 +214,5 @@ def test_a_baseline_is_counted_as_it_is_read():
             from_plain(head | {"plant": plant})
         spent.append(own.spent)
     assert spent[1] - spent[0] > 49 * work.RATIONAL * work.CALL
-    with work.counted(spent[1] - 1), pytest.raises(FormatError, match="than is checked here"):
+    with work.counted(spent[1] - 1), pytest.raises(FormatError, match="to be checked here"):
         from_plain(head | {"plant": PLANT | {"vertices": PLANT["vertices"] * 50}})

@@ -61,14 +61,14 @@ def test_a_file_of_others_is_not_overwritten(command, spec, tmp_path, capsys):
     target.write_text('{"name": "my own design", "mass": 3}\n')
     before = contents(folder)
     assert main(words) == 2
-    assert "not a file of ours" in capsys.readouterr().err
+    assert "not a Polefence file" in capsys.readouterr().err
     assert contents(folder) == before
     elsewhere = tmp_path / "elsewhere.json"
     elsewhere.write_text('{"format": "polefence-design"}')
     target.unlink()
     target.symlink_to(elsewhere)
     assert main(words) == 2
-    assert "is a link" in capsys.readouterr().err
+    assert "is a symbolic link" in capsys.readouterr().err
     assert elsewhere.read_text() == '{"format": "polefence-design"}'
     target.unlink()
     assert main(words) == 0
@@ -77,7 +77,7 @@ def test_a_file_of_others_is_not_overwritten(command, spec, tmp_path, capsys):
 
 def test_python_too_writes_over_none_but_ours(small_designs, tmp_path):
     (tmp_path / FILE_NAME).write_text("mine")
-    with pytest.raises(OutputError, match="not a file of ours"):
+    with pytest.raises(OutputError, match="not a Polefence file"):
         small_designs["slack"].save(tmp_path)
     assert contents(tmp_path) == {FILE_NAME: b"mine"}
 

@@ -180,7 +180,7 @@ def test_rows_of_a_profile_are_refused_as_before(tmp_path):
         ("0,0\n,1\n", "row 2: no distance"),
         ("0,0\n1,2,3\n", "row 2: 3 cells"),
         ("0,0\n\n1,2\n", "row 2: empty"),
-        ("0,0\n1,nan\n", "row 2: height nan is no finite number"),
+        ("0,0\n1,nan\n", "row 2: height nan is not a finite number"),
         (f"0,0\n1,{'x' * 10**5}\n", "row 2: height 'xxx"),
     ):
         path.write_text(text)

@@ -435,7 +435,7 @@ def _in_other_units(document):
         (_smaller, "other signals: 'effort' = 1e-06 u1, spec 0.001 u1"),
         (_hidden, "other signals: 'effort' = 1e-06 u1, spec 0.001 u1"),
         (_undriven, "other signals: 'rate' = -x1 - 0.1 x2 + u1 at vertex 1; "),
-        (_added, "other signals: 'ease' is none of the spec's"),
+        (_added, "other signals: 'ease' is not a signal of the spec"),
         (_in_other_units, "other units: 'effort' in 'N', spec 'kN'"),
     ],
 )

@@ -143,7 +143,7 @@ def test_rides_without_failures_end_well(written, capsys):
         (
             'law = ["passive", "quadratic"]',
             'law = "lqg"',
-            "law = 'lqg' is none; did you mean 'lqr'",
+            "law = 'lqg' is unknown; did you mean 'lqr'",
         ),
         ("suspension travel", "travel", "quantity = 'travel' is none"),
         ('road = "D"', 'road = "Z"', "question 1: "),

@@ -312,7 +312,7 @@ def test_results_of_another_study_are_left_alone(done, tmp_path, capsys):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
     message = refused(capsys, "study", str(path), "-o", str(tmp_path / "mine"))
-    assert "has thesis.tex, and no results of a study" in message
+    assert "has thesis.tex, but no results of a study" in message
     assert sorted(own.name for own in (tmp_path / "mine").iterdir()) == ["lock", "thesis.tex"]
 
 
@@ -481,7 +481,7 @@ CHANGES = {
     ),
     "another input": (lambda rows: [signed(rows[0], m2=26.0), *rows[1:]], "has another m2 than"),
     "no proof": (lambda rows: [signed(rows[0], proof=""), *rows[1:]], "names no proof"),
-    "a row twice": (lambda rows: [*rows, rows[0]], "is there twice"),
+    "a row twice": (lambda rows: [*rows, rows[0]], "is given twice"),
     "a variant that there is not": (
         lambda rows: [signed(rows[0], variant=77), *rows[1:]],
         "is of no variant of the study",
@@ -560,7 +560,7 @@ def test_a_file_that_proves_nothing_is_found(results):
 def test_rows_that_are_no_parquet_are_refused(results, capsys):
     path = sorted((results / "rows").iterdir())[0]
     path.write_bytes(path.read_bytes()[:100])
-    assert f"{path}: no Parquet" in refused(capsys, "study", str(results))
+    assert f"{path}: not a Parquet file" in refused(capsys, "study", str(results))
 
 
 # -- what cannot be asked -------------------------------------------------------------------------

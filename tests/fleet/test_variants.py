@@ -140,7 +140,7 @@ def test_parquet_lists_are_read_like_csv(tmp_path):
         ({"list": "twice.csv"}, "two columns have the same name"),
         ({"list": "empty.csv"}, "cannot be read"),
         ({"list": "head.csv"}, "a list is empty"),
-        ({"list": "bad.parquet"}, "no Parquet"),
+        ({"list": "bad.parquet"}, "not a Parquet file"),
     ],
 )
 def test_variants_that_cannot_be_are_refused(table, said, tmp_path):

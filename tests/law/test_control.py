@@ -95,7 +95,7 @@ def test_discrete_time_comes_and_goes():
     ("systems", "message"),
     [
         ([], "at least one vertex"),
-        ([named(), control.tf([1], [1, 1])], "system 2 is a TransferFunction, no StateSpace"),
+        ([named(), control.tf([1], [1, 1])], "system 2 is a TransferFunction, not a StateSpace"),
         ([named(0.5, True)], "without a sample time"),
         ([named(), named(0.5, 0.1)], "they must agree"),
         ([control.ss([], [], [], [[2.0]])], "no states"),

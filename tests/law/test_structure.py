@@ -126,7 +126,7 @@ WRONG = {
     "[law]\nmeasured = []": "measured is empty",
     '[law]\nmeasured = "x"': "measured = 'x' must be a list of names",
     "[law]\nmeasured = [1]": "measured must be names",
-    '[law]\nmeasured = ["x", "x"]': "measured: 'x' is there twice",
+    '[law]\nmeasured = ["x", "x"]': "measured: 'x' is given twice",
     "[law]\norder = -1": "order = -1 must be 0 to 20",
     "[law]\norder = 1.5": "order = 1.5 must be a whole number",
     "[law]\norder = true": "order = true must be a whole number",
@@ -142,7 +142,7 @@ WRONG = {
     '[law]\nkind = "pid"': "kind = 'pid' needs derivative_bandwidth",
     "[law]\nderivative_bandwidth = 3": "derivative_bandwidth belongs to kind = 'pid'",
     '[law]\nkind = "pid"\nderivative_bandwidth = -3': "derivative_bandwidth = -3 must be",
-    '[law]\nkind = "pid"\nderivative_bandwidth = 3\norder = 1': "a PID's states are its own",
+    '[law]\nkind = "pid"\nderivative_bandwidth = 3\norder = 1': "a PID has a fixed order",
 }
 
 
@@ -164,7 +164,7 @@ UNFIT = {
     "output with D": (Structure(("rate of v",)), "an input passes straight into 'rate of v'"),
     "output with F": (Structure(("w",)), "a disturbance passes straight into 'w'"),
     "dynamic all the same": (Structure(("rate of v",), order=1), "passes straight into"),
-    "twice": (Structure(("x", "x [m]")), "measured: 'x' is there twice"),
+    "twice": (Structure(("x", "x [m]")), "measured: 'x' is given twice"),
     "schedule": (Structure(schedule=("n",)), "schedule: no parameter 'n'; known: 'k'"),
     "pattern": (Structure(("x",), pattern=[["a", "b"]]), "pattern must have 1 row of 1 entry"),
     "gains": (Structure(largest_gain=[[1], [2]]), "largest_gain must have 1 row of 2 entries"),

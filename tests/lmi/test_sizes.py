@@ -122,7 +122,7 @@ def test_limits_leaves_out_what_is_too_large_unless_it_was_chosen(tmp_path, caps
     path = spec(tmp_path / "p.toml", springs(7))
     words = ["limits", path, "--centre", "-5", "--degree", "2", "--on", "simplex"]
     assert main([*words, "--method", "scheduled"]) == 2
-    assert "more than is searched and proved" in capsys.readouterr().err
+    assert "too many to search and prove" in capsys.readouterr().err
 
 
 def test_a_plant_too_large_for_every_method_is_refused(tmp_path, capsys, monkeypatch):
@@ -205,4 +205,4 @@ def test_a_tradeoff_leaves_out_what_is_too_large_unless_it_was_chosen(
     assert "note: without scheduled(1, 0, box): too large" in told
     assert "  quadratic " in told
     assert main([*words, "--method", "scheduled"]) == 2
-    assert "more than is optimised" in capsys.readouterr().err
+    assert "too many to optimise" in capsys.readouterr().err

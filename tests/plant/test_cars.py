@@ -318,7 +318,7 @@ FAULTS = [
     (
         "[road]",
         '[outputs]\n"driver acceleration [m/s2]" = {C = [1]}\n[road]',
-        "choose another name",
+        "choose another",
     ),
 ]
 

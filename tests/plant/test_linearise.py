@@ -65,7 +65,7 @@ def test_an_equilibrium_may_depend_on_parameters():
     for m, A, B in zip((1, 2), found.plant.A, found.plant.B, strict=True):
         assert A[1, 0] == pytest.approx(2 * G / 0.01)
         assert B[1, 0] == pytest.approx(-2 * np.sqrt(G / m) / 0.01)
-    with pytest.raises(PlantError, match=r"no equilibrium at m = 1: component 2 of f is 9.8"):
+    with pytest.raises(PlantError, match=r"not an equilibrium at m = 1: component 2 of f is 9.8"):
         linearise(magnet, [0.01, 0], [0.0], [mass])
 
 

@@ -189,7 +189,7 @@ def test_outputs_that_cannot_be_used_are_refused(old, new, message):
 def test_rows_differ_by_vertex_or_are_one(plant):
     bare = replace(plant, parameters=(), outputs=())
     assert replace(bare, outputs=(Output("y", C=[1, 2]),)).outputs[0].C == ((1, 2),)
-    with pytest.raises(InputError, match="C has 2 rows; give one, or 4: one a vertex"):
+    with pytest.raises(InputError, match="C has 2 rows; give one, or 4: one per vertex"):
         replace(bare, outputs=(Output("y", C=[[1, 2], [2, 3]]),))
     with pytest.raises(PlantError, match="must be a row of numbers"):
         Output("y", C="12")

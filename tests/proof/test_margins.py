@@ -475,7 +475,7 @@ def test_claims_that_do_not_fit_together(proved):
         answer(changed(gain, "claims", 0, "mu", value=lambda v: v * 2))
     with pytest.raises(FormatError, match="continuous time"):
         answer(changed(rate, "plant", value=lambda t: t | {"sample_time": 0.1}))
-    with pytest.raises(FormatError, match="no proofs of margins"):
+    with pytest.raises(FormatError, match="margins are not proved for"):
         slack, _ = random_claim(plant_of(), 0, "fixed", REGIONS["disk"])
         claim = replace(slack.claim(), method="slack")
         prove(Rate(Subject(claim), Fraction(0), None))

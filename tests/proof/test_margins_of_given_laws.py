@@ -260,5 +260,5 @@ def test_slack_itself_has_no_proofs(proved):
     certificate, _ = given_claim(plant_of(), None, "simplex", (0,), REGIONS["disk"])
     design = replace(certificate.claim(), method="slack")
     subject = replace(subject_of(certificate, (1, 1)), design=design)
-    with pytest.raises(FormatError, match="slack has no proofs"):
+    with pytest.raises(FormatError, match="margins are not proved for the method slack"):
         prove(Rate(subject, Fraction(0), None))

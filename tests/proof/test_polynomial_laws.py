@@ -87,7 +87,7 @@ def document():
         (lambda law: law["terms"][0].update(powers=[16, 1]), "degree must be"),
         (lambda law: law["terms"][0].update(powers=[True, 0]), "whole numbers"),
         (lambda law: law["terms"][0].update(powers=[]), "1 to"),
-        (lambda law: law["terms"][0].update(powers=[0]), "as many|one a parameter"),
+        (lambda law: law["terms"][0].update(powers=[0]), "as many|one per parameter"),
         (lambda law: law["terms"][0].update(powers=[1, 0]), "belongs to one gain"),
         (lambda law: law["terms"].clear(), "1 to"),
         (lambda law: law["terms"][0].update(K=[[1, 2]]), "1 x 1"),
@@ -115,7 +115,7 @@ def test_alpha_is_told_from_a_parameter():
     table = json.loads(case.document(case.worst * 1.1).dumps())
     assert check(loads(json.dumps(table))).proved
     table["plant"]["parameters"], table["law"]["on"] = [], "simplex"
-    with pytest.raises(FormatError, match="one a parameter, or one a vertex"):
+    with pytest.raises(FormatError, match="one per parameter, or one per vertex"):
         loads(json.dumps(table))
 
 

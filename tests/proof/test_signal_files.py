@@ -263,7 +263,7 @@ FAULTS = {
     "F of an impulse": ("initial peak", (*S, "output", "F"), [[1]], "passes straight into"),
     "F wide": ("gain", (*S, "output", "F"), [[1, 2]], "output.F is 1 x 2, not 1 x 1"),
     "C": ("rms", (*S, "output", "C"), [[1, 2]], "output.C is 1 x 2, not 1 x 3"),
-    "rows": ("rms", (*S, "output", "C"), [[0, 1, 0]] * 3, "one row, or 4: one a vertex"),
+    "rows": ("rms", (*S, "output", "C"), [[0, 1, 0]] * 3, "one row, or 4: one per vertex"),
     "no C": ("rms", (*S, "output"), {"D": [[1]]}, "output.C is missing"),
     "output": ("rms", (*S, "output"), [[0, 1, 0]], "output must be a table"),
     "own": ("rms", (*S, "evidence", "own"), 1, "own must be true"),

@@ -614,14 +614,14 @@ def test_work_out_of_all_proportion_is_refused(kind):
             claim = changed(claim, (*where, letter), lambda matrices: matrices * N)
     assert prove(claim).proved
     elevation = ("subject", "evidence", "elevation")
-    with pytest.raises(FormatError, match="more than is checked"):
+    with pytest.raises(FormatError, match="to be checked"):
         prove(changed(claim, elevation, lambda _: 5))
     for each in ("stability", "covariance") if kind == "relative" else ():
-        with pytest.raises(FormatError, match="than are checked"):
+        with pytest.raises(FormatError, match="to be checked"):
             prove(changed(claim, ("baseline", each, "elevation"), lambda _: 5))
     if kind == "initial":  # one block a point
         raised = changed(claim, elevation, lambda _: 3)
-        with pytest.raises(FormatError, match="than are checked"):
+        with pytest.raises(FormatError, match="to be checked"):
             prove(replace(raised, points=claim.points * 32))
 
 
@@ -634,7 +634,7 @@ def test_products_of_what_varies_are_part_of_the_work():
     claim = changed(claim, ("subject", "evidence", "elevation"), lambda _: 2)
     claim.require()
     for name, letter in (("subject", "E"), ("baseline", "C")):
-        with pytest.raises(FormatError, match="than are checked"):
+        with pytest.raises(FormatError, match="to be checked"):
             changed(claim, (name, letter, 7, 0, 0), lambda x: x / 2).require()
 
 

@@ -327,7 +327,7 @@ def test_each_entry_is_part_of_the_work():
     (claim,) = from_plain(few).claims
     one = replace(claim, outputs=claim.outputs[:1])
     one.require()
-    with pytest.raises(FormatError, match="than are checked here"):
+    with pytest.raises(FormatError, match="to be checked here"):
         replace(claim, outputs=claim.outputs * 8).require()
 
 

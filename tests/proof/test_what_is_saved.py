@@ -230,7 +230,7 @@ def test_a_file_of_many_claims_is_bounded(tmp_path, monkeypatch):
     bounded(monkeypatch, most)
     monkeypatch.setattr(document, "MAX_FILE", works(full)[0] * work.FULL)
     full.require_checkable(full.claims)
-    with pytest.raises(FormatError, match="than is checked here"):
+    with pytest.raises(FormatError, match="to be checked here"):
         more.require_checkable(more.claims)
-    with pytest.raises(FormatError, match="than is checked here"):
+    with pytest.raises(FormatError, match="to be checked here"):
         check(more)

@@ -171,7 +171,7 @@ def test_work_is_counted_before_it_begins_and_by_length():
         assert count.spent - first > 1000 * first
     with (
         work.counted(count.spent - first - 1) as less,
-        pytest.raises(work.FormatError, match="numbers longer"),
+        pytest.raises(work.FormatError, match="too long, to be"),
     ):
         matrices.multiplied(long, long)
     assert not less.spent

@@ -347,20 +347,20 @@ def test_units_of_a_vector():
 
 
 FAULTS = {
-    "twice": (lambda: Rms(("a", "a")), "'a' is there twice"),
+    "twice": (lambda: Rms(("a", "a")), "'a' is given twice"),
     "none": (lambda: Rms(()), "must be a name, an Output or a list"),
     "number": (lambda: Gain(("a", 3)), "must be a name, an Output or a list"),
     "many": (lambda: Gain([f"x{k}" for k in range(17)]), "at most 16"),
-    "peak": (lambda: EnergyPeak(("a", "b")), "is of one signal"),
-    "initial": (lambda: InitialPeak(("a", "b"), impulse=1.0), "is of one signal"),
-    "relative": (lambda: RelativeRms(("a", "b")), "is of one signal"),
+    "peak": (lambda: EnergyPeak(("a", "b")), "takes one signal"),
+    "initial": (lambda: InitialPeak(("a", "b"), impulse=1.0), "takes one signal"),
+    "relative": (lambda: RelativeRms(("a", "b")), "takes one signal"),
     "scale": (lambda: Gain("a", disturbances={"road": 0}), "'road' times 0: give a positive"),
     "minus": (lambda: Gain("a", disturbances={"road": -1.0}), "give a positive number"),
     "infinite": (lambda: Gain("a", disturbances={"road": np.inf}), "give a positive number"),
     "no channel": (lambda: Rms("a", disturbances=[]), "must be names"),
-    "channel twice": (lambda: Rms("a", disturbances=["road", "road"]), "'road' is there twice"),
+    "channel twice": (lambda: Rms("a", disturbances=["road", "road"]), "'road' is given twice"),
     "channel": (lambda: Rms("a", disturbances=7), "must be names"),
-    "law": (lambda: GainNorm(3.0, disturbances=["road"]), "about no disturbance"),
+    "law": (lambda: GainNorm(3.0, disturbances=["road"]), "takes no disturbances"),
     "unknown": (lambda: Rms("a", disturbances=["rod"]).scales(single()), "did you mean 'road'"),
     "unknown signal": (lambda: Rms(("a", "bb")).outputs(single()), "no signal 'bb'"),
 }
@@ -379,13 +379,13 @@ LINES = {
     "gain of []": "cannot read",
     "gain of [a, b,]": "cannot read",
     "gain of [a * 2, b]": "signals have no scales",
-    "gain of [a, a]": "there twice",
+    "gain of [a, a]": "given twice",
     "gain of a from []": "cannot read",
     "gain of a from [road * x]": "cannot read",
     "gain of a from [road * -1]": "positive",
-    "gain of a from [road, road]": "there twice",
+    "gain of a from [road, road]": "given twice",
     "gain of a with disturbances road": r"from \[NAME\]",
-    "energy peak of [a, b]": "is of one signal",
+    "energy peak of [a, b]": "takes one signal",
     "gain norm of the law from [road] <= 3": "unknown key disturbances",
 }
 
@@ -431,7 +431,7 @@ def test_a_spec_says_vectors_and_disturbances(tmp_path):
     [
         ('["a", "b"]', '["a", 3]', r"signal\[2\] = 3 must be text; name a state"),
         ('["a", "b"]', "[]", "signal = "),
-        ('["a", "b"]', '["a", "a"]', "there twice"),
+        ('["a", "b"]', '["a", "a"]', "given twice"),
         ("{road = 0.5, wind = 20}", '{road = "x"}', "disturbances.road = 'x' must be a finite"),
         ("{road = 0.5, wind = 20}", "{road = -1}", "positive"),
         ("{road = 0.5, wind = 20}", "{}", "name one"),

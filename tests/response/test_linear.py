@@ -201,7 +201,7 @@ def test_a_plant_without_disturbances_still_has_inputs():
     plant = UncertainPlant.from_vertices([[[-1]], [[-2]]], [[[1]], [[1]]])
     up = step(plant, None, [0.5, 0.5], source="u1", duration=4, step=0.1)
     assert np.allclose(up.of("x1")[0], (1 - np.exp(-1.5 * up.time)) / 1.5, atol=1e-12)
-    with pytest.raises(InputError, match="says nowhere how a disturbance enters"):
+    with pytest.raises(InputError, match="has no E, so no disturbance enters"):
         step(plant, None, [0.5, 0.5])
 
 

@@ -111,7 +111,7 @@ def test_resuming_refuses_what_is_not_its_own(plant, make_random, tmp_path):
     with pytest.raises(InputError, match=r"by polefence 0\.0\.1"):
         sweep(plant, [-2.0], ["slack"], path, resume=True)
     path.write_text("{}")
-    with pytest.raises(InputError, match="no sweep to resume"):
+    with pytest.raises(InputError, match="not a sweep to resume"):
         sweep(plant, [-2.0], ["slack"], path, resume=True)
 
 

@@ -170,7 +170,7 @@ def test_what_is_wrong_of_all_is_said_at_once(fleet):
         pf.many.tightest(fleet, [-3, -4])
     with pytest.raises(InputError, match="region must be"):
         pf.many.place(fleet, "disk(-3, 2)")
-    with pytest.raises(InputError, match="belong to laws that an LMI gives"):
+    with pytest.raises(InputError, match="belong to laws from an LMI"):
         pf.many.place(fleet, Disk(-3, 2), "slack", structure=pf.Structure())
     with pytest.raises(InputError, match="of = 'circle' is unknown"):
         pf.many.tightest(fleet, -3, of="circle")

@@ -344,9 +344,9 @@ def test_a_proved_file_of_other_matrices_is_refused(car, car_observer, tmp_path,
 
 
 def test_a_state_feedback_is_no_observer(car, car_feedback, car_observer, tmp_path):
-    with pytest.raises(InputError, match="a law, no observer"):
+    with pytest.raises(InputError, match="a law, not an observer"):
         Observer(car, car_feedback)
-    with pytest.raises(InputError, match="a law, no observer"):
+    with pytest.raises(InputError, match="a law, not an observer"):
         Observer.load(car_feedback.save(tmp_path), car, SENSORS)
     with pytest.raises(InputError, match="other measurements"):
         Observer.load(car_observer.save(tmp_path), car, ["integral of suspension deflection"])
@@ -380,7 +380,7 @@ def test_another_plants_feedback_is_refused(car_observer, placed):
         (None, "names nothing"),
         (np.array(1.0), "names nothing"),
         ([[np.array(1.0), 0, 0, 0, 0]], r"C\[1\]\[1\]"),
-        ([1, 0, 0, 0, 0], "no list of rows"),
+        ([1, 0, 0, 0, 0], "not a list of rows"),
         ([[1, 0, 0, 0]], "C has 4 columns"),
         ([[1, 0, 0, 0, 0], [1, 0]], "ragged"),
         ([[0, 0, 0, 0, 0]], "C is zero"),

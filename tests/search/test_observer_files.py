@@ -72,24 +72,24 @@ def test_it_is_no_law(folder, capsys, monkeypatch, words):
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
-    assert "an observer, no law" in said.err
+    assert "an observer, not a law" in said.err
     assert not (folder / "out").exists()
 
 
 def test_a_law_is_no_observer(folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
     assert main(["export", "law", "--observer", "law", "--sample-time", "0.01", "-o", "out"]) == 2
-    assert "a law, no observer" in capsys.readouterr().err
+    assert "a law, not an observer" in capsys.readouterr().err
 
 
 def test_nor_in_python(folder):
     plant = load(folder / "stage.toml")
     dual = observe(plant, ["place"], Disk(-6, 5.5)).design
-    with pytest.raises(DesignFileError, match="no law"):
+    with pytest.raises(DesignFileError, match="not a law"):
         given_law(plant, dual)
-    with pytest.raises(DesignFileError, match="no law"):
+    with pytest.raises(DesignFileError, match="not a law"):
         Design.load(folder / "seen")
-    with pytest.raises(DesignFileError, match="no observer"):
+    with pytest.raises(DesignFileError, match="not an observer"):
         Observer.load(folder / "law", plant, ["place"])
     assert Observer.load(folder / "seen", plant, ["place"]).design.proved
 
@@ -142,7 +142,7 @@ def test_what_is_measured_is_read_with_care(folder, tmp_path, capsys):
     claim = document["claims"][0]
     for change, message in (
         ({"C": [[[1]]]}, "is 1 x 1, not 1 x 2"),
-        ({"C": [claim["C"][0]] * 3}, "one matrix, or one a vertex"),
+        ({"C": [claim["C"][0]] * 3}, "one matrix, or one per vertex"),
         ({"measured": ["a", "b"]}, "must name each row of C"),
         ({"measured": 3}, "must be a list"),
     ):
@@ -170,5 +170,5 @@ def test_no_function_takes_it_for_a_law(folder):
         lambda design: analyse(design.plant, design, Disk(-6, 5.5)),
     )
     for use in uses:
-        with pytest.raises(DesignFileError, match="an observer, no law"):
+        with pytest.raises(DesignFileError, match="an observer, not a law"):
             use(dual)

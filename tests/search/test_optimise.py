@@ -315,7 +315,7 @@ def test_a_limit_is_a_positive_number(value):
 
 def test_plants_that_say_too_little_are_refused(one):
     bare = loads(ONE_STATE.replace("E = [[1]]", "").replace('disturbances = ["w [m/s]"]', ""))
-    with pytest.raises(InputError, match="says nowhere how a disturbance enters; give E"):
+    with pytest.raises(InputError, match="has no E, so no disturbance enters; give E"):
         optimise(bare, rms("force"), method="scheduled")
     with pytest.raises(InputError, match="give points or an impulse"):
         InitialPeak("x", 1.0)
@@ -323,7 +323,7 @@ def test_plants_that_say_too_little_are_refused(one):
         optimise(one, rms("force"), [InitialPeak("x", 1.0, ((1.0, 2.0),))], method="scheduled")
     with pytest.raises(InputError, match="a disturbance passes straight into 'rate'"):
         optimise(one, rms(rate_of(one, "x", "rate")), method="scheduled")
-    with pytest.raises(InputError, match="optimise goes with 'quadratic' and Scheduled"):
+    with pytest.raises(InputError, match="optimise takes the methods 'quadratic' and Scheduled"):
         optimise(one, rms("force"), method="slack")
 
 

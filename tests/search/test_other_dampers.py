@@ -261,7 +261,7 @@ def test_a_file_about_parameters_that_move_is_refused(laws):
     text = laws["loads of 280 to 420 kg"].file().dumps()
     moved = text.replace('"through": "1/m1"', '"through": "1/m1", "rate": [-1, 1]')
     assert moved != text
-    with pytest.raises(FormatError, match="is for parameters that do not move"):
+    with pytest.raises(FormatError, match="needs constant parameters"):
         read(moved)
 
 

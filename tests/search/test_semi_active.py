@@ -201,7 +201,7 @@ def test_what_does_not_fit_is_refused(claim):
         ((FORCE, "travel", 1, 2), "no signal 'travel'"),
         ((FORCE, "tyre deflection", 1, 2), "passes straight into the rate of tyre deflection"),
         ((FORCE, "sprung-mass velocity", 1, 2), "passes straight into the rate"),
-        ((FORCE, "sprung-mass acceleration", 1, 2), "is no fixed sum of states"),
+        ((FORCE, "sprung-mass acceleration", 1, 2), "is not a fixed sum of states"),
     ],
 )
 def test_dampers_that_are_none_are_refused(car, damper, words):

@@ -233,7 +233,7 @@ def test_a_file_of_the_bound_and_of_what_no_logic_keeps(car, laws, tmp_path, cap
         assert check(document).proved
         assert main([str(path)]) == 0
     said = capsys.readouterr().out
-    assert "cut off to 300 to 3000 times (-x3 + x4)" in said
+    assert "clipped to 300 to 3000 times (-x3 + x4)" in said
     assert "<= 0.88" in said
     assert "no semi-active law, u1 from 300 to 3000 times (-x3 + x4), keeps rms of" in said
     assert "<= 0.705" in said
@@ -386,7 +386,7 @@ def test_of_what_no_bound_is_proved_it_says_why_and_what_to_change(car):
         (car, own, replace(DAMPER, low=0), "force = 0 v, vertex 1 is not stable; raise the lower"),
         (car, Rms("tyre deflection", 1, DENSITY), DAMPER, "has no force in it; add an accel"),
         (tyres, Rms("actuator force", 1, DENSITY), DAMPER, "how the disturbance enters"),
-        (moving, asked, spring, "m1 moves; it is proved for parameters that do not; leave out"),
+        (moving, asked, spring, "m1 moves; bounds are proved for constant parameters; leave out"),
     ):
         with pytest.raises(NotProvedError, match=words):
             semi_active(plant, limit, [damper])

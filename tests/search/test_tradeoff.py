@@ -513,7 +513,7 @@ def test_what_cannot_be_asked_is_refused_before_any_work(change, said, spring):
         ("--road C --speed 20 --value 1 --limit 'rms of actuator force <= 2'", "--over sweeps"),
         ("--road C --speed 20 --value 1 --plot a.txt", "a figure ends in"),
         ("--road C --speed 20 --value 1 --order 1 --method quadratic", "or --method quadratic"),
-        ("--road C --speed 20 --value 1 --order 1 --on box", "laws that an LMI gives"),
+        ("--road C --speed 20 --value 1 --order 1 --on box", "laws from an LMI"),
         ("--road C --speed 20 --value 1 --measured nothing", "measured"),
     ],
 )

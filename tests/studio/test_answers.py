@@ -122,7 +122,7 @@ def test_a_fault_of_ours_is_no_silence(told, monkeypatch):
     monkeypatch.setattr(question, "place", broken)
     told.newest.ask(asked(Disk(-40, 31)))
     assert told.done.wait(SOON)
-    assert "a fault of ours" in told.all[-1].reason
+    assert "a bug in Polefence" in told.all[-1].reason
     join()
 
 

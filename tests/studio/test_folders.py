@@ -143,7 +143,7 @@ def test_nothing_is_written_through_a_link(tmp_path):
     (tmp_path / "s").symlink_to(tmp_path / "elsewhere")
     folders, own = Folders(tmp_path / "s"), Tab()
     assert folders.begin(own) == "s-2"
-    with pytest.raises(OutputError, match="is a link"), folders.writing(own, "s"):
+    with pytest.raises(OutputError, match="is a symbolic link"), folders.writing(own, "s"):
         pass
 
 

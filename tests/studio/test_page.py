@@ -174,7 +174,7 @@ def test_no_report_takes_the_place_of_another_file(page, tmp_path, monkeypatch):
     mine = "<!DOCTYPE html><title>mine</title>"
     (tmp_path / "report.html").write_text(mine)
     page.report.clicks += 1
-    assert until(lambda: "is no report" in page.message.object, patience=60)
+    assert until(lambda: "is not a report" in page.message.object, patience=60)
     assert (tmp_path / "report.html").read_text() == mine
 
 
@@ -183,7 +183,7 @@ def test_no_folder_is_written_through_a_link(page, tmp_path, button, folder):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / folder).symlink_to(tmp_path / "elsewhere")
     getattr(page, button).clicks += 1
-    assert until(lambda: "is a link" in page.message.object, patience=60)
+    assert until(lambda: "is a symbolic link" in page.message.object, patience=60)
     assert not list((tmp_path / "elsewhere").iterdir())
 
 

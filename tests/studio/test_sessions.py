@@ -133,11 +133,11 @@ def test_a_value_that_is_no_number_is_refused(state, tmp_path, value):
 
 def test_no_file_of_another_is_written_over(state, tmp_path):
     (tmp_path / "session.json").write_text('{"mine": 1}')
-    with pytest.raises(OutputError, match="not a file of ours"):
+    with pytest.raises(OutputError, match="not a Polefence file"):
         Session.of(subject(), state).save(tmp_path)
     (tmp_path / "session.json").unlink()
     (tmp_path / "session.json").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OutputError, match="is a link"):
+    with pytest.raises(OutputError, match="is a symbolic link"):
         Session.of(subject(), state).save(tmp_path)
     assert not (tmp_path / "elsewhere").exists()
 

@@ -700,7 +700,7 @@ def test_numbers_of_a_remainder_out_of_proportion_are_refused():
     }
     rows = [[f"1/{10**290 + 26 * i + j}" for j in range(26)] for i in range(24)]
     data["plant"]["states"], data["plant"]["remainder"] = [], rows
-    with pytest.raises(FormatError, match="common denominator is out of all proportion"):
+    with pytest.raises(FormatError, match="common denominator is too large"):
         read(json.dumps(data))
 
 

@@ -207,7 +207,7 @@ def test_a_law_that_may_be_cut_off_is_better_than_one_that_may_not():
     again = loads(cut.design.certificate.file([b.claim for b in cut.bounds]).dumps())
     assert all(prove(claim).proved for claim in again.claims)
     text = again.claims[1].said(again.plant)
-    assert "'u' = u1 cut off at +-20: the loop comes to rest from x(0) = (1, 0)" in text
+    assert "'u' = u1 saturated at +-20: the loop comes to rest from x(0) = (1, 0)" in text
 
 
 # --- at a sample time, and of laws with states of their own ---------------------------------------
@@ -269,7 +269,7 @@ def sampled_claim():
 def test_the_remainder_is_in_every_part(sampled_claim):
     assert prove(sampled_claim).proved
     names = {own.name.split(" at ")[0] for own in sampled_claim.inequalities()}
-    assert {f"of the remainder, {end}" for end in ("none cut off", "u1 cut off")} <= names
+    assert {f"of the remainder, {end}" for end in ("none saturated", "u1 saturated")} <= names
 
 
 def test_a_larger_remainder_is_not_proved(sampled_claim):
@@ -290,7 +290,7 @@ def test_what_is_held_counts_in_the_remainder(sampled_claim):
     """An Omega that is enough for K alone is not for a large H."""
     large = tuple(tuple(tuple(1000 * x for x in row) for row in Y) for Y in sampled_claim.held)
     reason = prove(replace(sampled_claim, held=large, level=Fraction(10**9))).reason
-    assert "u1 cut off" in reason
+    assert "u1 saturated" in reason
 
 
 def structured_pendulum():
@@ -359,7 +359,7 @@ def test_the_linear_loop_counts_too(claim):
     law = replace(claim.subject.law, K=[K])
     verdict = prove(replace(claim, subject=replace(claim.subject, law=law)))
     assert not verdict.proved
-    assert "none cut off" in verdict.reason
+    assert "none saturated" in verdict.reason
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def read_bytes(path: Path, limit: int, error: type[InputError]) -> bytes:
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     if len(raw) > limit:
-        raise error(f"{path}: longer than {limit} bytes; this is no file of ours")
+        raise error(f"{path}: longer than {limit} bytes; this is not a Polefence file")
     return raw
 
 
@@ -159,9 +159,11 @@ def check_document(path: Path) -> None:
         If it is a link, or there is a file of another kind.
     """
     if path.is_symlink():
-        raise OutputError(f"{path}: is a link, which is not written through; name another folder")
+        raise OutputError(
+            f"{path}: is a symbolic link, and links are not written through; name another folder"
+        )
     if path.is_file() and not begins_with(path, DOCUMENT):
-        raise OutputError(f"{path}: not a file of ours; name another folder, or move it away")
+        raise OutputError(f"{path}: not a Polefence file; name another folder, or move it away")
 
 
 def begins_with(path: Path, mark: bytes) -> bool:

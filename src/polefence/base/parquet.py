@@ -41,7 +41,7 @@ def read_table(content: bytes, source: str, remedy: str, error: type[InputError]
         file = own.parquet.ParquetFile(own.BufferReader(content), pre_buffer=False)
         return file.read(use_threads=False)
     except own.ArrowException as problem:
-        raise error(f"{source}: no Parquet: {str(problem).splitlines()[0]}") from problem
+        raise error(f"{source}: not a Parquet file: {str(problem).splitlines()[0]}") from problem
 
 
 def table_bytes(table: Any, remedy: str) -> bytes:

@@ -188,7 +188,7 @@ class Certificate(Short):
                 return  # what its samples are of is not known here: there is no file of it alone
             self.file((own, *claims)).require_checkable((own, *claims))
         except FormatError as error:
-            raise NotProvedError(f"not proved: the file of it is not proved: {error}") from error
+            raise NotProvedError(f"not proved: its file is not proved: {error}") from error
 
     def holds(self) -> bool:
         """Whether the evidence proves the claim: as `prove`, by the compiled prover first."""
@@ -252,7 +252,7 @@ class Certificate(Short):
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
             plant = dual_plant(plant, C, observer.measured)
         if claim is None:
-            raise DesignFileError("no claim of it is about a region; name a design's file")
+            raise DesignFileError("none of its claims is about a region; name the file of a design")
         region = region_of([(part.kind, part.numbers) for part in claim.region])
         law = law_of(claim.law, plant, claim.sizes)
         return cls(plant, region, claim.method, law, _evidence(claim), observed)

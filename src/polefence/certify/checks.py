@@ -62,7 +62,7 @@ def require_checkable(plant: UncertainPlant, method: Method, parts: int = 1) -> 
     if not is_checkable(plant, method, parts):
         raise InputError(
             f"{plant.name}, {method_label(method)}: {blocks(plant, method)} inequalities in "
-            f"{plant.shape[0]} states are more than is searched and proved; "
+            f"{plant.shape[0]} states are too many to search and prove; "
             f"{_remedy(plant, method)}"
         )
 
@@ -88,7 +88,7 @@ def require_optimisable(plant: UncertainPlant, method: Method, count: int) -> No
         raise InputError(
             f"{plant.name}, {method_label(method)}: {blocks(plant, method) * (count + 1)} "
             f"inequalities in {plant.shape[0]} states, for {count} specifications and the region, "
-            f"are more than is optimised; {_remedy(plant, method)}; a tuned law needs none: "
+            f"are too many to optimise; {_remedy(plant, method)}; a tuned law needs none of them: "
             "leave the method out"
         )
 

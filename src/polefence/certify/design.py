@@ -393,12 +393,13 @@ def require_kind(certificate: Certificate, observer: bool = False) -> None:
     """
     if certificate.observer and not observer:
         raise DesignFileError(
-            f"{certificate.plant.name}: an observer, no law: its gain is -L' of the dual plant; "
+            f"{certificate.plant.name}: an observer, not a law: "
+            "its gain is -L' of the dual plant; "
             "`polefence check` proves it, `polefence export` takes it as --observer"
         )
     if observer and not certificate.observer:
         raise DesignFileError(
-            f"{certificate.plant.name}: a law, no observer; `polefence observe` designs one"
+            f"{certificate.plant.name}: a law, not an observer; `polefence observe` designs one"
         )
 
 
@@ -417,7 +418,7 @@ def _design_path(path: str | Path) -> Path:
     where = Path(path)
     if where.suffix == ".toml" and where.is_file():
         raise DesignFileError(
-            f"{where}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+            f"{where}: a spec, but a design is needed: `polefence design -o DIR` writes one"
         )
     if not where.is_dir():
         return where

@@ -62,7 +62,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if form == LADDER[0]:
             if not checked:
-                raise InputError(f"{plant.name}: {blocks} inequalities are more than is checked")
+                raise InputError(f"{plant.name}: {blocks} inequalities are too many to be checked")
         elif not checked or work_of(plant, law, form) > MOST_WORK:
             return
         yield form

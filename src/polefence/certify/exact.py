@@ -174,7 +174,7 @@ def _gain(certificate: Certificate, domain: Domain) -> Any:
     """Return [I; K] of one gain."""
     law = certificate.law
     if law.K is None:
-        raise FormatError("the law is no gain")
+        raise FormatError("the law is not a gain")
     return _polynomial(domain, 0, law.form)
 
 

@@ -401,7 +401,7 @@ def worst_case(
     """
     law = given_law(plant, law)
     if (of == "disk") != (centre is not None):
-        raise InputError("of = 'disk' needs a centre (centre=-40, say), no other question has one")
+        raise InputError("of = 'disk' needs a centre (centre=-40, say), other questions take none")
     measure = _measure(of, centre)
     if centre is None:
         require_continuous(plant, of)

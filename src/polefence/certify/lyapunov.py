@@ -49,8 +49,8 @@ def lyapunov_matrix(
     """
     if evidence.transfer:
         raise InputError(
-            "this bound is proved by the transfer function, without a Lyapunov matrix; that of the "
-            "poles is the design's: design.lyapunov_at"
+            "this bound is proved by the transfer function, without a Lyapunov matrix; "
+            "design.lyapunov_at gives that of the poles"
         )
     at = _coordinates(list(alpha), sizes)
     for piece in evidence.cells:
@@ -81,7 +81,7 @@ def _coordinates(alpha: list[Fraction], sizes: Sizes) -> list[Fraction]:
             > ROUNDING
         ):
             raise InputError(
-                "alpha is no product of weights of each parameter, and this proof is about those; "
+                "alpha is not a product of weights of the parameters, as this proof needs; "
                 "give the parameters' values"
             )
     return found

@@ -69,7 +69,7 @@ def _signal(plant: UncertainPlant, word: Any) -> Output:
             raise InputError(f"measured: {word!r} names {len(found)} signals; write the unit too")
         if found and found[0].D:
             raise InputError(
-                f"measured: {word!r} has an input in it, and an observer takes y = C x; give an "
+                f"measured: {word!r} depends on an input, but an observer takes y = C x; give an "
                 "output without D, or measure a state"
             )
         if found:
@@ -88,7 +88,7 @@ def _matrices(plant: UncertainPlant, items: list[Any]) -> tuple[Exact, ...]:
             raise InputError(f"measured: {len(items)} matrices C; {plant.name} has {N} vertices")
         Cs = tuple(read_matrix(C, f"C of vertex {j + 1}") for j, C in enumerate(items))
     else:
-        raise InputError(f"measured is no list of rows; {HOW}, for example [[1, 0, 0]]")
+        raise InputError(f"measured is not a list of rows; {HOW}, for example [[1, 0, 0]]")
     for j, C in enumerate(Cs):
         if len(C[0]) != n:
             raise InputError(f"measured: C has {len(C[0])} columns; {plant.name} has {n} states")
@@ -213,10 +213,10 @@ def require_detectable(
             where_not = "not stable" if is_stability(plant, asked) else f"not in {asked}"
             names, helps = " and ".join(repr(s.name) for s in measured), _remedy(plant, C)
             raise UnobservableError(
-                f"{plant.name}, {where}: not detectable: what is measured ({names}) does not see "
-                f"the pole {outside}, {where_not}, and no "
-                "law that feeds it back moves that; measure more"
-                + (f", for example also {helps}" if helps else "")
+                f"{plant.name}, {where}: not detectable: the measured "
+                f"signals ({names}) do not show "
+                f"the pole {outside}, {where_not}, so no law that feeds them back can move it; "
+                "measure more" + (f", for example also {helps}" if helps else "")
             )
 
 

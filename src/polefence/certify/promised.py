@@ -111,7 +111,7 @@ def matrices_given(
         If they do not fit the plant, or the law is not one gain.
     """
     if law.K is None:
-        raise InputError("Lyapunov matrices are looked at for one gain K; this law has more")
+        raise InputError("Lyapunov matrices are verified for one gain K; this law has several")
     return _given(plant, law, region, _matrices(plant, lyapunov))
 
 
@@ -119,7 +119,7 @@ def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
     """Return Lyapunov matrices in rationals."""
     n, N = plant.shape[0], len(plant.vertices)
     if len(given) not in (1, N):
-        raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one a vertex")
+        raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one per vertex")
     found = list[Rationals]()
     for k, each in enumerate(given):
         what = "the Lyapunov matrix" if len(given) == 1 else f"Lyapunov matrix {k + 1}"

@@ -61,12 +61,13 @@ def running(plant: UncertainPlant, design: Design) -> Running:
     """
     own = design.plant.sampling
     if own is None or design.plant.sample_time is None:
-        raise InputError(f"{design.plant.name}: the design is of no sample time")
+        raise InputError(f"{design.plant.name}: the design has no sample time")
     if plant.sample_time is not None or own.plant.shape != plant.shape:
-        raise InputError(f"{plant.name} is not the plant that the design is the samples of")
+        raise InputError(f"{plant.name} is not the plant that the design samples")
     if own.delay > 1:
         raise InputError(
-            f"inputs that act {own.delay} samples late are not driven; design for a delay of 0 or 1"
+            f"inputs that act {own.delay} samples late cannot be "
+            "simulated; design for a delay of 0 or 1"
         )
     late, T = own.delay * plant.shape[1], float(design.plant.sample_time)
     kept = own_states(design.plant)
@@ -82,11 +83,11 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
     if law.K is not None:
         K = law.K[:, columns]
         if np.any(np.delete(law.K, columns, axis=1)):
-            raise InputError("the law feeds back states of filters; it is not driven")
+            raise InputError("the law feeds back states of filters; such a law cannot be simulated")
         return FixedGain(_rows(K, n, m, late, T, 1.0))
     if law.gains is None:
         if total != len(columns):
-            raise InputError("the law feeds back states of filters; it is not driven")
+            raise InputError("the law feeds back states of filters; such a law cannot be simulated")
         W, Z = np.split(law.form, [total], axis=1)
         rates = (Z[:, :late] - W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
         Z = np.concatenate([Z, rates], axis=1)

@@ -166,7 +166,7 @@ class TableAnalysis(Short):
         document = read_document(where)
         claim: Cells | None = document.first(Cells)
         if claim is None:
-            raise DesignFileError(f"{where}: no claim of it is about a table of gains")
+            raise DesignFileError(f"{where}: none of its claims is about a table of gains")
         answer = check_document(document, where)
         if not answer.verdicts[-1].note:  # which says what is sound
             raise NotProvedError(f"{path}: not proved: {answer.reason}")

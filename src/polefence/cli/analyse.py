@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "spec",
         metavar="PLANT",
-        help="a TOML spec, or a file with A and B, one each or one a vertex (.mat, .npz, .json, a "
+        help="a TOML spec, or a file with A and B, one each or one "
+        "per vertex (.mat, .npz, .json, a "
         "folder of .csv)",
     )
     parser.add_argument(
@@ -70,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lyapunov",
         metavar="FILE",
-        help="Lyapunov matrices P, one or one a vertex; default: the P of PLANT, if it has one",
+        help="Lyapunov matrices P, one or one per vertex; default: the P of PLANT, if it has one",
     )
     parser.add_argument(
         "--name",
@@ -134,7 +135,7 @@ def analyse_command(options: Any) -> int:
     if (options.of == "disk") != (options.centre is not None):
         centre = example_centre(plant)
         raise InputError(
-            f"--of disk needs --centre CENTRE (--centre {centre}, say); no other has one"
+            f"--of disk needs --centre CENTRE (--centre {centre}, say); other --of take none"
         )
     check_figure(options.plot)
     table = law if isinstance(law, GainTable) else None

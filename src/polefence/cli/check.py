@@ -131,7 +131,7 @@ def _files(path: Path) -> list[Path]:
 def _read(path: Path) -> Document:
     if path.suffix == ".toml" and path.is_file():
         raise DesignFileError(
-            f"{path}: a spec, where a design is meant: `polefence design -o DIR` writes one"
+            f"{path}: a spec, but a design is needed: `polefence design -o DIR` writes one"
         )
     return read_document(path)
 
@@ -321,7 +321,7 @@ def _other_signal(outputs: Iterable[Output], found: Plant, plant: Plant) -> str 
         if mine is None and theirs is None:
             continue
         if theirs is None:
-            return f"other signals: {quoted(own.name)} is none of the spec's"
+            return f"other signals: {quoted(own.name)} is not a signal of the spec"
         if (own.C, own.D, own.F) != (theirs.C, theirs.D, theirs.F):
             ours, other = (output_text(each.C, each.D, each.F) for each in (own, theirs))
             other = other if other != ours else f"the same to six digits: {other}"

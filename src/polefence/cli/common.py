@@ -439,7 +439,7 @@ def _degree(text: str) -> int | str:
     try:
         return int(text)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number, and not auto") from error
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a whole number nor auto") from error
 
 
 def add_structure_options(parser: argparse.ArgumentParser, degree: bool = True) -> None:
@@ -482,13 +482,14 @@ def structure_of_options(plant: UncertainPlant, options: Any) -> Structure | Non
         for key in given:
             if key != "degree":
                 raise InputError(
-                    f"--{key.replace('_', '-')} is for laws of any structure; leave it out, or "
+                    f"--{key.replace('_', '-')} applies to laws of a structure; leave it out, or "
                     f"--method {method if isinstance(method, str) else method[0]}"
                 )
         if on_road:
             raise InputError(
-                "--method gives laws of all states, and those of the road's tracks cannot be "
-                "measured; leave it out"
+                "--method designs laws of all states, but the states "
+                "of the road's tracks cannot be "
+                "measured; leave --method out"
             )
         return None
     for key in ("measured", "schedule"):
@@ -522,11 +523,11 @@ def refuse_method_options(options: Any) -> None:
     for key in ("elevation", "on", "budget", "right_hand_sides"):
         if getattr(options, key, None):
             raise InputError(
-                f"--{key.replace('_', '-')} is for laws that an LMI gives; leave it out, or name "
+                f"--{key.replace('_', '-')} applies to laws from an LMI; leave it out, or give "
                 "--method"
             )
     if getattr(options, "degree", None) == "auto":
-        raise InputError("--degree auto is for laws that an LMI gives; give a number")
+        raise InputError("--degree auto applies to laws from an LMI; give a number")
 
 
 def method_of(name: str, options: Any) -> Method:

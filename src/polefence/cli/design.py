@@ -138,7 +138,7 @@ def errors_of(texts: list[str]) -> dict[str, Fraction]:
             value = exact(size.strip(), name)
         except InputError as error:
             raise InputError(
-                f"--error {text!r} is no NAME=SIZE; write for example --error m1=20"
+                f"--error {text!r} is not NAME=SIZE; write for example --error m1=20"
             ) from error
         if name.strip() in found:
             raise InputError(f"--error {name.strip()} is given twice; give it once")

@@ -159,7 +159,7 @@ def _matlab(options: Any) -> int:
     unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
     if options.bits != BITS or unused:
         told = ", ".join(unused) or "--float"
-        raise InputError(f"{told}: of code, which --lang mat does not write; leave it out")
+        raise InputError(f"{told}: applies to code, which --lang mat does not write; leave it out")
     own = {f"{options.name}.mat": HEADER}
     check_folder(options.output, own)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)

@@ -311,7 +311,8 @@ def require_agreement(rows: Sequence[Row]) -> None:
         if row.own.worst > row.bound.level * (1 + AGREED):
             raise NotProvedError(
                 f"{row.bound} is proved of the law as a real matrix, but evaluated in doubles it "
-                f"shows {row.own.worst:.6g}: doubles cannot run this law; limit the gain norm, or "
+                f"shows {row.own.worst:.6g}: this law cannot run in "
+                "doubles; limit the gain norm, or "
                 "ask for a region that bounds the poles, such as a disk"
             )
 

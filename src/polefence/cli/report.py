@@ -67,7 +67,7 @@ def today() -> str:
         return f"{datetime.fromtimestamp(int(epoch), UTC):%Y-%m-%d}"
     except (ValueError, OverflowError, OSError) as error:
         raise InputError(
-            f"SOURCE_DATE_EPOCH = {shown(epoch)} is no time; give seconds since 1970"
+            f"SOURCE_DATE_EPOCH = {shown(epoch)} is not a time; give seconds since 1970"
         ) from error
 
 

@@ -89,7 +89,7 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
         )
     if len(own_states(plant)) < plant.shape[0]:
         raise InputError(
-            f"{options.spec}: road.tracks: laws of controllable dampers are of all states, and "
+            f"{options.spec}: road.tracks: laws of controllable dampers use all states, but "
             "those of tracks cannot be measured; name independent roads by under"
         )
     for own in dampers:
@@ -101,7 +101,8 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
     least, _ = asked(plant, options, road_of(options))
     if not isinstance(least, Rms) or not least.limits_rms:
         raise InputError(
-            f"{options.spec}: {least.title} is minimised; of controllable dampers an rms is, "
+            f"{options.spec}: {least.title} is minimised; for "
+            "controllable dampers minimise an rms: "
             "--minimise 'rms of SIGNAL'"
         )
     return plant, dampers, least
@@ -155,7 +156,7 @@ def _lines(answer: Answer) -> list[str]:
         lines = [
             f"proved: {law.specification.title} <= {digits_up(law.level)} for every alpha, by a "
             f"polynomial of degree {law.degree}",
-            f"  u = K x, cut off to what the dampers give; K = {matrix_text(law.K)}",
+            f"  u = K x, clipped to what the dampers give; K = {matrix_text(law.K)}",
         ]
     lines.append(f"  with the best fixed dampers, {fixed}: {others.passive:.6g}")
     for name, found in answer.below.items():

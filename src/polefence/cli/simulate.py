@@ -138,13 +138,13 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, S
         return None
     if len(designs) > 1:
         raise InputError(
-            "--law: a design at a sample time is driven alone, with the states that its computer "
-            "keeps; leave out the others"
+            "--law: a design at a sample time is simulated alone, with the states that its "
+            "computer keeps; leave out the other laws"
         )
     found, named = running(plant, design), of_design(plant, design, Path(options.law[0]))
     period = found.sampling.period
     if options.sampling not in (None, period):
-        raise InputError(f"--sampling: the design's own is {period:g} s; leave it out")
+        raise InputError(f"--sampling: the design has {period:g} s; leave it out")
     return found.plant, replace(named, law=found.law, design=None), found.sampling
 
 
@@ -154,7 +154,7 @@ def _require_end(runs: Mapping[str, Run]) -> None:
     if lost:
         when = ", ".join(f"{name!r} at {first:.4g} s" for name, first in lost.items())
         raise NotProvedError(
-            f"not driven to the end: the loop runs away under {when}; from there on no value holds"
+            f"not simulated to the end: the loop diverges under {when}; later values do not hold"
         )
 
 
@@ -375,7 +375,7 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) 
         turns = _manoeuvres(car, options)
         if plant.vehicle is None and car is None:
             raise InputError(
-                f"{plant.name} is not described as a vehicle, and a road is for one; add a table "
+                f"{plant.name} is not described as a vehicle, and a road needs one; add a table "
                 "[vehicle] or [car] to its spec (of a design name the spec, and the design as "
                 "--law), or use --step-in, --impulse-in, --initial or --input"
             )

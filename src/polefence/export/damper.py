@@ -103,5 +103,5 @@ def _exactly(value: Fraction, form: Number) -> str:
     """Return an entry of K, which `polefence.semi_active` makes a number of 32 bits."""
     found = form.outward(value, up=True)
     if Fraction(found) != value:
-        raise InputError(f"K has {float(value)!r}, which is no number of {form.bits} bits")
+        raise InputError(f"K has {float(value)!r}, which is not a number of {form.bits} bits")
     return form.text(found)

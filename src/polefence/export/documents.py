@@ -130,7 +130,7 @@ def _other(path: Path, document: Document) -> str:
     claim: Rounded | None = document.first(Rounded)
     loop: Sampled | None = document.first(Sampled)
     if claim is None or document.export is None:
-        raise InputError("export: what the code says of itself is missing; export it again")
+        raise InputError("export: the description of the code is missing; export it again")
     observer = _observer(document, document.first(ObserverClaim))
     design, own = claim.gain.subject.design, document.export
     if own.keys() != {"text", "files"} | ({"by_parameters"} if observer else set()):
@@ -163,7 +163,7 @@ def _other(path: Path, document: Document) -> str:
         raise InputError("files must be a table of names and digests, the observer's among them")
     units = {f"{texts.name}_fmi{version}.fmu" for version in "23"}
     for name in files.keys() - beside - units:
-        raise InputError(f"files: {str(name)[:LONGEST]!r} is no file of this export")
+        raise InputError(f"files: {str(name)[:LONGEST]!r} is not a file of this export")
     readme = own_readme(program, texts, certificate, observer is not None)
     if (path.parent / README).exists():
         written |= {README: readme}
@@ -196,7 +196,8 @@ def require_law(design: Design) -> None:
     """Refuse an observer's design: its gain is no law of the plant."""
     if design.certificate.observer or design.plant.name.endswith(DUAL):
         raise InputError(
-            f"{design.plant.name}: the design of an observer, no law; export the state feedback's "
+            f"{design.plant.name}: the design of an observer, not of "
+            "a law; export the state feedback's "
             "design and name this one as its observer (--observer)"
         )
 

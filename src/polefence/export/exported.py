@@ -191,7 +191,7 @@ def _period(design: Design, order: int, sampling: Sampling | None) -> float:
     if order and sampling is None:
         raise InputError(
             f"the law has {order} {'state' if order == 1 else 'states'} of its own, which its code "
-            "steps from sample to sample: give the sample time in s, such as --sample-time 0.001 "
+            "updates at every sample: give the sample time in s, such as --sample-time 0.001 "
             "(sampling=Sampling(0.001))"
         )
     return 0.0 if sampling is None else sampling.period
@@ -222,8 +222,8 @@ def _require_observer(
     observer.feedback(design)  # refuses another plant's
     if observer.plant.remainder is not None:
         raise InputError(
-            "an observer's code follows combinations of the vertices, which samples are not; leave "
-            "out the observer, or design both in continuous time"
+            "an observer at a sample time is not exported; leave out the observer, or design both "
+            "in continuous time"
         )
     if design.law.measured:
         raise InputError("the law takes measured signals, not states; leave out the observer")
@@ -259,7 +259,7 @@ def with_fmus(
         If a version is unknown, the compiler fails, or there is an observer: a unit has the law.
     """
     if found.observer is not None:
-        raise InputError("an FMU has the law alone; leave out the observer (--observer)")
+        raise InputError("an FMU holds only the law; leave out the observer (--observer)")
     step = found.texts.sample_time if step is None else step
     files = dict(found.files)
     for version in versions:

@@ -349,5 +349,5 @@ def number(bits: int) -> Number:
         If it is neither 32 nor 64.
     """
     if bits not in NUMBERS:
-        raise InputError(f"float = {bits!r} is no format of the export; use 32 or 64")
+        raise InputError(f"float = {bits!r} is not supported; use 32 or 64")
     return NUMBERS[bits]

@@ -154,7 +154,7 @@ def require_usable(design: Design, sample_time: Any, delay: int) -> float:
     fastest = float(np.abs(design.poles(np.eye(len(design.plant.vertices)))).max())
     if value * fastest < SOONEST:
         raise InputError(
-            f"sample_time = {value:g} s is too short to be told from none in floating point: the "
+            f"sample_time = {value:g} s is too short for floating point: the "
             f"loop's fastest pole is at {fastest:.3g} 1/s"
         )
     return value

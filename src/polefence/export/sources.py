@@ -361,7 +361,8 @@ def check_c_name(name: str) -> None:
         )
     if name.lower() in HEADERS.split():
         raise InputError(
-            f"name = {name!r} would hide the standard header {name.lower()}.h, or is no name of a "
+            f"name = {name!r} would hide the standard header "
+            f"{name.lower()}.h, or is not a name of a "
             "file on Windows; use another"
         )
 

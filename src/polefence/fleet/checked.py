@@ -71,7 +71,7 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
     fresh = list[_Fresh]()
     for row in store.rows():
         key = row["variant"], row["question"]
-        fault = _of_row(row, study) or ("is there twice" if key in seen else "")
+        fault = _of_row(row, study) or ("is given twice" if key in seen else "")
         if not fault:
             fault = _of_question(row, questions.get(row["question"]))
         seen.add(key)

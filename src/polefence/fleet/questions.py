@@ -64,7 +64,7 @@ from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standar
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
 SAMPLED = "sampled"
 GOOD = (PROVED, SAMPLED)
-DIED = "the process that worked on it died, each time: out of memory, or a fault of ours"
+DIED = "the process that worked on it died each time: out of memory, or a bug"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 OF_METHOD = ("degree", "elevation", "on")
@@ -360,7 +360,7 @@ class Service(Place):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.margin.partition("-")[0] not in KINDS:
-            raise InputError(f"margin = {self.margin!r} is none; {suggest(self.margin, KINDS)}")
+            raise InputError(f"margin = {self.margin!r} is unknown; {suggest(self.margin, KINDS)}")
 
     @property
     def largest(self) -> bool:
@@ -423,7 +423,9 @@ class Service(Place):
             own = next((one for one in every if one.name == self.margin), None)
             if own is None:
                 names = [one.name for one in every]
-                raise InputError(f"margin = {self.margin!r} is none; {suggest(self.margin, names)}")
+                raise InputError(
+                    f"margin = {self.margin!r} is unknown; {suggest(self.margin, names)}"
+                )
         except PolefenceError as error:
             return _failed(error)
         if not own.proved:
@@ -632,7 +634,7 @@ class Ride(Question):
         for key, known in (("law", NAMES), ("quantity", dict(QUANTITIES))):
             own = getattr(self, key)
             if own not in known:
-                raise InputError(f"{key} = {own!r} is none; {suggest(str(own), known)}")
+                raise InputError(f"{key} = {own!r} is unknown; {suggest(str(own), known)}")
         velocity_density(self.road, self.speed)
         if not isinstance(self.disk, tuple) or len(self.disk) != 2:
             raise InputError(f"disk = {self.disk!r} must be [CENTRE, RADIUS]")

@@ -71,7 +71,9 @@ class Store:
         except ValueError as error:
             raise DesignFileError(f"{path}: no JSON: {error}") from error
         if not isinstance(own, dict) or own.get("format") != FORMAT:
-            raise DesignFileError(f"{path}: not of a study; name the folder that study -o wrote")
+            raise DesignFileError(
+                f"{path}: not the results of a study; name the folder that study -o wrote"
+            )
         return own
 
     def begin(self, study: Study, resume: bool) -> None:
@@ -95,7 +97,7 @@ class Store:
         others = [own.name for own in self.folder.iterdir() if own.name not in (LOCK, ROWS, PROOFS)]
         if others:
             raise OutputError(
-                f"{self.folder}: has {min(others)}, and no results of a study; name another folder"
+                f"{self.folder}: has {min(others)}, but no results of a study; name another folder"
             )
         make_folder(self.folder / ROWS)
         make_folder(self.folder / PROOFS)

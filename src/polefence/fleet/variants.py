@@ -112,7 +112,7 @@ def _require_few(count: int) -> None:
     if count > MOST:
         raise SpecError(f"variants: {count} of them; a study has at most {MOST}")
     if count < 1:
-        raise SpecError("variants: there are none: a list is empty")
+        raise SpecError("variants: a list is empty; give at least one value")
 
 
 def _grid(table: Any, _: Path) -> Variants:

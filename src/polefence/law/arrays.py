@@ -40,7 +40,7 @@ def _law(arrays: Arrays, plant: UncertainPlant) -> Law:
         return ScheduledGain(_floats(arrays["W"]), _floats(arrays["Z"]))
     if "B" not in arrays:
         return FixedGain(np.zeros(plant.shape[::-1]))
-    raise InputError(f"{arrays.place}: no gain K in it, nor W and Z; name the file of one")
+    raise InputError(f"{arrays.place}: holds neither a gain K nor W and Z; name a file that does")
 
 
 def _floats(matrices: list[Exact]) -> Any:

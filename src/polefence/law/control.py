@@ -141,13 +141,13 @@ def _outputs(
 def _require_vertex(control: Any, system: Any, first: Any, where: str) -> None:
     if not isinstance(system, control.StateSpace):
         kind = type(system).__name__
-        raise PlantError(f"{where} is a {kind}, no StateSpace; control.ss() makes one")
+        raise PlantError(f"{where} is a {kind}, not a StateSpace; control.ss() makes one")
     if system.dt is True:
         raise PlantError(f"{where} is in discrete time without a sample time; give its dt [s]")
     if (system.dt or 0) != (first.dt or 0):
         raise PlantError(f"{where} has dt = {system.dt}, system 1 {first.dt}; they must agree")
     if system.nstates < 1:
-        raise PlantError(f"{where} has no states; nothing has poles")
+        raise PlantError(f"{where} has no states, and so no poles")
     if system.ninputs != first.ninputs:
         raise PlantError(f"{where} has {system.ninputs} inputs, system 1 {first.ninputs}")
     if system.noutputs != first.noutputs:

@@ -294,7 +294,7 @@ def check_alpha(alpha: Any, N: int, clamp: bool = False) -> Array:
     a = floats(alpha, "alpha")
     if a.ndim == 0 or a.shape[-1] != N or not np.all(np.isfinite(a)):
         raise ParameterValueError(
-            f"alpha must be {N} finite weights, one a vertex; got {shown(alpha)}"
+            f"alpha must be {N} finite weights, one per vertex; got {shown(alpha)}"
         )
     off = max(float(-a.min()), float(np.abs(a.sum(axis=-1) - 1).max()))
     if off > ROUNDING and not clamp:

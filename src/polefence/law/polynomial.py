@@ -59,9 +59,11 @@ class PolynomialGain(Law):
         object.__setattr__(self, "measured", tuple(self.measured))
         widths = {len(e) for e in powers}
         if len(widths) != 1 or len(powers) != len(self.gains) or len(set(powers)) < len(powers):
-            raise InputError("powers must be one a gain, of one length, each once")
+            raise InputError("powers must be one per gain, of one length, without repeats")
         if self.parameters and widths != {len(self.parameters)}:
-            raise InputError(f"powers must have {len(self.parameters)} exponents, one a parameter")
+            raise InputError(
+                f"powers must have {len(self.parameters)} exponents, one per parameter"
+            )
         if not self.parameters and len({sum(e) for e in powers}) > 1:
             raise InputError("terms in alpha must be of one degree")
         for own in self.measured:

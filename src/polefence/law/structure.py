@@ -100,7 +100,7 @@ class Structure(Short):
         if bandwidth is not None and not (_is_number(bandwidth) and 0 < bandwidth < np.inf):
             raise InputError(f"derivative_bandwidth = {bandwidth!r} must be a positive number")
         if self.kind is not None and self.order:
-            raise InputError(f"order = {self.order}: a PID's states are its own; leave order out")
+            raise InputError(f"order = {self.order}: a PID has a fixed order; leave order out")
 
     def extended(self, plant: UncertainPlant) -> tuple[UncertainPlant, Structure]:
         """Return the larger plant of which the law is a gain, and the structure of that gain.
@@ -159,7 +159,7 @@ class Structure(Short):
                     "actuator a bandwidth, or measure another signal"
                 )
             if own in found:
-                raise InputError(f"measured: {own.name!r} is there twice; give it once")
+                raise InputError(f"measured: {own.name!r} is given twice; give it once")
             found.append(own)
         return tuple(found)
 
@@ -347,5 +347,5 @@ def _names(value: Sequence[str], key: str) -> tuple[str, ...]:
         raise InputError(f"{key} must be names; got {value!r}")
     twice = [name for name in found if found.count(name) > 1]
     if twice:
-        raise InputError(f"{key}: {twice[0]!r} is there twice; give it once")
+        raise InputError(f"{key}: {twice[0]!r} is given twice; give it once")
     return found

@@ -277,7 +277,7 @@ def _npz(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
                 value = _npy(f"{path}: {name}", archive.read(entry))
                 yield name, _or_fault(_array, f"{path}: {name}", value, True)
     except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, zlib.error) as problem:
-        raise InputError(f"{path}: no .npz file of plain arrays: {problem}") from problem
+        raise InputError(f"{path}: not an .npz file of plain arrays: {problem}") from problem
 
 
 def _one_npy(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
@@ -328,7 +328,7 @@ def _array(where: str, value: Any, first: bool) -> Any:
             raise InputError(f"{where} has complex entries")
         value = value.real
     if value.dtype.kind not in "biuf" or value.ndim > 3:
-        raise InputError(f"{where} is no matrix, and no list of them")
+        raise InputError(f"{where} is neither a matrix nor a list of matrices")
     value = np.atleast_2d(value)
     if not value.size:
         raise InputError(f"{where} is empty")

@@ -420,7 +420,9 @@ def car_family(
         others = more()
         for label in others:
             if label in outputs:
-                raise PlantError(f"output {label!r} is one that the car has; choose another name")
+                raise PlantError(
+                    f"output {label!r} is a name that the car has already; choose another"
+                )
         return A, B, E, outputs | others
 
     return UncertainPlant.from_function(matrices, parameters, **(cars[0].signals | names))

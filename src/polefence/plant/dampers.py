@@ -70,7 +70,8 @@ class Damper(Short):
         C, D, F = pick(plant.signals, self.deflection).exact(plant)
         if len({tuple(row) for row in C}) != 1 or any(map(any, (*D, *F))):
             raise InputError(
-                f"damper {self.force}: {self.deflection} is no fixed sum of states; name one"
+                f"damper {self.force}: {self.deflection} is not a fixed "
+                "sum of states; name one that is"
             )
         rate: list[Rationals] = []
         for row, vertex in zip(C, plant.vertices, strict=True):

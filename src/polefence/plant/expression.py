@@ -198,7 +198,7 @@ def _bounded(p: Polynomial) -> Polynomial:
         raise PlantError(f"an expression has a degree above {MAX_DEGREE}; simplify it")
     for c in p.values():
         if max(c.numerator.bit_length(), c.denominator.bit_length()) > MAX_BITS:
-            raise PlantError("an expression has a coefficient out of all proportion; simplify it")
+            raise PlantError("an expression has a coefficient too large; simplify it")
     return p
 
 

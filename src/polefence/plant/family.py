@@ -135,7 +135,7 @@ class UncertainPlant(Short):
             if _width(vertex.exact_E) != _width(first.exact_E):
                 raise PlantError(f"{vertex.name}: E differs in shape from that of {first.name}")
         if _common_bits(self.vertices) > MAX_BITS:
-            raise PlantError("the entries' common denominator is out of all proportion; round them")
+            raise PlantError("the entries' common denominator is too large; round them")
         if self.sample_time is not None:
             seconds = exact(self.sample_time, "sample_time")
             if seconds <= 0:
@@ -464,7 +464,7 @@ class UncertainPlant(Short):
         if not weights.ndim or weights.shape[-1] != len(self.vertices):
             raise InputError(
                 f"alpha has shape {weights.shape}; it must end in {len(self.vertices)} weights, "
-                "one a vertex"
+                "one per vertex"
             )
         A, B = np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
         if not len(self.curve):

@@ -179,7 +179,7 @@ class _Function:
         worst = int(np.argmax(np.abs(value) / terms))
         if not abs(value[worst]) <= AT_REST * terms[worst]:
             raise PlantError(
-                f"x0, u0 are no equilibrium {_at(point)}: component {worst + 1} of f "
+                f"x0, u0 are not an equilibrium {_at(point)}: component {worst + 1} of f "
                 f"{'- x0 ' if self.discrete else ''}is {value[worst]:.3g}, not 0; give them as "
                 "functions of the parameters"
             )

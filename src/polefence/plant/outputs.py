@@ -98,7 +98,7 @@ class Output(Signal):
             )
         if len(rows) not in (1, count):
             raise InputError(
-                f"output {self.name!r}: {key} has {len(rows)} rows; give one, or {count}: one a "
+                f"output {self.name!r}: {key} has {len(rows)} rows; give one, or {count}: one per "
                 "vertex"
             )
         return rows * count if len(rows) == 1 else rows
@@ -112,7 +112,7 @@ class Output(Signal):
 def _read(value: Any, what: str) -> Rows:
     """Return rows of rationals from a row or rows: () for zeros, one row where all are the same."""
     if isinstance(value, str) or not isinstance(value, Iterable):
-        raise PlantError(f"{what} must be a row of numbers, or one a vertex")
+        raise PlantError(f"{what} must be a row of numbers, or one per vertex")
     rows = list(value)
     if not rows:
         return ()

@@ -118,8 +118,8 @@ def _read_rate(name: str, rate: Any) -> Rate:
     low, high = (exact(end, what) for end in rate)
     if not low <= 0 <= high:
         raise PlantError(
-            f"{what} = [{float(low):g}, {float(high):g}] has no zero in it: within bounds a "
-            f"parameter cannot move on for ever; write [{min(float(low), 0):g}, "
+            f"{what} = [{float(low):g}, {float(high):g}] does not contain 0: a bounded "
+            f"parameter cannot move one way for ever; write [{min(float(low), 0):g}, "
             f"{max(float(high), 0):g}]"
         )
     return (low, high) if low or high else None

@@ -12,6 +12,6 @@ def claim_of_samples(plant: UncertainPlant) -> Samples:
     """Return the claim that a plant is the samples of another."""
     own = plant.sampling
     if own is None:
-        raise InputError(f"{plant.name} is no plant's samples")
+        raise InputError(f"{plant.name} is not a sampled plant")
     A, B, E = matrices_of(own.plant)
     return Samples(bare_plant(plant), A, B, E, own.delay, own.terms, own.units)

@@ -183,18 +183,21 @@ def _read_polynomial(table: Table, plant: Plant) -> Law:
         own = plant.signal(name)
         if own is None or own.F or any(map(any, (D[0] for D in own.D))):
             raise FormatError(
-                f"{table.path('measured')}: {shown(name)} is no state or output of the plant, free "
+                f"{table.path('measured')}: {shown(name)} is not a "
+                "state or output of the plant, free "
                 "of inputs and disturbances"
             )
         C.append(own.C)
     if len(measured) > MAX_MEASURED or len(set(measured)) < len(measured):
-        raise FormatError(f"{table.path('measured')}: a name is there twice, or there are too many")
+        raise FormatError(f"{table.path('measured')}: a name is given twice, or there are too many")
     r = len(C) if C else plant.n
     K = [row.matrix("K", plant.m, r) for row in rows]
     powers = tuple(row.wholes("powers") for row in rows)
     counts = (len(plant.A), len(plant.ranges) or len(plant.A))
     if any(len(e) not in counts for e in powers):
-        raise FormatError(f"{table.path('terms')}: powers must be one a parameter, or one a vertex")
+        raise FormatError(
+            f"{table.path('terms')}: powers must be one per parameter, or one per vertex"
+        )
     stacked = tuple([row for (row,) in each] for each in zip(*C, strict=True))
     return Law(K, degree=total_degree(powers), powers=powers, measured=measured, C=stacked)
 
@@ -213,7 +216,7 @@ def require_terms(law: Law, sizes: Sizes) -> None:
         raise FormatError("law.terms: powers must be whole numbers, as many in each term")
     alpha = is_alpha(law, sizes)
     if not alpha and (count != len(sizes) or set(sizes) != {2}):
-        raise FormatError(f"law.terms: powers must be {len(sizes)}, one a parameter")
+        raise FormatError(f"law.terms: powers must be {len(sizes)}, one per parameter")
     if alpha and len({sum(e) for e in powers}) > 1:
         raise FormatError("law.terms: in alpha all must have one degree")
     if law.degree != total_degree(powers) or law.degree > MAX_DEGREE:
@@ -282,7 +285,7 @@ class Evidence(Short):
         if not self.cells:
             return
         if replace(self, cells=(), dual=False) != Evidence([]):
-            raise FormatError("cells: each has its own evidence, and there is no other")
+            raise FormatError("cells: each has evidence, and there is no other evidence")
         for piece in self.cells:
             if sizes != (2,) * len(piece.low) or piece.evidence.cells:
                 raise FormatError("cells: they are parts of a box, and have none themselves")

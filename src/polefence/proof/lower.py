@@ -133,7 +133,7 @@ def _malformed(claim: Infeasible) -> str:
         return "vertices are missing"
     count, n = _count(claim.method, N), len(claim.A[0])
     if least_work(count, 2 * n) > MAX_WORK:
-        return f"{count} dual matrices of this size are more than is checked here"
+        return f"{count} dual matrices of this size are too many to be checked here"
     if len(claim.Y) != count:
         return f"{len(claim.Y)} dual matrices, not one for each of {count} blocks"
     m = len(claim.B[0][0]) if claim.B[0] else 0

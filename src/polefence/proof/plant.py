@@ -134,12 +134,12 @@ class Plant(Short):
         """Refuse what is about plants in continuous time where this is none."""
         self.require_exact(what)
         if self.sample_time is not None:
-            raise FormatError(f"{what}: is for plants in continuous time")
+            raise FormatError(f"{what}: needs a plant in continuous time")
 
     def require_exact(self, kind: str) -> None:
         """Refuse claims that are about the combinations of the vertices alone."""
         if self.remainder is not None:
-            raise FormatError(f"{kind}: is for plants without a remainder")
+            raise FormatError(f"{kind}: needs a plant without remainder")
 
     def require_noise(self, what: str) -> None:
         """Refuse a plant in discrete time, or on which no disturbance acts."""

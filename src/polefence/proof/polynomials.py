@@ -314,7 +314,7 @@ def coordinates(alpha: list[Fraction], sizes: Sizes) -> list[Fraction]:
         found += [1 - high, high]
     for a, corner in zip(alpha, monomials(sizes, 1), strict=True):
         if a != math.prod(x for x, power in zip(found, corner, strict=True) if power):
-            raise ValueError("alpha is no product of points of the parameters' intervals")
+            raise ValueError("alpha is not a product of points of the parameters' intervals")
     return found
 
 
@@ -336,7 +336,7 @@ def _longest(P: Terms) -> int:
 
 def _hold(matrices: int, entries: int, length: int) -> None:
     if matrices * entries * (36 + length // 7) > MAX_HELD:
-        raise WorkError("its polynomials are larger than is checked here; take fewer parameters")
+        raise WorkError("its polynomials are too large to be checked here; take fewer parameters")
 
 
 def _spend_exponents(count: int, P: Terms) -> None:

@@ -33,10 +33,10 @@ def parse(text: str) -> Any:
     if len(text) > MAX_BYTES or sum(map(text.count, "[{:")) > MAX_PIECES:
         raise FormatError(
             f"longer than {MAX_BYTES} characters, or more than {MAX_PIECES} lists, tables and "
-            "keys; this is no file of ours"
+            "keys; this is not a Polefence file"
         )
     if text.count(",") > MAX_ENTRIES:
-        raise FormatError(f"more than {MAX_ENTRIES} entries of lists; this is no file of ours")
+        raise FormatError(f"more than {MAX_ENTRIES} entries of lists; this is not a Polefence file")
     try:
         document = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
     except FormatError:
@@ -60,7 +60,7 @@ def require_shallow(document: Any) -> Any:
         level = [value for values in inner for value in values if isinstance(value, list | dict)]
         if not level:
             return document
-    raise FormatError(f"nested more than {MAX_DEPTH} deep; this is no file of ours")
+    raise FormatError(f"nested more than {MAX_DEPTH} deep; this is not a Polefence file")
 
 
 def _refuse(text: str) -> Any:
@@ -211,7 +211,7 @@ class Table:
         """Return one row a vertex, of which the file may hold one for all."""
         values, where = self.items(key, MAX_VERTICES), self.path(key)
         if len(values) not in (1, count):
-            raise FormatError(f"{where} must hold one row, or {count}: one a vertex")
+            raise FormatError(f"{where} must hold one row, or {count}: one per vertex")
         found = [as_matrix([row], where, 1, width) for row in values]
         return found * count if len(found) < count else found
 

@@ -404,9 +404,7 @@ def read_region(table: Table) -> Region:
         found = tuple(map(_part, table.tables("parts", MAX_PARTS)))
         for k, part in enumerate(found):
             if part in found[:k]:
-                raise FormatError(
-                    f"{table.path('parts')}[{k + 1}] stands there twice; leave one out"
-                )
+                raise FormatError(f"{table.path('parts')}[{k + 1}] is given twice; leave one out")
     require_region(found)
     return found
 
@@ -429,7 +427,7 @@ def _part(table: Table) -> Part:
     for key, value in zip(kind.names(), numbers, strict=True):
         if not is_double(value):
             given = shown(table.at(key))
-            raise FormatError(f"{table.path(key)} = {given} is no double; give a decimal")
+            raise FormatError(f"{table.path(key)} = {given} is not a double; give a decimal")
     return kind(*numbers)
 
 

@@ -108,7 +108,7 @@ def require_few(degrees: Sequence[int], times: int = 1) -> None:
     """Refuse polynomials of more coefficients, or of higher degrees, than are checked."""
     count = math.prod(d + 1 for d in degrees) * times
     if count > MOST_COEFFICIENTS or max(degrees, default=0) > MOST_DEGREE:
-        raise FormatError("the transfer function has more coefficients than are checked here")
+        raise FormatError("the transfer function has too many coefficients to be checked here")
 
 
 def nodes(degree: int) -> Row:

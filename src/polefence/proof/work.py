@@ -15,7 +15,8 @@ MAX_FILE = FULL * MAX_WORK
 RATIONAL = 20  # operations on integers that one on rationals is
 LEAST_WORK = 300 * CALL  # of an inequality of whatever size
 TOO_MUCH = (
-    "its inequalities are more, or larger, or their numbers longer, than is checked here; take "
+    "its inequalities are too many or too large, or their numbers "
+    "too long, to be checked here; take "
     "fewer parameters, or round the numbers"
 )
 

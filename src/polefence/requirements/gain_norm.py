@@ -120,7 +120,7 @@ class GainNorm(Specification):
         InputError
             Always.
         """
-        raise InputError("the norm of a gain is about no signal")
+        raise InputError("the gain norm takes no signal")
 
     def norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
         """Return the bound as a condition has it; with a ``unit`` it is not fixed."""

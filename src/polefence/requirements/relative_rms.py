@@ -63,8 +63,8 @@ class RelativeRms(Rms):
         super().require_fit(plant)
         if plant.moving:
             raise InputError(
-                f"{self.title}: {plant.moving[0].name} moves, and along a motion two loops have no "
-                "ratio; ask for the rms"
+                f"{self.title}: {plant.moving[0].name} moves, and a relative rms needs constant "
+                "parameters; ask for the rms"
             )
 
     @classmethod

@@ -166,7 +166,7 @@ class Saturation(InitialPeak):
         InputError
         """
         raise InputError(
-            f"{self.title}: an input that is cut off has no slopes; its peaks have, as `tuned` says"
+            f"{self.title}: a saturated input has no slopes; its peaks have, as `tuned` says"
         )
 
 

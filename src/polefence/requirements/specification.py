@@ -106,7 +106,7 @@ class Specification(Short):
         self._settle("signal", _signals(self.signal, self.kind, self.vector))
         if self.disturbances is not None:
             if not self.of_signal:
-                raise InputError(f"a {self.kind} is about no disturbance; leave disturbances out")
+                raise InputError(f"a {self.kind} takes no disturbances; leave them out")
             self._settle("disturbances", _channels(self.disturbances))
         value = self.at_most
         if value is not None and not (is_number(value) and value > 0):
@@ -431,12 +431,13 @@ def _signals(value: Any, kind: str, vector: bool) -> Any:
     names = [own if isinstance(own, str) else own.name for own in found]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise InputError(f"signal {listed(names)}: {twice[0]!r} is there twice; give it once")
+        raise InputError(f"signal {listed(names)}: {twice[0]!r} is given twice; give it once")
     if len(found) == 1:
         return found[0]
     if not vector:
         raise InputError(
-            f"signal {listed(names)} is a vector; {kind} is of one signal, rms and gain of more"
+            f"signal {listed(names)} is a vector; {kind} takes one "
+            "signal, rms and gain take several"
         )
     if len(found) > MAX_ENTRIES:
         raise InputError(f"{kind} of {len(found)} signals; at most {MAX_ENTRIES} are supported")
@@ -459,7 +460,7 @@ def _channels(value: Any) -> tuple[tuple[str, float], ...]:
     names = [name for name, _ in pairs]
     for name, scale in pairs:
         if names.count(name) > 1:
-            raise InputError(f"disturbance {name!r} is there twice; give it once")
+            raise InputError(f"disturbance {name!r} is given twice; give it once")
         if not (is_number(scale) and scale > 0):
             raise InputError(f"disturbance {name!r} times {shown(scale)}: give a positive number")
         if not SMALLEST <= scale <= LARGEST:
@@ -519,7 +520,7 @@ def disturbance(plant: UncertainPlant) -> Array:
     found = [v.E for v in plant.vertices]
     if any(E is None for E in found):
         raise InputError(
-            f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or in "
+            f"{plant.name} has no E, so no disturbance enters; give E for every vertex, or in "
             "[matrices]"
         )
     return np.stack([E for E in found if E is not None])

@@ -274,7 +274,7 @@ def _scaled(found: list[tuple[str, Fraction | None]], text: str, what: str) -> d
     names = [name for name, _ in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{text!r}: {what} {name!r} is there twice; give it once")
+            raise InputError(f"{text!r}: {what} {name!r} is given twice; give it once")
     return {name: Fraction(1) if scale is None else scale for name, scale in found}
 
 

@@ -148,7 +148,8 @@ def _number(frequency: float) -> int:
     number = round(10 * math.log10(positive(frequency, "band [Hz]")))
     if not math.isclose(_nominal(number), frequency, rel_tol=1e-9):
         raise InputError(
-            f"{frequency:g} Hz is no one-third octave; the nearest is {_nominal(number):g} Hz"
+            f"{frequency:g} Hz is not a one-third-octave frequency; the "
+            f"nearest is {_nominal(number):g} Hz"
         )
     return number
 

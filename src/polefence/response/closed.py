@@ -77,7 +77,7 @@ def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -
             nothing = np.zeros((len(alpha), plant.shape[0], 0))
             return Loops(plant, alpha, A, B, nothing, gains(plant, law, alpha))
         raise InputError(
-            f"{plant.name} says nowhere how a disturbance enters; give E: for every vertex, or "
+            f"{plant.name} has no E, so no disturbance enters; give E for every vertex, or "
             "in [matrices]"
         )
     return Loops(plant, alpha, A, B, plant.driven(alpha), gains(plant, law, alpha))

@@ -186,7 +186,7 @@ def _refusal(where: str, cells: Sequence[str], names: Sequence[str]) -> InputErr
     cell = cells[k].strip()
     if not cell:
         return InputError(f"{where}: no {names[k]}; fill the gap or leave the row out")
-    return InputError(f"{where}: {names[k]} {shown(cell)} is no number")
+    return InputError(f"{where}: {names[k]} {shown(cell)} is not a number")
 
 
 def _number(cell: str) -> float | None:

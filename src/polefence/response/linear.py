@@ -368,7 +368,7 @@ def sampled(loops: Loops, w: Any, time: Any, signals: int) -> tuple[float, Array
         raise InputError(f"the disturbance has shape {np.shape(w)}; give ({count}, {q}) samples")
     bad = np.flatnonzero(~np.all(np.isfinite(found), axis=1))
     if len(bad):
-        raise InputError(f"the disturbance is no finite number at sample {bad[0] + 1}; mend it")
+        raise InputError(f"the disturbance is not a finite number at sample {bad[0] + 1}; mend it")
     return step, found
 
 

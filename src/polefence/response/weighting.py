@@ -160,7 +160,7 @@ def sampled(signal: Any, step: float, top: float, what: str) -> Array:
     finite = np.isfinite(record)
     if not finite.all():
         where = np.argwhere(~finite)[0][-1]
-        raise InputError(f"{what}: sample {where + 1} is no finite number; mend the record")
+        raise InputError(f"{what}: sample {where + 1} is not a finite number; mend the record")
     return record
 
 

@@ -309,7 +309,7 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
         proved = [row for row in rows.values() if row["answer"] == "proved"]
         sound = all(_sound(row, plant) for row in proved)
     except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise InputError(f"{path}: no sweep to resume; remove it to start anew") from error
+        raise InputError(f"{path}: not a sweep to resume; remove it to start anew") from error
     if not sound:
         raise InputError(f"{path}: a row is damaged; remove the file to start anew")
     if digest != plant.digest:

@@ -166,7 +166,9 @@ def _centres(centre: Any, count: int) -> list[Any]:
         return [centre] * count
     centres = list(centre)
     if len(centres) != count:
-        raise InputError(f"there are {len(centres)} centres for {count} plants; give one, or each")
+        raise InputError(
+            f"there are {len(centres)} centres for {count} plants; give one, or one per plant"
+        )
     return centres
 
 

@@ -152,7 +152,7 @@ def tightened(
     """
     least, best = smallest.region, None
     if not isinstance(least, Disk):
-        raise NotProvedError(f"not proved: {least} is no disk")
+        raise NotProvedError(f"not proved: {least} is not a disk")
     centre, radius = least.centre, least.radius
     room = 1 - abs(centre) - radius  # up to the unit circle
     reached = np.inf

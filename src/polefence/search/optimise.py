@@ -244,7 +244,7 @@ def _optimised(
     if minimise is not None:
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
     if structure is not None and method is not None:
-        raise InputError("a method belongs to laws that an LMI gives; leave it out, or structure")
+        raise InputError("a method and a structure exclude each other; leave one out")
     measurable = states_of_a_car(plant)
     if structure is None and method is None and len(measurable) < plant.shape[0]:
         structure = Structure(measured=measurable)  # a road's states are for no law
@@ -264,7 +264,7 @@ def _optimised(
         structure.require_fit(plant)
         if minimise is not None and len(minimise.tuned(1.0)) > 1:
             raise InputError(
-                f"{minimise.title}: of a structure one input's is minimised; give the others limits"
+                f"{minimise.title}: with a structure, minimise it for one input; limit the others"
             )
     if plant.remainder is not None:
         asked_method = None if either or structure is not None else method
@@ -545,7 +545,9 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
     require_domain(plant, method)
     o = options(method)
     if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
-        raise InputError("optimise goes with 'quadratic' and Scheduled(degree, elevation, on)")
+        raise InputError(
+            "optimise takes the methods 'quadratic' and Scheduled(degree, elevation, on)"
+        )
 
 
 @dataclass(frozen=True, eq=False)

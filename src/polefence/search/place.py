@@ -435,7 +435,7 @@ def largest(plant: UncertainPlant, of: str, method: Method, within: Region | Non
     require_continuous(plant, of)
     if isinstance(options(method), Slack):
         raise InputError(
-            f"the method slack finds disks only; for a {of} take quadratic or scheduled"
+            f"the method slack finds disks only; for a {of} use quadratic or scheduled"
         )
     if within is not None:
         require_type(within, Region, "within", "for example polefence.Disk(-40, 39)")

@@ -264,7 +264,7 @@ def _tightest(
             below = _tightest(plant, asked_centre, None, of=of, within=given, structure=lower)
             best = _better(below, best, of)
     if best is None:
-        raise NotProvedError(f"no {sought} was found of which a {of} is proved{effort.stopped()}")
+        raise NotProvedError(f"no {sought} with a proved {of} was found{effort.stopped()}")
     return best
 
 
@@ -317,7 +317,7 @@ def require_structure_alone(method: Method | None, allow_unproved: bool = False)
     """
     if method is not None or allow_unproved:
         raise InputError(
-            "a method and allow_unproved belong to laws that an LMI gives; leave them out, or the "
+            "a method and allow_unproved belong to laws from an LMI; leave them out, or the "
             "structure"
         )
 
@@ -430,7 +430,9 @@ def as_sampled(design: Design, region: Region) -> Design:
         return Design(certificate)
     answer = analyse(plant, design.law, region)
     if answer.certificate is None or not answer.proved:
-        raise NotProvedError(f"not proved: {region} of the law that keeps it in the delta form")
+        raise NotProvedError(
+            f"not proved: the law keeps {region} in the delta form, without a proof in the z-plane"
+        )
     return Design(answer.certificate)
 
 
@@ -438,7 +440,7 @@ def _of_samples(design: Design, T: float) -> Design:
     """Return the design for the smallest disk as one of the plant in discrete time."""
     own = design.region
     if not isinstance(own, Disk):
-        raise InputError(f"{own} is no disk")
+        raise InputError(f"{own} is not a disk")
     for step in (0.0, *STEPS):
         with suppress(NotProvedError, RegionError):
             return as_sampled(design, Disk(1 + T * own.centre, T * own.radius * (1 + step)))

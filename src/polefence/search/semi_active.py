@@ -263,7 +263,9 @@ class _Question:
         require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
         require_type(specification, Rms, "specification", "for example Rms('acceleration')")
         if plant.sample_time is not None:
-            raise InputError(f"{plant.name} is in discrete time; dampers are of continuous time")
+            raise InputError(
+                f"{plant.name} is in discrete time; controllable dampers need continuous time"
+            )
         specification.require_fit(plant)
         larger, filtered = with_weights(plant, (specification,))
         bare = next(own for own in filtered if isinstance(own, Rms))
@@ -290,13 +292,13 @@ class _Question:
         """
         if moving := [p.name for p in self.plant.parameters if p.rate is not None]:
             raise self.refusal(
-                f"{' and '.join(moving)} moves; it is proved for parameters that do not",
+                f"{' and '.join(moving)} moves; bounds are proved for constant parameters",
                 "leave out the rate",
             )
         if np.ptp(self.E, axis=0).any() or np.ptp(self.rates, axis=0).any():
             raise self.refusal(
                 "how the disturbance enters, or a damper's rate, changes with a parameter",
-                "name states of which it does not",
+                "choose states so that they do not",
             )
         _ = self.passive  # without it there is nothing to be better than
         for j, own in enumerate(self.loops(self.bounds[:, 0])):

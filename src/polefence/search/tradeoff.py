@@ -158,7 +158,7 @@ def _named(
     """Return methods by their labels; None is that of laws that are tuned."""
     if structure is not None:
         if methods is not None:
-            raise InputError("methods are of laws that an LMI gives; leave them out, or structure")
+            raise InputError("methods and a structure exclude each other; leave one out")
         return {TUNED: None}
     if methods is None:
         methods = ("quadratic", Scheduled(1, 0, "box" if plant.parameters else "simplex"))
@@ -186,7 +186,9 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
         require_domain(plant, method)
         o = options(method)
         if not isinstance(o, Scheduled) or o.degree == "auto" or o.right_hand_sides:
-            raise InputError("a trade-off goes with 'quadratic' and Scheduled(degree, elevation)")
+            raise InputError(
+                "a trade-off takes the methods 'quadratic' and Scheduled(degree, elevation)"
+            )
         require_optimisable(plant, method_for(plant, method), 2 + len(asked.subject_to))
     require_region(plant, asked.region)
     for own in (asked.minimise, asked.over, *asked.subject_to):
@@ -195,8 +197,7 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
             own.condition(plant, plant.domain)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(
-            f"{asked.over.kind} of {asked.over.name!r} is what the limit is swept of; minimise or "
-            "limit something else"
+            f"{asked.over.kind} of {asked.over.name!r} is swept; minimise or limit something else"
         )
     require_movable(plant, asked.region)
 

@@ -517,7 +517,7 @@ def table_figure(analysis: TableAnalysis) -> Figure:
     parameters = analysis.plant.parameters
     if len(parameters) > 2:
         raise InputError(
-            f"a map is of one or two parameters; {analysis.plant.name} has {len(parameters)}"
+            f"a map shows one or two parameters; {analysis.plant.name} has {len(parameters)}"
         )
     flat = len(parameters) == 1
     figure, (ax,) = new_figure(1, 6.2, 2.4 if flat else 4.9)

@@ -128,7 +128,7 @@ def in_background(
         except PolefenceError as error:
             fault(" ".join(str(error).split()))
         except Exception as error:
-            fault(f"a fault of ours: {error!r}")
+            fault(f"a bug in Polefence: {error!r}")
             raise
 
     # what is inside the kernel when the page is closed must not keep the process

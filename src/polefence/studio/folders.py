@@ -111,7 +111,9 @@ class Folders:
             )
         folder = self._named(name)
         if folder.is_symlink():
-            raise OutputError(f"{folder}: is a link, which is not written through; move it away")
+            raise OutputError(
+                f"{folder}: is a symbolic link, and links are not written through; move it away"
+            )
         if folder in own.saved and own.saved[folder] == _session(folder):
             return folder
         if not self._is_free(folder, page):

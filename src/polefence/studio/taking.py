@@ -51,7 +51,7 @@ def report(folder: Path, state: State, answer: Answer) -> list[Path]:
     text = html_report(answer.found.design, road, state.speed, answer.found.document)
     path = make_folder(folder) / REPORT
     if path.is_symlink() or (path.exists() and not begins_with(path, MARK)):
-        raise InputError(f"{path}: is no report; move it away")
+        raise InputError(f"{path}: is not a report; move it away")
     write_text(path, text)
     return [path]
 
@@ -74,5 +74,7 @@ def code(folder: Path, answer: Answer) -> list[Path]:
 def _own(folder: Path) -> Path:
     """Return a folder that is no link."""
     if folder.is_symlink():
-        raise OutputError(f"{folder}: is a link, which is not written through; move it away")
+        raise OutputError(
+            f"{folder}: is a symbolic link, and links are not written through; move it away"
+        )
     return folder

@@ -119,7 +119,7 @@ def on_road(
     """
     column = require_ride(plant).road
     if column is None:
-        raise InputError(f"{plant.name} says nowhere how a road enters; give E in its spec")
+        raise InputError(f"{plant.name} has no E, so no road enters; give E in its spec")
     _, mean = road.velocity(speed, step, duration)
     w = np.zeros((len(mean), plant.disturbance_count))
     w[:, column] = mean
@@ -224,7 +224,7 @@ def disturbed(
     if duration is not None:
         duration = positive(duration, "duration [s]")
     if w is not None and not plant.disturbance_count:
-        raise InputError(f"{plant.name} says nowhere how a disturbance enters; give E in its spec")
+        raise InputError(f"{plant.name} has no E, so no disturbance enters; give E in its spec")
     if w is None or callable(w):
         if duration is None:
             raise InputError("give the duration [s]")
@@ -239,7 +239,7 @@ def _start(start: Any) -> Array:
     try:
         found = np.asarray(start, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError("start must be numbers, one a state") from error
+        raise InputError("start must be numbers, one per state") from error
     if not np.all(np.isfinite(found)):
         raise InputError("start is not finite")
     return found

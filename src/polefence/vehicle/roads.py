@@ -233,7 +233,7 @@ def first_fault(distance: Array, height: Array) -> tuple[int, str] | None:
     for name, values in (("distance", distance), ("height", height)):
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            return int(bad[0]), f"{name} {values[bad[0]]} is no finite number"
+            return int(bad[0]), f"{name} {values[bad[0]]} is not a finite number"
     bad = np.flatnonzero(np.diff(distance) <= 0)
     if len(bad):
         i = int(bad[0])

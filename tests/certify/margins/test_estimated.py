@@ -110,8 +110,8 @@ def test_errors_that_are_none(car, errors, more, says):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--error", "m1"], "--error 'm1' is no NAME=SIZE"),
-        (["--error", "m1=x"], "is no NAME=SIZE"),
+        (["--error", "m1"], "--error 'm1' is not NAME=SIZE"),
+        (["--error", "m1=x"], "is not NAME=SIZE"),
         (["--error", "m1=1", "--error", "m1=2"], "--error m1 is given twice"),
     ],
 )

@@ -320,7 +320,7 @@ def test_another_region_is_kept(services):
     assert gain_error(design, region=HalfPlane(0)).value > own["gain"].value
     refused = gain_error(design, region=Disk(-3, 0.5))
     assert (refused.answer, refused.value, refused.text) == ("undecided", 0.0, "-")
-    with pytest.raises(InputError, match="is no region"):
+    with pytest.raises(InputError, match="is not a region"):
         in_service(design, region="half_plane(0)")
 
 

@@ -65,7 +65,7 @@ def test_every_kind_that_laws_are_tuned_for_has_slopes():
     assert {own.kind for own in each} == set(KINDS) - {"saturation"}
     own = Saturation("u1", points=((1.0, 0.0, 0.0, 0.0),))
     channel = own.channel(plant, ALPHA)
-    with pytest.raises(InputError, match="cut off has no slopes"):
+    with pytest.raises(InputError, match="a saturated input has no slopes"):
         evaluated(own, channel, K)
 
 

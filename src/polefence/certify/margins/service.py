@@ -99,7 +99,9 @@ def _task(design: Design, region: Region | None) -> _Task:
     require_kind(design.certificate)
     kept = design.region if region is None else region
     if not isinstance(kept, Region):
-        raise InputError(f"region = {region!r} is no region; for example polefence.Disk(-40, 31)")
+        raise InputError(
+            f"region = {region!r} is not a region; use for example polefence.Disk(-40, 31)"
+        )
     kept = in_time_of(design.plant, kept)
     require_region(design.plant, kept)
     return _Task(design, kept, claimed_design(design, kept))

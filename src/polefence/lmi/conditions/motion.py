@@ -50,7 +50,7 @@ def halves(
             found[e] = tuple(_mixed(slopes, own) for own in rates)
         return found
     if degree > 1:
-        raise SolverError("of parameters that move X is affine in discrete time")
+        raise SolverError("in discrete time X must be affine in moving parameters")
     ends = product(range(2), repeat=len(motion.moves))
     steps = [_step(motion, own, domain, total) for own in ends]
     return {

@@ -269,7 +269,7 @@ def prove(claim: Claim) -> Verdict:
 def require_work(least: int) -> None:
     """Refuse, before any is done, more work than is done here."""
     if least > MAX_WORK:
-        raise WorkError("these are more inequalities, or larger ones, than are checked here")
+        raise WorkError("the inequalities are too many, or too large, to be checked here")
 
 
 def require_law(law: Any, kind: str) -> Law:

@@ -207,7 +207,7 @@ class Cells(Short, Claim):
         """Read region and cells."""
         plant.require_exact(table.where)
         if not isinstance(law, Interpolated):
-            raise FormatError("law: cells are of a law of kind table")
+            raise FormatError("law: cells need a law of kind table")
         region = read_whole(table.table("region"), plant.sample_time is not None)
         rows, count = table.tables("cells", MAX_CELLS), len(law.axes)
         return cls(law, region, tuple(_read_cell(row, count, plant.n) for row in rows))
@@ -232,7 +232,9 @@ class Cells(Short, Claim):
             if cell.point is not None and cell.outside is None:
                 total += inside_work(table.loop(cell.point))
             if total > MAX_WORK:
-                raise WorkError("the cells are more inequalities, or larger, than are checked here")
+                raise WorkError(
+                    "the inequalities of the cells are too many, or too large, to be checked here"
+                )
 
     def decided(self) -> Verdict:
         """Check every cell, and that together they tile the box.

@@ -125,7 +125,7 @@ class Clipped(Short, Claim):
         """Read the limit, the dampers, what is demanded, and the evidence."""
         plant.require_noise(table.where)
         if is_moving(plant.ranges):
-            raise FormatError(f"{table.where}: is for parameters that do not move")
+            raise FormatError(f"{table.where}: needs constant parameters")
         evidence = table.table("evidence")
         degree = evidence.whole("degree", None, MAX_DEGREE, 2)
         rows = evidence.tables("pieces", MAX_PIECES)
@@ -166,7 +166,7 @@ class Clipped(Short, Claim):
         level, density = digits_up(self.limit.level), digits_down(2 * self.limit.intensity, 4)
         acting = acting_text(self.scales, plant)
         said = [
-            f"u{own.number + 1} = {sum_text([('x', row)])}, cut off to {own.bounds_text}"
+            f"u{own.number + 1} = {sum_text([('x', row)])}, clipped to {own.bounds_text}"
             for row, own in zip(self.K, self.dampers, strict=True)
         ]
         return (
@@ -215,14 +215,14 @@ class Clipped(Short, Claim):
         count = squares.count_of(n, self.degree)
         pieces = count_of(self.alpha, (2,) * len(self.alpha)) * 3**m
         if count > MAX_MONOMIALS or pieces > MAX_PIECES:
-            raise WorkError("these are more monomials, or more pieces, than are checked here")
+            raise WorkError("the monomials or pieces are too many to be checked here")
         if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
-            raise FormatError(f"V must hold {count - 1} numbers, one a monomial, for each vertex")
+            raise FormatError(f"V must hold {count - 1} numbers, one per monomial, for each vertex")
         if len(self.pieces) != pieces:
             raise FormatError(f"pieces must be {pieces}")
         inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
         if max(map(len, inner)) > MAX_SIZE:
-            raise WorkError("these are more monomials than are checked here")
+            raise WorkError("the monomials are too many to be checked here")
         for own in self.pieces:
             _require_sizes(own.own, inner)
             if len(own.multipliers) != m:

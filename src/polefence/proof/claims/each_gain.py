@@ -60,7 +60,7 @@ class EachGain(Bordered):
         super().require_own(count)
         m, r = _shape(self.subject)
         if self.subject.design.law.C and not self.of_lyapunov:
-            raise FormatError("errors of gains of signals are for the method lyapunov")
+            raise FormatError("errors of gains of signals need the method lyapunov")
         for own in (self.sizes, *self.mu):
             if len(own) != m or any(len(row) != r for row in own):
                 raise FormatError(f"sizes and mu must be {m} x {r}")

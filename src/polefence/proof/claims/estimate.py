@@ -81,7 +81,7 @@ class Estimate(MarginClaim):
         """Refuse errors that are none, and rows of what is measured that vary: u = K(q) C(p) x."""
         C = self.subject.design.law.C
         if any(rows != C[0] for rows in C):
-            raise FormatError("law.measured: outputs that vary have no proofs with estimates")
+            raise FormatError("law.measured: with estimates, outputs must not vary")
         require_numbers(self.errors, count, "errors")
         if not self.subject.ranges and self.errors[0] > 1:
             raise FormatError("errors: a share is at most 1")

@@ -86,7 +86,7 @@ class InitialPeak(SignalClaim):
         if any(len(point) != n for point in self.points):
             raise FormatError(f"points must hold {n} numbers each")
         if self.impulses and len(self.impulses) != q:
-            raise FormatError(f"impulses must hold {q} numbers, one a column of E")
+            raise FormatError(f"impulses must hold {q} numbers, one per column of E")
         if len(self.points) + len(self.impulses) > MAX_POINTS:
             raise FormatError(f"there are more than {MAX_POINTS} points and impulses")
 

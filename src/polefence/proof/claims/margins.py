@@ -122,10 +122,10 @@ class MarginClaim(Short, Claim):
         subject, count = self.subject, max(len(self.subject.ranges), 1)
         design = subject.design
         if design.method == "slack":
-            raise FormatError("the method slack has no proofs of margins")
+            raise FormatError("margins are not proved for the method slack")
         require_design(design)
         if design.remainder is not None and not self.has_remainder:
-            raise FormatError(f"{self.kind}: is for plants without a remainder")
+            raise FormatError(f"{self.kind}: needs a plant without remainder")
         if any(own.cells for own in design.evidence) and not self.has_cells:
             raise FormatError(f"cells: a claim of kind {self.kind} needs one X for all of the box")
         if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
@@ -146,7 +146,7 @@ class MarginClaim(Short, Claim):
         self.require_own(count)
         blocks, size = self.work()
         if blocks > MAX_BLOCKS:
-            raise WorkError("these are more inequalities, or larger ones, than are checked here")
+            raise WorkError("the inequalities are too many, or too large, to be checked here")
         require_work(least_work(blocks, 2 * size))
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
@@ -175,9 +175,9 @@ def require_design(design: Poles) -> None:
     """Refuse laws whose evidence does not fit, tables of gains, and plants with weights."""
     design.require()
     if design.weights:
-        raise FormatError("plants with weights have no proofs of margins")
+        raise FormatError("margins are not proved for plants with weights")
     if len(design.law.K or [()]) > 1 and not design.law.polynomial:
-        raise FormatError("tables of gains have no proofs of margins")
+        raise FormatError("margins are not proved for tables of gains")
 
 
 def require_numbers(

@@ -47,7 +47,7 @@ class Observer(Short, Claim):
         C = table.matrices("C", None, plant.n, MAX_VERTICES)
         C = C * len(plant.A) if len(C) == 1 else C
         if len(C) != len(plant.A):
-            raise FormatError(f"{table.path('C')} must hold one matrix, or one a vertex")
+            raise FormatError(f"{table.path('C')} must hold one matrix, or one per vertex")
         for matrix in C:
             require_shape(matrix, len(C[0]), plant.n, table.path("C"))
         measured = table.texts("measured")

@@ -255,7 +255,9 @@ class Poles(Short, Claim):
         self._require_remainder()
         self._require_counts()
         if self.least > MAX_WORK:
-            raise WorkError(f"{self.count} inequalities of this size are more than is checked here")
+            raise WorkError(
+                f"{self.count} inequalities of this size are too many to be checked here"
+            )
 
     def _require_remainder(self) -> None:
         """Refuse a remainder without its evidence, and evidence without a remainder."""
@@ -280,7 +282,7 @@ class Poles(Short, Claim):
         if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
             what = "disk about zero" if self.step else "half-plane"
             raise FormatError(
-                f"a {what} is kept while parameters move by one X of the whole box, not by slack"
+                f"a {what} needs one X for the whole box while parameters move; slack has none"
             )
         if self.remainder is not None:
             raise FormatError("sampled plants with a remainder need constant parameters")

@@ -199,7 +199,7 @@ class RmsRefutation(Short, Claim):
         """Refuse what is incomplete or inconsistent."""
         N, n, m = require_driven(self.A, self.B, self.E, self.scales)
         if n + m > 2 * MAX_SIZE:
-            raise WorkError(f"{n} states and {m} inputs are more than is checked here")
+            raise WorkError(f"{n} states and {m} inputs are too many to be checked here")
         require_shapes([self.P], 1, n, n, "P")
         if type(self.vertex) is not int or not 0 <= self.vertex < N:
             raise FormatError(f"vertex {self.vertex!r} is not one of 0 to {N - 1}")

@@ -215,7 +215,7 @@ class Rounded(Short, Claim):
         m, n, law, sizes = len(design.B[0][0]), len(design.A[0]), design.law, design.sizes
         count = count_of(sizes, law.degree)
         if len(code.W) != count or len(code.Z) != count:
-            raise FormatError(f"code: {count} matrices W and Z are needed, one a coefficient")
+            raise FormatError(f"code: {count} matrices W and Z are needed, one per coefficient")
         for name, rows, matrices in (("T", n, [code.T or []]), ("W", n, code.W), ("Z", m, code.Z)):
             for matrix in matrices:
                 require_shape(matrix, rows, n, f"code.{name}")
@@ -412,7 +412,9 @@ def _signal_scales(claim: Rounded) -> tuple[Fraction, ...] | None:
         return None
     found, right = list[Fraction](), gain.right
     if len(C[0]) > len(right) or any(other != C[0] for other in C):
-        raise FormatError("columns must be numbers where so many signals are measured, or C varies")
+        raise FormatError(
+            "columns must be numbers for this number of measured signals, or where C varies"
+        )
     for own, row in zip(C[0], right, strict=False):
         k = next((k for k, value in enumerate(own) if value), 0)
         scale = row[k] / own[k] if own[k] else Fraction(1)

@@ -215,7 +215,7 @@ class Sampled(Short, Claim):
         n, m, law = len(design.A[0]), len(design.B[0][0]), design.law
         fixed = law.fixed and len(law.K or []) == 1
         if design.weights or not (law.scheduled or law.polynomial or fixed):
-            raise FormatError("this kind of plant or law has no proofs here")
+            raise FormatError("sampling is not proved for this kind of plant or law")
         if self.ranges and len(design.A) != 2 ** len(self.ranges):
             raise FormatError("the vertices are not those of the parameters")
         if design.on == "box" and len(design.A) > 1 and not self.ranges:

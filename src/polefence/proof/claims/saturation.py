@@ -79,13 +79,13 @@ class Saturation(InitialPeak):
         """Refuse what is no input, initial states beside norms, and a Y that does not fit."""
         chosen = self._inputs
         if len(set(chosen)) < len(chosen):
-            raise FormatError("an input is cut off twice")
+            raise FormatError("an input is named twice")
         if not self.level:
             raise FormatError("level must be positive: nothing acts where it is zero")
         if not 0 <= self.held_degree <= MAX_DEGREE:
             raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
         if len(self.held) != count_of(self.subject.sizes, self.held_degree):
-            raise FormatError("held: matrices are missing, one a coefficient")
+            raise FormatError("held: matrices are missing, one per coefficient")
         if any(
             len(Y) != len(chosen) or any(len(row) != self.subject.n for row in Y) for Y in self.held
         ):
@@ -93,7 +93,7 @@ class Saturation(InitialPeak):
         if not self.norms:
             super().require_own()
         elif self.points or any(self.impulses) or self.ellipsoid:
-            raise FormatError("norms: they are for loops that begin at rest")
+            raise FormatError("norms: only for loops that begin at rest")
         elif len(self.norms) != self.subject.q or min(self.norms) < 0 or not any(self.norms):
             raise FormatError(f"norms must hold {self.subject.q} numbers, zero or more, not all 0")
 
@@ -111,7 +111,7 @@ class Saturation(InitialPeak):
             unit = [[Fraction(int(j in places)) for j in range(self.subject.m)]]
             plain_input = len(places) == 1 and all(unit == D for D in own.D)
             if not plain_input or own.F or any(any(C[0]) for C in own.C):
-                raise FormatError("saturation is of inputs, each as it is")
+                raise FormatError("saturation applies to single inputs, unscaled")
             found += places
         return found
 
@@ -165,7 +165,7 @@ class Saturation(InitialPeak):
         what, on = outputs_text(self.outputs, plant), f", on the {self.subject.on}"
         if self.subject.step:
             on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
-        cut = f"{what} cut off at +-{digits_up(self.level)}"
+        cut = f"{what} saturated at +-{digits_up(self.level)}"
         if not self.norms:
             return f"{cut}: the loop comes to rest{self.under}{on}"
         norms = ", ".join(digits_down(x, 4) for x in self.norms)
@@ -202,4 +202,4 @@ def _parts(inputs: Sequence[int]) -> Iterator[tuple[int, ...]]:
 
 def _name(part: Sequence[int]) -> str:
     """Name the inputs that are cut off."""
-    return " and ".join(f"u{i + 1} cut off" for i in part) or "none cut off"
+    return " and ".join(f"u{i + 1} saturated" for i in part) or "none saturated"

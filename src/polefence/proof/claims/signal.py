@@ -534,7 +534,7 @@ class SignalClaim(Short, Claim):
             return
         evidence = self.subject.evidence
         if self.subject.motion and evidence.cells:
-            raise FormatError("cells: along motions X is one of the whole box")
+            raise FormatError("cells: moving parameters need one X for the whole box")
         pieces = [self._with(evidence.cells[0].evidence)] if evidence.cells else [self]
         pieces[0]._require_parts()
         evidence.require_cells(self.subject.sizes)

@@ -175,7 +175,7 @@ def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) ->
     each = vertices * n * n * width
     work = sum(count_of(sizes, k) for k in range(1, p)) * each
     if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:
-        raise WorkError("these are more terms than are computed here")
+        raise WorkError("the series has too many terms to be computed here")
 
 
 def gain_error(claim: Sampled) -> Fraction:

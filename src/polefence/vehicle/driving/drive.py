@@ -346,7 +346,7 @@ def drive(
         If an argument cannot be used; of a fixed step that is too long, the bound is named.
     """
     if plant.sample_time is not None:
-        raise InputError(f"{plant.name} is in discrete time; drives are of continuous time")
+        raise InputError(f"{plant.name} is in discrete time; drives need continuous time")
     parts = hardware or Hardware()
     trajectories = read_trajectories(plant, parameters, excitation.times)
     trajectories.check(excitation.times, outside)
@@ -431,7 +431,8 @@ def multiple(period: float, step: float, what: str) -> int:
     if count < 1 or abs(period - count * step) > 1e-6 * step:
         near = max(count, 1) * step
         raise InputError(
-            f"{what} = {period:g} s is no multiple of the step, {step:g} s; use {near:.6g} s, or "
+            f"{what} = {period:g} s is not a multiple of the step, "
+            f"{step:g} s; use {near:.6g} s, or "
             "another step"
         )
     return count

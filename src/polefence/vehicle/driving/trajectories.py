@@ -86,7 +86,8 @@ class Space:
         values = np.stack(found, axis=-1)
         if np.abs(self.alpha(values) - alpha).max() > ROUNDING:
             raise ParameterValueError(
-                f"alpha is no product of the weights of {', '.join(self.names)}; give their values"
+                "alpha is not a product of the weights of "
+                f"{', '.join(self.names)}; give their values"
             )
         return np.clip(values, self.low, self.high)
 

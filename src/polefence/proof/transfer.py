@@ -5,8 +5,8 @@ With a scheduled law's W (W = I of other laws), N = A W + B Z and Y = C W + D Z,
     G(s) = Y (s W - N)^-1 E + F = b(s) / a(s),    a(s) = det(s W - N),
 
 has coefficients that are polynomials in the parameters' coordinates t, each from 0 to 1. They are
-computed exactly: at as many nodes as their degrees ask for, and interpolated. What is claimed is
-then that some polynomials are positive on a box: of t, and for a gain of the frequency besides.
+computed exactly, by interpolation between as many nodes as their degrees need. A claim then says
+that some polynomials are positive on a box: of t, and for a gain of the frequency too.
 
 **Gain.** P(w^2, t) = det(g^2 I - G(jw)*G(jw)) |a(jw)|^2 is a polynomial of degree n in w^2. If it
 is positive for all w >= 0, w = oo too, and all t, then the gain is less than g, and no pole lies on
@@ -24,8 +24,8 @@ In discrete time all this is of the loop after the bilinear map of the delta for
 / 2), of which the gain is the same; the variance is that of G / (1 + w T / 2).
 
 A polynomial is positive on a box if its Bernstein coefficients there are. Where one is not, the box
-is halved along the axis along which the polynomial is bent most. Coefficients are cut, downwards,
-to `DIGITS` bits below the largest.
+is halved along the axis with the largest second difference. Coefficients are rounded down to
+`DIGITS` bits below the largest.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ from polefence.proof.roots import roots_inside
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DIGITS = 400  # bits that coefficients keep; each halving loses one part in 2^DIGITS
-# Of a polynomial that is to be positive: its coefficients, and its degree in one parameter.
+# Limits on a polynomial that is checked: the number of its coefficients, its degree in a parameter.
 MOST_COEFFICIENTS, MOST_DEGREE = 60_000, 60
 STABLE = (HalfPlane(Fraction(0)),)
 
@@ -76,36 +76,36 @@ class Tensor(NamedTuple):
 
     @classmethod
     def of(cls, values: Row, shape: tuple[int, ...]) -> Tensor:
-        """Return it of rationals."""
+        """Return the tensor of these rationals over their common denominator."""
         whole = common_denominator([[values]], LONGEST)
         return cls(whole_numbers([values], whole)[0], shape, whole)
 
     def along(self, axis: int, matrix: Sequence[Row]) -> Tensor:
-        """Return it with a matrix applied along an axis."""
+        """Return the tensor with a matrix applied along one axis."""
         count, inner = self.shape[axis], math.prod(self.shape[axis + 1 :])
         unit = common_denominator([list(matrix)], LONGEST)
         rows, values = whole_numbers(list(matrix), unit), self.values
         spend(len(values) * len(rows), bits([values]), bits(rows))
-        found: Numbers = []
+        transformed: Numbers = []
         for start in range(0, len(values), count * inner):
             block = values[start : start + count * inner]
             lines = [block[k::inner] for k in range(inner)]
             for row in rows:
-                found += [sum(map(mul, row, line)) for line in lines]
+                transformed += [sum(map(mul, row, line)) for line in lines]
         shape = (*self.shape[:axis], len(rows), *self.shape[axis + 1 :])
-        return Tensor(found, shape, self.whole * unit)
+        return Tensor(transformed, shape, self.whole * unit)
 
     def on_nodes(self, degrees: Sequence[int]) -> Tensor:
-        """Return values at nodes of other degrees, of a polynomial that has these at its own."""
-        found, first = self, len(self.shape) - len(degrees)
+        """Interpolate the polynomial, and return its values at the nodes of other degrees."""
+        tensor, first = self, len(self.shape) - len(degrees)
         for axis, degree in enumerate(degrees, first):
-            if found.shape[axis] != degree + 1:
-                found = found.along(axis, between(found.shape[axis] - 1, degree))
-        return found
+            if tensor.shape[axis] != degree + 1:
+                tensor = tensor.along(axis, between(tensor.shape[axis] - 1, degree))
+        return tensor
 
 
 def require_few(degrees: Sequence[int], times: int = 1) -> None:
-    """Refuse polynomials of more coefficients, or of higher degrees, than are checked."""
+    """Refuse polynomials with too many coefficients or too high a degree."""
     count = math.prod(d + 1 for d in degrees) * times
     if count > MOST_COEFFICIENTS or max(degrees, default=0) > MOST_DEGREE:
         raise FormatError("the transfer function has too many coefficients to be checked here")
@@ -118,13 +118,13 @@ def nodes(degree: int) -> Row:
 
 @lru_cache(maxsize=256)
 def between(degree: int, wanted: int) -> list[Row]:
-    """Return what turns values at nodes of one degree into those at nodes of another."""
+    """Return the matrix from values at the nodes of one degree to those of another."""
     known = nodes(degree)
     return [_lagrange(known, t) for t in nodes(wanted)]
 
 
 def _lagrange(known: Row, t: Fraction) -> Row:
-    """Return the values at t of the polynomials that are one at one node each."""
+    """Return the values at t of the Lagrange polynomials of these nodes."""
     return [
         math.prod(((t - y) / (x - y) for y in known if y != x), start=Fraction(1)) for x in known
     ]
@@ -132,18 +132,20 @@ def _lagrange(known: Row, t: Fraction) -> Row:
 
 @lru_cache(maxsize=64)
 def to_bernstein(degree: int) -> list[Row]:
-    """Return what turns values at nodes into Bernstein coefficients.
+    """Return the matrix from values at nodes to Bernstein coefficients.
 
-    A column is the polynomial that is one at one node, in products of t and 1 - t.
+    Column j is the Lagrange polynomial of node j, in products of t and 1 - t.
     """
     known, columns, zero = nodes(degree), list[Row](), Fraction(0)
     for x in known:
-        own = [Fraction(1)]
+        column = [Fraction(1)]
         for y in known:
             if y != x:  # times (t - y) / (x - y), t - y = (1 - y) t - y (1 - t)
                 up, down = (1 - y) / (x - y), -y / (x - y)
-                own = [down * a + up * b for a, b in zip([*own, zero], [zero, *own], strict=True)]
-        columns.append([c / math.comb(degree, k) for k, c in enumerate(own)])
+                column = [
+                    down * a + up * b for a, b in zip([*column, zero], [zero, *column], strict=True)
+                ]
+        columns.append([c / math.comb(degree, k) for k, c in enumerate(column)])
     return [list(row) for row in zip(*columns, strict=True)]
 
 
@@ -159,13 +161,14 @@ class Transfer:
     a : Tensor
         Of shape (n + 1, nodes ...), highest power of s first.
     b : tuple of tuples of Tensor
-        Likewise; the first coefficient is that of F a. All of one ``whole``.
+        b[i][j] is from disturbance j to output i, of the same shape. Its coefficient of s^n is
+        F a. All have the same ``whole``.
     step : Fraction
-        Of a delta form, of which this is the bilinear map; zero in continuous time.
+        Sample time of the delta form that was mapped by `bilinear`; zero in continuous time.
     unit : int
-        How many times s is taken, so that the coefficients are short.
+        Factor on s that shortens the coefficients.
     beside : Transfer, optional
-        That of another loop, which it is compared with.
+        The transfer function of another loop, to compare with.
     """
 
     a: Tensor
@@ -181,26 +184,29 @@ class Transfer:
 
     @property
     def degrees(self) -> tuple[int, ...]:
-        """Of all coefficients, in each parameter."""
+        """Degree of the coefficients in every parameter."""
         return tuple(size - 1 for size in self.a.shape[1:])
 
     @property
     def scale(self) -> Fraction:
-        """What b over a is to be multiplied with, of their numbers as `at` has them."""
+        """Factor from b / a in the whole numbers of `at` to the transfer function."""
         return Fraction(self.a.whole, self.b[0][0].whole)
 
     def at(self, degrees: Sequence[int]) -> Iterator[tuple[Numbers, list[list[Numbers]]]]:
-        """Yield multiples of a and b at nodes of degrees in each parameter, the last fastest."""
+        """Yield whole-number multiples of a and b at every node, the last parameter fastest."""
         require_few(degrees, self.n + 1)
         count = math.prod(d + 1 for d in degrees)
         a = self.a.on_nodes(degrees)
-        b = [[own.on_nodes(degrees) for own in row] for row in self.b]
+        b = [[entry.on_nodes(degrees) for entry in row] for row in self.b]
         for k in range(count):
-            yield a.values[k::count], [[own.values[k::count] for own in row] for row in b]
+            yield a.values[k::count], [[entry.values[k::count] for entry in row] for row in b]
 
     @property
     def positive(self) -> Transfer:
-        """It with a and b times the sign of a's first coefficient at the first node."""
+        """The same transfer function with the leading coefficient of a positive at the first node.
+
+        Both a and b are multiplied by the sign.
+        """
         if self.a.values[0] >= 0:
             return self
         same = [[Fraction(-int(i == j)) for j in range(self.n + 1)] for i in range(self.n + 1)]
@@ -208,12 +214,12 @@ class Transfer:
 
     @cached_property
     def first(self) -> tuple[Numbers, list[list[Numbers]]]:
-        """Multiples of a and b at the first node, of which all coordinates are zero."""
+        """Multiples of a and b at the first node, t = 0."""
         return next(self.at(self.degrees))
 
     @property
     def is_stable(self) -> bool:
-        """Whether all poles are to the left at the first node, of the loop beside it too."""
+        """Whether all poles have Re s < 0 at the first node, for the loop ``beside`` too."""
         a = self.first[0]
         if self.beside is not None and not self.beside.is_stable:
             return False
@@ -226,12 +232,12 @@ class Transfer:
         return Fraction(N.values[0] * D.whole, D.values[0] * N.whole)
 
     def along(self, axis: int, matrix: Sequence[Row], other: Sequence[Row] = ()) -> Transfer:
-        """Return it with a matrix applied along an axis, with another one to b if there is one."""
-        b = tuple(tuple(own.along(axis, other or matrix) for own in row) for row in self.b)
+        """Apply a matrix along one axis of a and b; ``other``, where given, is applied to b."""
+        b = tuple(tuple(entry.along(axis, other or matrix) for entry in row) for row in self.b)
         return replace(self, a=self.a.along(axis, matrix), b=b)
 
     def bilinear(self, step: Fraction) -> Transfer:
-        """Return it of the variable w of d = w / (1 - w step / 2); as it is for a zero step."""
+        """Substitute d = w / (1 - w step / 2); a step of zero changes nothing."""
         if not step:
             return self
         step = step / self.unit
@@ -244,40 +250,40 @@ class Transfer:
         return replace(self.along(0, rows), step=step)
 
     def inside(self, t: Sequence[Fraction]) -> Transfer:
-        """Return it at one point of the parameters' box."""
-        own = self
+        """Return the transfer function at one point of the parameters' box."""
+        point = self
         for axis, x in enumerate(t, 1):
-            own = own.along(axis, [_lagrange(nodes(own.a.shape[axis] - 1), x)])
-        return replace(own, beside=self.beside.inside(t)) if self.beside else own
+            point = point.along(axis, [_lagrange(nodes(point.a.shape[axis] - 1), x)])
+        return replace(point, beside=self.beside.inside(t)) if self.beside else point
 
     @cached_property
     def variance(self) -> tuple[Tensor, Tensor]:
-        """D and N at nodes of their degrees: the sum of the variances is N / D for unit noise.
+        """D and N at the nodes: for unit noise the variances sum to N / D.
 
         Raises
         ------
         FormatError
             If a disturbance passes straight through.
         """
-        own = self._filtered.positive
-        degrees = [(own.n + 1) * d for d in own.degrees]
+        filtered = self._filtered.positive
+        degrees = [(filtered.n + 1) * d for d in filtered.degrees]
         below, above = Numbers(), Numbers()
-        for a, b in own.at(degrees):
-            g = [0] * own.n
-            for each in (x for row in b for x in row):
-                if each[0]:
+        for a, b in filtered.at(degrees):
+            g = [0] * filtered.n
+            for numerator in (x for row in b for x in row):
+                if numerator[0]:
                     raise FormatError("white noise passes straight into an output")
-                spend(len(each) ** 2, bits([each]), bits([each]))
-                g = list(map(add, g, _even(each[1:])))
+                spend(len(numerator) ** 2, bits([numerator]), bits([numerator]))
+                g = list(map(add, g, _even(numerator[1:])))
             one, other = _minors(_hurwitz(a), g)
             below.append(2 * a[0] * one)
-            above.append((-1) ** (own.n + 1) * other)
-        shape, scale = tuple(d + 1 for d in degrees), own.scale**2 / own.unit
+            above.append((-1) ** (filtered.n + 1) * other)
+        shape, scale = tuple(d + 1 for d in degrees), filtered.scale**2 / filtered.unit
         return Tensor(below, shape, scale.numerator), Tensor(above, shape, scale.denominator)
 
     @property
     def _filtered(self) -> Transfer:
-        """It over (1 + w step / 2); as it is for a zero step."""
+        """The transfer function over (1 + w step / 2); a step of zero changes nothing."""
         if not self.step:
             return self
         n, half = self.n, self.step / 2
@@ -301,7 +307,7 @@ def transfer(
     Parameters
     ----------
     power : int
-        Degree, in the coefficients of a and b, of what is to be positive.
+        Degree, in the coefficients of a and b, of the polynomial that is checked for positivity.
 
     Raises
     ------
@@ -312,41 +318,44 @@ def transfer(
     n, p, q = W.shape[0], Y.shape[0], E.shape[1]
     require_few(degrees, n + 1)
     require_few([power * d for d in degrees])  # before any is computed
-    found = []
+    resolved = []
     for t in product(*map(nodes, degrees)):
-        w, m, y, e = (_value(own, t) for own in (W, N, Y, E))
-        found.append(_resolved(w, m, y, e, None if F is None else _value(F, t)))
-    shape, unit = (n + 1, *(d + 1 for d in degrees)), math.lcm(*(own[2] for own in found))
+        w, m, y, e = (_value(polynomial, t) for polynomial in (W, N, Y, E))
+        resolved.append(_resolved(w, m, y, e, None if F is None else _value(F, t)))
+    shape, unit = (n + 1, *(d + 1 for d in degrees)), math.lcm(*(node[2] for node in resolved))
     if unit.bit_length() > MAX_BITS:
         unit = 1
     powers = [Fraction(1, unit**k) for k in range(n + 1)]
-    a = Tensor.of([own[0][k] / powers[k] for k in range(n + 1) for own in found], shape)
-    each = [(i, j) for i in range(p) for j in range(q)]
-    rows = [[own[1][i][j][k] / powers[k] for k in range(n + 1) for own in found] for i, j in each]
+    a = Tensor.of([node[0][k] / powers[k] for k in range(n + 1) for node in resolved], shape)
+    entries = [(i, j) for i in range(p) for j in range(q)]
+    rows = [
+        [node[1][i][j][k] / powers[k] for k in range(n + 1) for node in resolved]
+        for i, j in entries
+    ]
     whole = common_denominator([rows], LONGEST)
     b = [Tensor(row, shape, whole) for row in whole_numbers(rows, whole)]
     through = tuple(tuple(b[i * q : (i + 1) * q]) for i in range(p))
     return _trimmed(Transfer(a, through, unit=unit))
 
 
-def _trimmed(own: Transfer) -> Transfer:
-    """Return it at no more nodes than its degrees ask for, which are less where ranks are."""
-    each = [own.a, *(x for row in own.b for x in row)]
-    for axis, degree in enumerate(own.degrees, 1):
-        least = max((_degree_along(x, axis) for x in each), default=0) if degree else 0
+def _trimmed(loop: Transfer) -> Transfer:
+    """Drop nodes that the actual degrees do not need; low rank makes these less than the bound."""
+    tensors = [loop.a, *(x for row in loop.b for x in row)]
+    for axis, degree in enumerate(loop.degrees, 1):
+        least = max((_degree_along(x, axis) for x in tensors), default=0) if degree else 0
         if least < degree:
-            own = own.along(axis, between(degree, least))
-    return own
+            loop = loop.along(axis, between(degree, least))
+    return loop
 
 
-def _degree_along(own: Tensor, axis: int) -> int:
+def _degree_along(tensor: Tensor, axis: int) -> int:
     """Return the degree along an axis, by differences of the values at equal nodes."""
-    count, inner = own.shape[axis], math.prod(own.shape[axis + 1 :])
+    count, inner = tensor.shape[axis], math.prod(tensor.shape[axis + 1 :])
     most = 0
-    spend(len(own.values) * count, bits([own.values]))
-    for start in range(0, len(own.values), count * inner):
+    spend(len(tensor.values) * count, bits([tensor.values]))
+    for start in range(0, len(tensor.values), count * inner):
         for k in range(inner):
-            line, order = own.values[start + k : start + count * inner : inner], 0
+            line, order = tensor.values[start + k : start + count * inner : inner], 0
             while any(x != line[0] for x in line):
                 line, order = [y - x for x, y in pairwise(line)], order + 1
             most = max(most, order)
@@ -363,38 +372,43 @@ def _degrees(
     dim V_k rows of degree k or more: the degree of det M is at most dim V_1 + dim V_2 + ..., and
     likewise with rows in place of columns.
     """
-    n, p, q, found = W.shape[0], Y.shape[0], E.shape[1], list[int]()
+    n, p, q, bounds = W.shape[0], Y.shape[0], E.shape[1], list[int]()
     both, degrees = _bordered(W, N, Y, E, F)
     for axis, degree in enumerate(degrees):
         powers = [_coefficients(both, axis, k) for k in range(degree, 0, -1)]
         columns = [
             [
-                [list(column) for M in own for column in zip(*M[:n], M[n + i], strict=True)]
-                for own in powers
+                [
+                    list(column)
+                    for M in coefficients
+                    for column in zip(*M[:n], M[n + i], strict=True)
+                ]
+                for coefficients in powers
             ]
             for i in range(p)
         ]
         rows = [
-            [[[*row[:n], row[n + j]] for M in own for row in M] for own in powers] for j in range(q)
+            [[[*row[:n], row[n + j]] for M in coefficients for row in M] for coefficients in powers]
+            for j in range(q)
         ]
-        found.append(min(max(map(_dimensions, columns)), max(map(_dimensions, rows))))
-    return tuple(found)
+        bounds.append(min(max(map(_dimensions, columns)), max(map(_dimensions, rows))))
+    return tuple(bounds)
 
 
 def _bordered(
     W: Polynomial, N: Polynomial, Y: Polynomial, E: Polynomial, F: Polynomial | None
 ) -> tuple[list[Terms], tuple[int, ...]]:
-    """Return the terms of [ W, 0; 0, 0 ] and of [ -N, E; Y, F ] over one whole, and their degrees.
+    """Return the terms of [ W, 0; 0, 0 ] and [ -N, E; Y, F ], and their degrees.
 
-    None of constants.
+    Both have one common denominator. Where there are no parameters the degrees are empty.
     """
     every = [W, N, Y, E] + ([] if F is None else [F])
-    degrees, whole = joint(every), math.lcm(*(own.whole for own in every))
-    w, m, y, x, *f = (own.raised(degrees).over(whole) for own in every)
+    degrees, whole = joint(every), math.lcm(*(polynomial.whole for polynomial in every))
+    w, m, y, x, *f = (polynomial.raised(degrees).over(whole) for polynomial in every)
     n, p, q = W.shape[0], Y.shape[0], E.shape[1]
 
-    def entries(own: Terms, e: Exponent, rows: int, columns: int) -> Integers:
-        return own.get(e) or [[0] * columns for _ in range(rows)]
+    def entries(terms: Terms, e: Exponent, rows: int, columns: int) -> Integers:
+        return terms.get(e) or [[0] * columns for _ in range(rows)]
 
     first = {e: [*([*row, *(0,) * q] for row in M), *([0] * (n + q),) * p] for e, M in w.items()}
     second: Terms = {}
@@ -406,53 +420,53 @@ def _bordered(
     return [first, second], degrees if W.sizes != (1,) else ()
 
 
-def _coefficients(each: list[Terms], axis: int, power: int) -> list[Integers]:
-    """Return the coefficients of t^power of one parameter: one for each monomial of the others.
+def _coefficients(blocks: list[Terms], axis: int, power: int) -> list[Integers]:
+    """Return the coefficients of t^power in one parameter, one per monomial in the others.
 
     Terms are in powers of 1 - t and t.
     """
-    found: dict[tuple[int, Exponent], Integers] = {}
-    for k, terms in enumerate(each):
+    sums: dict[tuple[int, Exponent], Integers] = {}
+    for k, terms in enumerate(blocks):
         for e, M in terms.items():
             low, high = e[2 * axis], power - e[2 * axis + 1]
             if 0 <= high <= low:
-                own = times((-1) ** high * math.comb(low, high), M)
+                term = times((-1) ** high * math.comb(low, high), M)
                 others = (k, (*e[: 2 * axis], *e[2 * axis + 2 :]))
-                found[others] = plus(found[others], own) if others in found else own
-    return list(found.values())
+                sums[others] = plus(sums[others], term) if others in sums else term
+    return list(sums.values())
 
 
-def _dimensions(each: list[list[Numbers]]) -> int:
-    """Return the sum of the dimensions of what the first, the first two, ... lists span."""
+def _dimensions(levels: list[list[Numbers]]) -> int:
+    """Return dim span(list 1) + dim span(lists 1 and 2) + ..., over all the lists."""
     basis, total = dict[int, Numbers](), 0
-    for vectors in each:
+    for vectors in levels:
         for vector in vectors:
             if len(basis) == len(vector):
                 break
-            own = vector
+            reduced = vector
             for pivot, other in basis.items():
-                if own[pivot]:
-                    spend(3 * len(own), bits([own]), bits([other]))
-                    one, two = other[pivot], own[pivot]
-                    own = [one * x - two * y for x, y in zip(own, other, strict=True)]
-            if any(own):
-                common = math.gcd(*own)
-                own = [x // common for x in own]
-                basis[next(k for k, x in enumerate(own) if x)] = own
+                if reduced[pivot]:
+                    spend(3 * len(reduced), bits([reduced]), bits([other]))
+                    one, two = other[pivot], reduced[pivot]
+                    reduced = [one * x - two * y for x, y in zip(reduced, other, strict=True)]
+            if any(reduced):
+                common = math.gcd(*reduced)
+                reduced = [x // common for x in reduced]
+                basis[next(k for k, x in enumerate(reduced) if x)] = reduced
         total += len(basis)
     return total
 
 
-def _value(own: Polynomial, t: Sequence[Fraction]) -> tuple[Integers, int]:
-    """Return a polynomial at coordinates of a box, times the second."""
+def _value(polynomial: Polynomial, t: Sequence[Fraction]) -> tuple[Integers, int]:
+    """Return whole numbers and their denominator: the polynomial's value at a point of the box."""
     at = [x for u in t for x in (u.denominator - u.numerator, u.numerator)]
-    powers = zip(t, own.degrees, strict=False)
-    whole = own.whole * math.prod(u.denominator**d for u, d in powers)
-    length = sum(u.denominator.bit_length() for u in t) * max(own.degrees, default=1)
-    rows, columns = own.shape
-    spend(len(own.terms) * (len(at) + rows * columns), own.bits, length)
+    powers = zip(t, polynomial.degrees, strict=False)
+    whole = polynomial.whole * math.prod(u.denominator**d for u, d in powers)
+    length = sum(u.denominator.bit_length() for u in t) * max(polynomial.degrees, default=1)
+    rows, columns = polynomial.shape
+    spend(len(polynomial.terms) * (len(at) + rows * columns), polynomial.bits, length)
     total = [[0] * columns for _ in range(rows)]
-    for e, matrix in own.terms.items():
+    for e, matrix in polynomial.terms.items():
         weight = math.prod(x**p for x, p in zip(at, e, strict=True)) if at else 1
         if weight:
             total = plus(total, times(weight, matrix))
@@ -467,16 +481,16 @@ def _resolved(
     E: tuple[Integers, int],
     F: tuple[Integers, int] | None,
 ) -> tuple[Row, list[list[Row]], int]:
-    """Return a and b at one point, by Faddeev and LeVerrier's recursion; and N's denominator."""
+    """Return a, b and N's denominator at one point, by the Faddeev-LeVerrier recursion."""
     n, scale = len(W[0]), Fraction(1)
     if any(W[0][i][j] != W[1] * (i == j) for i in range(n) for j in range(n)):
-        own = _over(W)
-        both = right_divide(_over(N) + _over(Y), own)
+        exact_W = _over(W)
+        both = right_divide(_over(N) + _over(Y), exact_W)
         if both is None:
             raise FormatError("W is singular")
         units = [common_denominator([M], LONGEST) for M in (both[:n], both[n:])]
         N = whole_numbers(both[:n], units[0]), units[0]
-        Y, scale = (whole_numbers(both[n:], units[1]), units[1]), _determinant(own)
+        Y, scale = (whole_numbers(both[n:], units[1]), units[1]), _determinant(exact_W)
     (M, whole), (left, below), (right, beside) = N, Y, E
     length = n * bits(M)
     spend(n**4, length // 2 + 1, bits(M))
@@ -502,9 +516,9 @@ def _resolved(
     return a, moved, whole
 
 
-def _over(own: tuple[Integers, int]) -> Rationals:
+def _over(scaled: tuple[Integers, int]) -> Rationals:
     """Return whole numbers over their denominator."""
-    return [[Fraction(x, own[1]) for x in row] for row in own[0]]
+    return [[Fraction(x, scaled[1]) for x in row] for row in scaled[0]]
 
 
 def _determinant(matrix: Rationals) -> Fraction:
@@ -519,46 +533,47 @@ def _determinant(matrix: Rationals) -> Fraction:
             return Fraction(0)
         if pivot != p:
             rows[p], rows[pivot], sign = rows[pivot], rows[p], -sign
-        own = rows[p]
+        pivot_row = rows[p]
         for i in range(p + 1, n):
             factor = rows[i][p]
             rows[i] = [
-                (own[p] * x - factor * y) // previous for x, y in zip(rows[i], own, strict=True)
+                (pivot_row[p] * x - factor * y) // previous
+                for x, y in zip(rows[i], pivot_row, strict=True)
             ]
-        previous = own[p]
+        previous = pivot_row[p]
     return Fraction(sign * previous, whole**n)
 
 
 # --- polynomials that are to be positive ---------------------------------------------------------
 
 
-def gain_polynomial(own: Transfer, level: Fraction) -> Tensor:
+def gain_polynomial(loop: Transfer, level: Fraction) -> Tensor:
     """Return the Bernstein coefficients of P, in v = w^2 / (w^2 + u^2) and t."""
-    degrees, n = _gain_degrees(own), own.n
-    square, e = (level / own.scale) ** 2, _exponent(own.first[0])
-    columns = [_difference(a, b, square) for a, b in own.at(degrees)]
+    degrees, n = _gain_degrees(loop), loop.n
+    square, e = (level / loop.scale) ** 2, _exponent(loop.first[0])
+    columns = [_difference(a, b, square) for a, b in loop.at(degrees)]
     values = [column[k] for k in range(n + 1) for column in columns]
-    found = Tensor.of(values, (n + 1, *(d + 1 for d in degrees)))
+    tensor = Tensor.of(values, (n + 1, *(d + 1 for d in degrees)))
     weights = [Fraction(4) ** (e * k) / math.comb(n, k) for k in range(n + 1)]
-    found = found.along(0, [[w * (i == j) for j in range(n + 1)] for i, w in enumerate(weights)])
+    tensor = tensor.along(0, [[w * (i == j) for j in range(n + 1)] for i, w in enumerate(weights)])
     for axis, d in enumerate(degrees, 1):
-        found = found.along(axis, to_bernstein(d))
-    return found
+        tensor = tensor.along(axis, to_bernstein(d))
+    return tensor
 
 
-def _gain_degrees(own: Transfer) -> list[int]:
+def _gain_degrees(loop: Transfer) -> list[int]:
     """Return the degree of P in each parameter.
 
     P |a|^(2 (r - 1)) = det(g^2 |a|^2 I - b*b) of r = min(p, q) rows; degrees of factors add up.
     """
-    r = min(len(own.b), len(own.b[0]))
-    return [2 * (r * d - (r - 1) * _degree_along(own.a, k)) for k, d in enumerate(own.degrees, 1)]
+    r = min(len(loop.b), len(loop.b[0]))
+    return [2 * (r * d - (r - 1) * _degree_along(loop.a, k)) for k, d in enumerate(loop.degrees, 1)]
 
 
-def passes(own: Transfer, level: Fraction) -> bool:
+def passes(loop: Transfer, level: Fraction) -> bool:
     """Whether g^2 I - F'F > 0 at the first node."""
-    a, b = own.first
-    F = [[own.scale * Fraction(x[0], a[0]) for x in row] for row in b]
+    a, b = loop.first
+    F = [[loop.scale * Fraction(x[0], a[0]) for x in row] for row in b]
     q, length = len(F[0]), bits([a]) + max(bits(row) for row in b)
     spend(RATIONAL * q * q * len(F), length, length)
     rest = [
@@ -569,22 +584,24 @@ def passes(own: Transfer, level: Fraction) -> bool:
 
 
 def _exponent(a: Numbers) -> int:
-    """Return e of a power of four near the mean of the poles' squares."""
+    """Return e such that 4^e is near the geometric mean of the poles' squared moduli."""
     if not a[0] or not a[-1]:
         return 0
     return (a[-1].bit_length() - a[0].bit_length()) // (len(a) - 1)
 
 
 def _difference(a: Numbers, b: list[list[Numbers]], square: Fraction) -> Row:
-    """Return det(g^2 I - G*G) |a|^2 in powers of w^2, lowest first, for these a and b."""
+    """Return the coefficients of det(g^2 I - G*G) |a|^2 in w^2, lowest power first."""
     length = bits([a]) + square.numerator.bit_length()
     spend(len(a) ** 2 * (1 + sum(map(len, b))), length, length)
     if min(len(b), len(b[0])) > 1:
         return _by_nodes(a, b, square)
-    found = [square.numerator * x for x in _modulus(a)]
-    for own in (x for row in b for x in row):
-        found = [x - square.denominator * y for x, y in zip(found, _modulus(own), strict=True)]
-    return [Fraction(x) for x in found]
+    total = [square.numerator * x for x in _modulus(a)]
+    for numerator in (x for row in b for x in row):
+        total = [
+            x - square.denominator * y for x, y in zip(total, _modulus(numerator), strict=True)
+        ]
+    return [Fraction(x) for x in total]
 
 
 def _modulus(c: Numbers) -> Numbers:
@@ -592,17 +609,17 @@ def _modulus(c: Numbers) -> Numbers:
     low = c[::-1]
     even = [x if k % 2 == 0 else -x for k, x in enumerate(low[::2])]
     odd = [x if k % 2 == 0 else -x for k, x in enumerate(low[1::2])]
-    found = [0] * len(c)
+    powers = [0] * len(c)
     for part, shift in ((even, 0), (odd, 1)):
         for i, x in enumerate(part):
             if x:
                 for j, y in enumerate(part):
-                    found[i + j + shift] += x * y
-    return found
+                    powers[i + j + shift] += x * y
+    return powers
 
 
 def _by_nodes(a: Numbers, b: list[list[Numbers]], square: Fraction) -> Row:
-    """Return it of several outputs and disturbances, from its values at real s: w^2 = -s^2."""
+    """Interpolate the same for matrices b from its values at real s, where w^2 = -s^2."""
     if len(b) < len(b[0]):  # det(g^2 I - G G*) differs by a power of g^2
         b = [list(column) for column in zip(*b, strict=True)]
     n, q, root = len(a) - 1, len(b[0]), Fraction(2) ** _exponent(a)
@@ -645,24 +662,24 @@ def _interpolated(at: Row, values: Row) -> Row:
     for order in range(1, count):
         for i in range(count - 1, order - 1, -1):
             table[i] = (table[i] - table[i - 1]) / (at[i] - at[i - order])
-    found = [table[-1]]
+    powers = [table[-1]]
     for x, c in zip(at[-2::-1], table[-2::-1], strict=True):
-        found = [c - x * found[0]] + [
-            (low - x * high) for low, high in zip(found, [*found[1:], Fraction(0)], strict=True)
+        powers = [c - x * powers[0]] + [
+            (low - x * high) for low, high in zip(powers, [*powers[1:], Fraction(0)], strict=True)
         ]
-    return found
+    return powers
 
 
 def _even(b: Numbers) -> Numbers:
     """Return b(s) b(-s) in powers of s^2, highest first."""
     n = len(b)
-    found = [0] * n
+    powers = [0] * n
     for i, x in enumerate(b):
         if x:
             for j, y in enumerate(b):
                 if (i + j) % 2 == 0 and y:
-                    found[(i + j) // 2] += -x * y if (n - 1 - j) % 2 else x * y
-    return found
+                    powers[(i + j) // 2] += -x * y if (n - 1 - j) % 2 else x * y
+    return powers
 
 
 def _hurwitz(a: Numbers) -> list[Numbers]:
@@ -674,15 +691,15 @@ def _hurwitz(a: Numbers) -> list[Numbers]:
 
 
 def _minors(H: list[Numbers], g: Numbers) -> tuple[int, int]:
-    """Return det H, and that of H with g for its first row, by one elimination.
+    """Return det H, and det of H with its first row replaced by g, by one elimination.
 
     The leading minors of the rows below the first are positive where all poles are to the left.
     """
     n, rows, previous = len(H), [*H[1:], H[0], g], 1
     for p in range(n - 1):
-        own = rows[p]
-        pivot = own[p]
-        spend(3 * (n - p) * (n - p - 1), pivot.bit_length(), bits([own]))
+        pivot_row = rows[p]
+        pivot = pivot_row[p]
+        spend(3 * (n - p) * (n - p - 1), pivot.bit_length(), bits([pivot_row]))
         if not pivot:
             return tuple(int(_determinant(M)) for M in _with_first(H, g))  # type: ignore[return-value]
         for i in range(p + 1, n + 1):
@@ -690,7 +707,7 @@ def _minors(H: list[Numbers], g: Numbers) -> tuple[int, int]:
             factor = row[p]
             rows[i] = row[: p + 1] + [
                 (pivot * x - factor * y) // previous
-                for x, y in zip(row[p + 1 :], own[p + 1 :], strict=True)
+                for x, y in zip(row[p + 1 :], pivot_row[p + 1 :], strict=True)
             ]
         previous = pivot
     sign = (-1) ** (n - 1)
@@ -702,11 +719,11 @@ def _with_first(H: list[Numbers], g: Numbers) -> tuple[Rationals, Rationals]:
     return one, other
 
 
-def bernstein_of(own: Tensor) -> Tensor:
-    """Return Bernstein coefficients of a polynomial of the parameters from its values at nodes."""
-    for axis, size in enumerate(own.shape):
-        own = own.along(axis, to_bernstein(size - 1))
-    return own
+def bernstein_of(tensor: Tensor) -> Tensor:
+    """Return the Bernstein coefficients of a polynomial given by its values at the nodes."""
+    for axis, size in enumerate(tensor.shape):
+        tensor = tensor.along(axis, to_bernstein(size - 1))
+    return tensor
 
 
 def combined(one: Tensor, p: Fraction, other: Tensor, q: Fraction) -> Tensor:
@@ -737,19 +754,20 @@ class Positive:
     parts: int
 
 
-def positive(own: Tensor) -> Positive:
-    """Decide whether a polynomial of these Bernstein coefficients is positive on the whole box.
+def positive(tensor: Tensor) -> Positive:
+    """Decide whether the polynomial with these Bernstein coefficients is positive on the box.
 
-    Not so if it is zero or less at a corner of a part.
+    Parts of the box are halved until all coefficients are positive. A corner where the polynomial
+    is zero or negative refutes it.
 
     Raises
     ------
     FormatError
-        If the parts of the box take more work than a count allows.
+        If the work exceeds its bound.
     """
-    degrees = tuple(size - 1 for size in own.shape)
-    open_, parts, corners = [_cut(own.values)], 0, _corners(own.shape)
-    slices = [_slices(own.shape, axis) for axis in range(len(degrees))]
+    degrees = tuple(size - 1 for size in tensor.shape)
+    open_, parts, corners = [_cut(tensor.values)], 0, _corners(tensor.shape)
+    slices = [_slices(tensor.shape, axis) for axis in range(len(degrees))]
     while open_:
         values = open_.pop()
         parts += 1
@@ -764,18 +782,18 @@ def positive(own: Tensor) -> Positive:
 
 
 def _cut(values: Numbers) -> Numbers:
-    """Return whole numbers of `DIGITS` bits that are not more than a multiple of the values."""
+    """Round the values down to `DIGITS` bits, up to a common power of two."""
     shift = bits([values]) - DIGITS
     spend(len(values), DIGITS + max(shift, 0))
     return [x >> shift for x in values] if shift > 0 else values
 
 
 def _corners(shape: tuple[int, ...]) -> Numbers:
-    """Return the place of each corner's value."""
-    found = [0]
+    """Return the index of the value at every corner."""
+    places = [0]
     for size in shape:
-        found = [k * size + end for k in found for end in {0, size - 1}]
-    return found
+        places = [k * size + end for k in places for end in {0, size - 1}]
+    return places
 
 
 Slices = list[list[slice]]
@@ -802,7 +820,7 @@ def _bend(values: Numbers, slices: Slices) -> int:
 
 
 def _halved(values: Numbers, slices: Slices, degree: int) -> tuple[Numbers, Numbers]:
-    """Return the coefficients of both halves along an axis, cut downwards."""
+    """Return the coefficients of both halves along an axis, rounded down (de Casteljau)."""
     first, second = values[:], values[:]
     for block in slices:
         lines = [values[s] for s in block]

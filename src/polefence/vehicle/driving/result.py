@@ -1,4 +1,4 @@
-"""Result of a drive: its record and events, where the guarantee or the hardware is at its end."""
+"""Result of a drive: its record, and events where the guarantee or the hardware is exceeded."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ CHUNK = 4_000_000  # numbers held at once
 RUNS_AWAY = "the state runs away"
 LEAVES = "leaves the road, which the equations do not know"
 
-# Of the range, within an instant: a jump, at no finite rate. Of the range: nothing but rounding.
+# Shares of a parameter's range. A larger change at an instant counts as a jump (infinite rate);
+# a smaller error or change than TINY counts as rounding.
 JUMP, TINY = 1e-6, 1e-9
 
 
@@ -47,24 +48,24 @@ class Drive(Short):
     states, rates : (count, time, n) arrays
         x and dx/dt; at an instant where something jumps, just after it.
     demanded, applied : (count, time, m) arrays
-        What the law asked of the inputs, and what the actuators gave. With a controller that is a
-        sample late, what is asked now is the law's answer to the sample before.
+        Inputs demanded by the law, and inputs that the actuators gave. With a delay of one sample
+        the demand now is the law's answer to the sample before.
     disturbance : (time, q) array
-        The road's velocity, or what else was given; over a step that begins there.
+        The road's velocity, or another given disturbance, over the step that begins at the instant.
     stop_forces : (count, time, k) array
         Of the bump stops of each suspension, up on the body [N]; k = 0 without any.
     parameters, used : (count, time, q) arrays
-        The true ones, and what the law was told, cut off at the intervals; in their units. For a
-        plant given by its vertices, weights alpha.
+        True parameters, and those that the law used, limited to their intervals; in their units.
+        For a plant given by its vertices these are weights alpha.
     events : tuple of Event
         In order of kind, then car.
     notes : tuple of str
-        What is so throughout and in no claim, and what could not be compared.
+        Conditions of the whole drive that no claim covers, and what could not be compared.
     covered : (count, time) array of bool, optional
-        Where the given margins cover what the parameters did and were taken for, with no limit
-        met; None without margins. It says nothing of ``notes``.
+        Where the given margins cover the parameters' motion and the scheduling errors, and no
+        limit is met; None without margins. ``notes`` are not considered.
     estimate : Estimate, optional
-        What the estimator found.
+        Result of the estimator.
     """
 
     plant: UncertainPlant
@@ -93,7 +94,7 @@ class Drive(Short):
         return "\n".join(self.report())
 
     def report(self) -> list[str]:
-        """Return in plain lines where the guarantee does not hold, and what is in none."""
+        """Return lines on where the guarantee does not hold, and on what no claim covers."""
         count, end = len(self.states), self.time[-1]
         lines = [f"{self.plant.name}: {count} cars, {end:g} s"]
         if self.covered is not None:
@@ -104,19 +105,19 @@ class Drive(Short):
 
     @property
     def stop_force(self) -> Array:
-        """Of all bump stops, up on the body [N], (count, time)."""
+        """Sum of the forces of all bump stops, up on the body [N], (count, time)."""
         return np.asarray(self.stop_forces.sum(axis=-1))
 
     def of(self, name: str) -> Array:
-        """Return one state or input as it was applied, by its name, (count, time)."""
+        """Return one state, or one applied input, by its name, (count, time)."""
         return self.response([name]).values[:, :, 0]
 
     def response(self, signals: Sequence[Output | str] | None = None) -> Response:
         """Return signals over time, states and inputs by default.
 
-        Inputs are the applied ones. An output that is made of rates of change of the state, such
-        as an acceleration of a point of the body, has the force of stops and the weight of a
-        changed load in it. The result's alpha is that of the first instant.
+        Inputs are the applied ones. An output that is a combination of state rates, such as the
+        acceleration of a point of the body, includes the bump stops' force and the weight of a
+        changed load. The result's alpha is that of the first instant.
 
         Raises
         ------
@@ -124,7 +125,7 @@ class Drive(Short):
             If a name is unknown.
         """
         asked = choose(self.plant, signals)
-        # signal by signal in memory, as they are found and mostly looked at
+        # each signal is contiguous in memory: it is computed, and mostly read, alone
         values = np.moveaxis(np.stack([self._values(output) for output in asked]), 0, -1)
         alpha = Space(self.plant).alpha(self.parameters[:, 0])
         return Response(self.plant, alpha, self.time, asked, values)
@@ -134,25 +135,25 @@ class Drive(Short):
         rates = rates_in(self.plant, output)
         if rates is not None:
             return np.asarray(self.rates @ rates)
-        found, alpha = np.zeros(self.states.shape[:2]), None
+        values, alpha = np.zeros(self.states.shape[:2]), None
         sources = self.states, self.applied, self.disturbance[None]
-        for rows, own, source in zip(
+        for rows, matrices, source in zip(
             (output.C, output.D, output.F), output.arrays(self.plant), sources, strict=True
         ):
             if len(rows) == 1:
-                found += source @ own[0]
+                values += source @ matrices[0]
             elif rows:
                 alpha = Space(self.plant).alpha(once(self.parameters)) if alpha is None else alpha
-                found += np.einsum("...j,...j->...", alpha @ own, source)
-        return found
+                values += np.einsum("...j,...j->...", alpha @ matrices, source)
+        return values
 
 
 @dataclass(frozen=True, eq=False)
 class Record(Short):
     """Arrays (count, time, ...) at all instants; see `driving.result.Drive`.
 
-    ``disturbance`` (time, q) is that of the step which begins at an instant; ``mass`` [kg] is what
-    rests on the tyre of a car, infinite for any other plant.
+    ``disturbance`` (time, q) holds over the step that begins at the instant. ``mass`` [kg] is the
+    mass on a car's tyre; it is infinite for other plants.
     """
 
     disturbance: Array
@@ -167,12 +168,12 @@ class Record(Short):
 
 
 def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
-    """Return what was the case at every instant; at the last one, the road of the last step.
+    """Return the record of all instants; the last instant has the disturbance of the last step.
 
     Parameters
     ----------
     reading : Reading, optional
-        What the law followed, where no controller has recorded what it used and demanded.
+        The parameters that the law used, where no controller recorded them and its demands.
     """
     (n, m), (total, count, _) = model.plant.shape, solution.z.shape
     x, rates = solution.z[..., :n], np.empty((total, count, n))
@@ -202,15 +203,18 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     return Record(w, x, rates, demanded, applied, stops, true, used, mass)
 
 
-def _parts(total: int, each: int) -> Iterator[slice]:
-    """Yield parts of so many instants, each with few enough numbers."""
-    length = max(1, CHUNK // each)
+def _parts(total: int, numbers: int) -> Iterator[slice]:
+    """Yield slices of the instants that hold at most `CHUNK` numbers.
+
+    An instant has ``numbers`` of them.
+    """
+    length = max(1, CHUNK // numbers)
     for first in range(0, total, length):
         yield slice(first, min(first + length, total))
 
 
 def instants(model: Model) -> tuple[Array, Array]:
-    """Return times just after all instants, the last one just before, and the steps they lie in."""
+    """Return times just after the instants (just before the last), and their steps' indices."""
     steps = model.excitation.steps
     k = np.arange(steps + 1)
     last = np.minimum(k, steps - 1)
@@ -218,17 +222,20 @@ def instants(model: Model) -> tuple[Array, Array]:
 
 
 def parameters_over_time(model: Model, reading: Reading | None = None) -> Array:
-    """Return the true parameters at all instants, or what a law reads, (count, time, q)."""
+    """Return the true parameters at all instants, or those that a law reads, (count, time, q)."""
     (times, _), space = instants(model), model.trajectories.space
     source = model.trajectories if reading is None else reading
-    found = source.at(times[:1] if source.constant else times)
-    found = found if reading is None else space.inside(found)
-    shape = (len(times), len(model.trajectories.cars), found.shape[-1])
-    return np.swapaxes(np.broadcast_to(found, shape), 0, 1)
+    values = source.at(times[:1] if source.constant else times)
+    values = values if reading is None else space.inside(values)
+    shape = (len(times), len(model.trajectories.cars), values.shape[-1])
+    return np.swapaxes(np.broadcast_to(values, shape), 0, 1)
 
 
 def loads_over_time(model: Model) -> Array:
-    """Return what rests on the tyre [kg], (count, time): both masses, of them the first load."""
+    """Return the mass on the tyre [kg], (count, time): the unsprung and the sprung mass.
+
+    With gravity the sprung mass is that of the first load.
+    """
     times, _ = instants(model)
     shape = (len(model.trajectories.cars), len(times))
     if model.known is None:
@@ -236,36 +243,36 @@ def loads_over_time(model: Model) -> Array:
     known, N = model.known, len(model.plant.vertices)
     push = known.push(*model.plant.at(np.eye(N)))[:, known.places[2:]]
     times = times[:1] if model.trajectories.constant else times
-    found = np.empty((len(times), shape[0]))
+    loads = np.empty((len(times), shape[0]))
     for part in _parts(len(times), shape[0] * N):
         alpha = model.trajectories.space.alpha(model.trajectories.at(times[part]))
         up, down = np.moveaxis(alpha @ push, -1, 0)
-        found[part] = (model.first_load if model.gravity else 1 / up) - 1 / down
-    return np.broadcast_to(found.T, shape)
+        loads[part] = (model.first_load if model.gravity else 1 / up) - 1 / down
+    return np.broadcast_to(loads.T, shape)
 
 
 def assessed(
-    model: Model, own: Record, claims: Claims | None, scheduled: bool
+    model: Model, drive: Record, claims: Claims | None, scheduled: bool
 ) -> tuple[tuple[Event, ...], tuple[str, ...], Any]:
-    """Return events, notes, and where the margins cover what happened (None without any).
+    """Return events, notes, and where the margins cover the drive (None without margins).
 
     Parameters
     ----------
     scheduled : bool
-        Whether the law looks at the parameters: else being wrong about them is no error.
+        Whether the law depends on the parameters. If it does not, errors in them do not count.
     """
     times, space = model.excitation.times, model.trajectories.space
     errors = np.zeros(1)
     if scheduled:
-        errors = np.abs(once(own.parameters) - once(own.used))
+        errors = np.abs(once(drive.parameters) - once(drive.used))
     motion = Motion(
         space,
-        own.parameters,
-        np.broadcast_to(errors, own.parameters.shape),
+        drive.parameters,
+        np.broadcast_to(errors, drive.parameters.shape),
         rates_of(model.trajectories, model.excitation),
     )
     events, outside = interval_events(motion, times)
-    hardware, met = _hardware(model, own, times)
+    hardware, met = _hardware(model, drive, times)
     if claims is None:
         compared = (
             f"no margins were given to compare with; fastest change: {motion.largest('rates')}; "
@@ -277,61 +284,61 @@ def assessed(
 
 
 def once(values: Array) -> Array:
-    """Return values (count, time, ...) at one instant only, where they are the same at all."""
+    """Return values (count, time, ...) at the first instant alone if they are constant in time."""
     return values[:, :1] if values.strides[1] == 0 else values
 
 
 def throughout(model: Model, sampling: Sampling | None, learner: Learner | None) -> tuple[str, ...]:
-    """Return what no claim covers and is so all the time."""
-    found = []
+    """Return notes on conditions of the whole drive that no claim covers."""
+    notes = []
     if sampling is not None and not sampling.designed:
         delayed = ", a sample late" if sampling.delayed else ""
-        found.append(f"the controller samples every {sampling.period:g} s{delayed}: in no claim")
+        notes.append(f"the controller samples every {sampling.period:g} s{delayed}: in no claim")
     if model.actuator.bandwidth is not None:
-        found.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
+        notes.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
     if learner is not None:
         seen = learner.own.identifiable()
         for name, visible in zip(model.trajectories.space.names, seen, strict=False):
             if not visible:
-                found.append(f"the estimator cannot see {name}, which keeps its first value")
-    return tuple(found)
+                notes.append(f"the estimator cannot see {name}, which keeps its first value")
+    return tuple(notes)
 
 
-def given(model: Model, own: Record) -> list[str]:
-    """Say how often controllable dampers gave what was demanded, of cars that are not lost."""
-    found = list[str]()
-    there = np.isfinite(own.applied).all(axis=-1) if model.dampers else np.True_
-    some: Any = ... if there.all() else there  # mostly all, which need not be copied
+def given(model: Model, drive: Record) -> list[str]:
+    """Say how often controllable dampers gave the demanded force; diverged cars are left out."""
+    lines = list[str]()
+    there = np.isfinite(drive.applied).all(axis=-1) if model.dampers else np.True_
+    some: Any = ... if there.all() else there  # a mask copies; mostly all cars are there
     for k, _, _, _ in model.dampers:
-        asked, gave = own.demanded[some, k], own.applied[some, k]
+        asked, gave = drive.demanded[some, k], drive.applied[some, k]
         if model.hardware.sampling is None and asked.any():
             share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))
             name = inputs(model.plant)[k].name
-            found.append(f"{name}: the damper gives what is demanded {share:.0%} of the time")
-    return found
+            lines.append(f"{name}: the damper gives what is demanded {share:.0%} of the time")
+    return lines
 
 
-def _hardware(model: Model, own: Record, times: Array) -> tuple[list[Event], Any]:
-    """Return events of limits met, and where any is (count, time)."""
-    found = list[Event]()
-    met = np.zeros(own.states.shape[:2], dtype=bool)
+def _hardware(model: Model, drive: Record, times: Array) -> tuple[list[Event], Any]:
+    """Return events of hardware limits that are met, and the mask of them (count, time)."""
+    events = list[Event]()
+    met = np.zeros(drive.states.shape[:2], dtype=bool)
     limit = model.actuator.limit
     if limit is not None:
-        size = reduce(np.maximum, np.abs(np.moveaxis(own.demanded[..., : model.driven], -1, 0)))
+        size = reduce(np.maximum, np.abs(np.moveaxis(drive.demanded[..., : model.driven], -1, 0)))
         over = size > limit
         met |= over
-        found += spans(
+        events += spans(
             "limit", over, size, times,
             lambda car, k: f"{size[car, k]:.4g} demanded of an actuator that gives {limit:g}",
         )  # fmt: skip
     for i, name in enumerate(model.suspensions.names if model.suspensions else ()):
-        force = own.stops[..., i]
+        force = drive.stops[..., i]
         met |= force != 0
-        found += _stops(name, force, times)
-    for kind, mask, size, words in (*_contact(model, own), *_lost(own)):
+        events += _stops(name, force, times)
+    for kind, mask, size, words in (*_contact(model, drive), *_lost(drive)):
         met |= mask
-        found += spans(kind, mask, size, times, lambda *_, words=words: words)
-    return found, met
+        events += spans(kind, mask, size, times, lambda *_, words=words: words)
+    return events, met
 
 
 def _stops(name: str, force: Array, times: Array) -> list[Event]:
@@ -345,22 +352,22 @@ def _stops(name: str, force: Array, times: Array) -> list[Event]:
     return spans("stops", force != 0, np.abs(force), times, words)
 
 
-def _contact(model: Model, own: Record) -> list[tuple[str, Any, Array, str]]:
-    """Spans where the tyre would have to pull: the linear tyre is no tyre any more."""
+def _contact(model: Model, drive: Record) -> list[tuple[str, Any, Array, str]]:
+    """Return spans where the linear tyre would have to pull: the wheel has left the road."""
     known = model.known
     if known is None or known.tyre_force is None:
         return []
     row = known.tyre_force.arrays(model.plant)[0][0]
-    force = own.mass * GRAVITY
+    force = drive.mass * GRAVITY
     for i in np.flatnonzero(row):
-        force = force + row[i] * own.states[..., i]
+        force = force + row[i] * drive.states[..., i]
     return [("road", force < 0, -force, f"the tyre {LEAVES}")]
 
 
-def _lost(own: Record) -> list[tuple[str, Any, Array, str]]:
-    if np.all(np.isfinite(own.states[:, -1])):  # what is lost stays so
+def _lost(drive: Record) -> list[tuple[str, Any, Array, str]]:
+    if np.all(np.isfinite(drive.states[:, -1])):  # a state that has diverged stays so
         return []
-    gone = ~np.all(np.isfinite(own.states), axis=-1)
+    gone = ~np.all(np.isfinite(drive.states), axis=-1)
     return [("lost", gone, gone.astype(float), RUNS_AWAY)]
 
 
@@ -371,17 +378,18 @@ class Event(Short):
     Attributes
     ----------
     kind : str
-        "interval": a parameter outside its own; "rate", "estimate": above what is proved; "rate
-        and estimate": both not zero at once, which no margin covers; "limit" of the actuator,
-        "stops", "road": the tyre leaves it; "lost": the state runs away.
+        "interval": a parameter leaves its interval; "rate", "estimate": above the proved bound;
+        "rate and estimate": both nonzero at once, which no margin covers; "limit": actuator
+        saturation; "stops": a bump stop is hit; "road": the tyre leaves the road; "lost": the
+        state diverges.
     car : int
         Number of the car, from 0.
     first : float
-        When it first was so [s].
+        Time of its first instant [s].
     duration : float
-        For how long in all [s], in whole steps; 0 for what is so at an instant only.
+        Total duration [s], in whole steps; 0 for a single instant.
     text : str
-        In words, with the worst of it.
+        The event in words, with its worst value.
     """
 
     kind: str
@@ -424,7 +432,7 @@ class Motion(Short):
 def claim_events(
     motion: Motion, claims: Claims, step: float, times: Array
 ) -> tuple[list[Event], Any]:
-    """Return where the margins do not cover what the parameters did, and the mask where they do.
+    """Return events where the margins do not cover the parameters' motion, and the covered mask.
 
     Returns
     -------
@@ -434,27 +442,27 @@ def claim_events(
     space = motion.space
     rates = measured_by(space, motion.rates, step)
     errors = measured_by(space, motion.errors)
-    found, covered = list[Event](), np.ones(rates.shape[:2], dtype=bool)
-    for kind, values, own, bounds, shown in (
+    events, covered = list[Event](), np.ones(rates.shape[:2], dtype=bool)
+    for kind, values, what, bounds, shown in (
         ("rate", rates, "rate of change", claims.rates, motion.rates),
         ("estimate", errors, "error of the scheduling", claims.errors, motion.errors),
     ):
         share = share_of_claim(values, bounds)
 
         def words(
-            car: int, k: int, own: str = own, share: Array = share, shown: Array = shown,
+            car: int, k: int, what: str = what, share: Array = share, shown: Array = shown,
             kind: str = kind,
         ) -> str:  # fmt: skip
             much = share[car, k]
             by = f"{much:.4g} times what is proved" if np.isfinite(much) else "beyond any margin"
             return (
-                f"{own} above what is proved: {motion.words(shown[car, k], kind == 'rate')}, {by}"
+                f"{what} above what is proved: {motion.words(shown[car, k], kind == 'rate')}, {by}"
             )
 
-        found += spans(kind, share > 1, share, times, words)
+        events += spans(kind, share > 1, share, times, words)
         covered &= share <= 1
     both = (rates.max(axis=-1) > 0) & (errors.max(axis=-1) > 0) & covered
-    found += spans(
+    events += spans(
         "rate and estimate",
         both,
         errors.max(axis=-1),
@@ -464,61 +472,62 @@ def claim_events(
             f"other: error {motion.words(motion.errors[car, k], False)}"
         ),
     )
-    return found, covered & ~both
+    return events, covered & ~both
 
 
 def interval_events(motion: Motion, times: Array) -> tuple[list[Event], Any]:
-    """Return where parameters are outside their intervals, and the mask of it (count, time)."""
-    space, found = motion.space, list[Event]()
+    """Return events of parameters outside their intervals, and the mask of them (count, time)."""
+    space, events = motion.space, list[Event]()
     away = np.broadcast_to(space.distance(once(motion.true)), motion.true.shape)
     for i, name in enumerate(space.names):
-        own = away[..., i]
+        distance = away[..., i]
 
         def words(car: int, k: int, i: int = i, name: str = name) -> str:
             value, unit = motion.true[car, k, i], space.units[i]
             bounds = f"[{space.low[i]:g}, {space.high[i]:g}]"
             return f"{name} = {value:.6g} {unit}".rstrip() + f" outside {bounds}, at worst"
 
-        found += spans("interval", own > 0, own, times, words)
+        events += spans("interval", distance > 0, distance, times, words)
     outside = (once(away) > 0).any(axis=-1)
-    return found, np.broadcast_to(outside, away.shape[:2])
+    return events, np.broadcast_to(outside, away.shape[:2])
 
 
 def spans(
     kind: str, mask: Any, size: Array, times: Array, words: Callable[[int, int], str]
 ) -> list[Event]:
-    """Return an event for every car for which ``mask`` (count, time) is somewhere true.
+    """Return one event for every car whose ``mask`` (count, time) is true at some instant.
 
-    ``words`` gets the car and the instant where ``size`` (count, time) is largest in the mask.
+    ``words`` is called with the car and the instant of the largest ``size`` within its mask.
     """
     step, events = times[1] - times[0], list[Event]()
     for car in np.flatnonzero(mask.any(axis=1)):
-        own = mask[car]
-        worst = int(np.argmax(np.where(own, size[car], -np.inf)))
-        first, lasting = times[int(np.argmax(own))], np.count_nonzero(own[:-1]) * step
+        inside = mask[car]
+        worst = int(np.argmax(np.where(inside, size[car], -np.inf)))
+        first, lasting = times[int(np.argmax(inside))], np.count_nonzero(inside[:-1]) * step
         text = words(int(car), worst)
         events.append(Event(kind, int(car), float(first), float(lasting), text))
     return events
 
 
 def summary(events: Sequence[Event], count: int) -> list[str]:
-    """Return a line for every kind of event; of many cars, that which it meets first."""
+    """Return one line per kind of event; for several cars, with the earliest event."""
     if count == 1:
         return [str(event) for event in events]
     lines = []
     for kind in dict.fromkeys(event.kind for event in events):
-        own = [event for event in events if event.kind == kind]
-        cars = len({event.car for event in own})
-        early = min(own, key=lambda event: event.first)
+        alike = [event for event in events if event.kind == kind]
+        cars = len({event.car for event in alike})
+        early = min(alike, key=lambda event: event.first)
         lines.append(f"{kind}: {cars} of {count} cars; car {early.car}: {early}")
     return lines
 
 
 @dataclass(frozen=True, eq=False)
 class Claims(Short):
-    """Bounds that margins prove: one row a claim, in the parameters' units, infinite for any rate.
+    """Bounds proved by margins: one row per claim, in the parameters' units.
 
-    Without parameters a row has one number, of weight.
+    A bound is infinite where any rate is allowed. For a plant given by its vertices a row has one
+    number, the change of the weights alpha.
     """
 
     errors: tuple[Array, ...] = ()
@@ -526,12 +535,12 @@ class Claims(Short):
 
 
 def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
-    """Return the claims of margins in service, None where none are given.
+    """Return the claims of margins in service; None without margins.
 
     Raises
     ------
     InputError
-        If they are none, or those of another plant or law.
+        If they are not margins, or are those of another plant or law.
     """
     if given is None:
         return None
@@ -542,7 +551,7 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
     elif not (isinstance(given, Sequence) and all(isinstance(m, Margin) for m in given)):
         raise InputError("margins must be what in_service(design) returns, or a list of its parts")
     width = len(space.plant.parameters) or 1
-    found: dict[str, list[Array]] = {"estimate": [], "rate": [], "gain": []}
+    bounds: dict[str, list[Array]] = {"estimate": [], "rate": [], "gain": []}
     for margin in given:
         claim: Any = margin.claim
         if margin.kind == "gain" or claim is None:
@@ -551,8 +560,8 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
         row = np.full(width, math.inf) if values is None else np.array([float(v) for v in values])
         if len(row) != width:
             raise InputError(f"margin {margin.name} is of another plant than {space.plant.name}")
-        found[margin.kind].append(row)
-    return Claims(tuple(found["estimate"]), tuple(found["rate"]))
+        bounds[margin.kind].append(row)
+    return Claims(tuple(bounds["estimate"]), tuple(bounds["rate"]))
 
 
 def _require_same(service: Margins, space: Space, law: Any) -> None:
@@ -560,8 +569,8 @@ def _require_same(service: Margins, space: Space, law: Any) -> None:
     if plant.digest != space.plant.digest or plant.parameters != space.plant.parameters:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")
     theirs = given_law(plant, service.design.law)
-    own = None if law is None else law_or_table(plant, law)
-    if own is None or own.exact != theirs.exact:
+    exact_law = None if law is None else law_or_table(plant, law)
+    if exact_law is None or exact_law.exact != theirs.exact:
         raise InputError("the margins are another law's; give those of the law that drives")
 
 
@@ -571,9 +580,9 @@ def is_scheduled(space: Space, law: Any) -> bool:
 
 
 def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:
-    """Return how fast the parameters move in the step after each instant, (count, time, q).
+    """Return the parameters' rates in the step after every instant, (count, time, q).
 
-    In their units per second; infinite where they jump at the instant.
+    They are in units per second, and infinite where a parameter jumps at the instant.
     """
     k: Any = np.arange(excitation.steps)
     start = trajectories.at((k + INSIDE) * excitation.step)
@@ -581,30 +590,30 @@ def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:
     if trajectories.constant:
         return np.broadcast_to(0.0, (shape[1], shape[0], shape[2]))
     end = trajectories.at((k + 1 - INSIDE) * excitation.step)
-    found = np.zeros(shape)
-    found[:-1] = np.abs(end - start) / excitation.step
+    rates = np.zeros(shape)
+    rates[:-1] = np.abs(end - start) / excitation.step
     gap = np.abs(start[1:] - end[:-1]) > JUMP * (trajectories.space.high - trajectories.space.low)
-    found[1:-1][gap] = math.inf
-    return np.swapaxes(found, 0, 1)
+    rates[1:-1][gap] = math.inf
+    return np.swapaxes(rates, 0, 1)
 
 
 def measured_by(space: Space, values: Array, seconds: float = 1.0) -> Array:
-    """Return values (..., q) without rounding, in the terms of claims (..., q or 1).
+    """Set rounding errors in values (..., q) to zero, and convert to a claim's width (q or 1).
 
     Parameters
     ----------
     seconds : float
-        What a rate is to be multiplied by before it is compared with the range.
+        Factor from rates to changes that are compared with the range.
     """
     rounding = values * seconds <= TINY * (space.high - space.low)
-    found = np.where(rounding, 0.0, values)
-    return found if space.plant.parameters else found.sum(axis=-1, keepdims=True) / 2
+    measured = np.where(rounding, 0.0, values)
+    return measured if space.plant.parameters else measured.sum(axis=-1, keepdims=True) / 2
 
 
 def share_of_claim(values: Array, claims: Sequence[Array]) -> Array:
-    """Return values (..., q) as a share of the claim that allows most (...): above 1, none does.
+    """Return the least ratio (...) of values (..., q) to a bound; above 1 no claim covers them.
 
-    Without a claim anything but zero is infinitely much.
+    Without a claim the ratio of any nonzero value is infinite.
     """
     moves = values > 0
     best = np.where(moves.any(axis=-1), math.inf, 0.0)

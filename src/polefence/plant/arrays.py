@@ -1,4 +1,4 @@
-"""Files of other tools, MATLAB, NumPy, JSON, CSV: their matrices by name, and the plant of them."""
+"""Read matrices and plants from files of other tools: MATLAB, NumPy, JSON and CSV."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ class Arrays(Short):
     Attributes
     ----------
     place : str
-        Of the file, for messages.
+        Path of the file, for messages.
     matrices : dict of name to matrices
-        One, or one a vertex.
+        One matrix, or one per vertex.
     words : dict of name to texts
     names : dict of name to name
-        What the file calls some of them.
+        The file's own names for some of them.
     faults : dict of name to text
-        Why others of the file are no matrices; said where one is asked for.
+        Why other variables of the file are not matrices; raised when one is asked for.
     objects : dict of name to text
-        Those of them that hold no numbers: what they are.
+        Variables among these that hold no numbers, and their type.
     """
 
     place: str
@@ -64,7 +64,7 @@ class Arrays(Short):
     objects: Mapping[str, str] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
-        """Whether it is there, or was said to be: then `__getitem__` says that it is not."""
+        """Whether a name is known; `__getitem__` may still raise why it is no matrix."""
         return name in self.matrices or name in self.names or name in self.faults
 
     def __getitem__(self, name: str) -> list[Exact]:
@@ -73,26 +73,26 @@ class Arrays(Short):
         Raises
         ------
         InputError
-            If there are none, one is no matrix of finite numbers, or they differ in shape.
+            If there are none, one is not a matrix of finite numbers, or shapes differ.
         """
         if name not in self.matrices:
-            own, known = self.names.get(name, name), sorted(self.matrices)
-            if own in self.faults:
-                raise InputError(self.faults[own])
-            raise InputError(f"{self.place}: no matrix {shown(own)}; {suggest(own, known)}")
-        each = self.matrices[name]
+            called, known = self.names.get(name, name), sorted(self.matrices)
+            if called in self.faults:
+                raise InputError(self.faults[called])
+            raise InputError(f"{self.place}: no matrix {shown(called)}; {suggest(called, known)}")
+        given = self.matrices[name]
         try:
-            found = [
-                read_matrix(own, name if len(each) == 1 else f"{name}, matrix {k + 1}")
-                for k, own in enumerate(each)
+            exact = [
+                read_matrix(matrix, name if len(given) == 1 else f"{name}, matrix {k + 1}")
+                for k, matrix in enumerate(given)
             ]
         except InputError as problem:
             raise InputError(f"{self.place}: {problem}") from problem
-        shapes = sorted({(len(own), len(own[0])) for own in found})
+        shapes = sorted({(len(matrix), len(matrix[0])) for matrix in exact})
         if len(shapes) != 1:
             told = " and ".join(f"{n} x {m}" for n, m in shapes) or "none"
             raise InputError(f"{self.place}: {name} holds matrices of different shapes: {told}")
-        return found
+        return exact
 
     def one(self, name: str) -> Exact:
         """Return the matrix of a name.
@@ -102,39 +102,41 @@ class Arrays(Short):
         InputError
             If there is none, or more than one.
         """
-        found = self[name]
-        if len(found) > 1:
-            raise InputError(f"{self.place}: {name} holds {len(found)} matrices, not one")
-        return found[0]
+        matrices = self[name]
+        if len(matrices) > 1:
+            raise InputError(f"{self.place}: {name} holds {len(matrices)} matrices, not one")
+        return matrices[0]
 
     def listed(self, names: Iterable[str]) -> list[str]:
-        """Say which of these the file has, as it calls them, and how many of each."""
-        found = []
+        """List those names that the file has, with its own name and the number of vertices."""
+        texts = []
         for name in names:
             if name in self.matrices:
-                own, count = self.names.get(name, name), len(self.matrices[name])
-                called = name if own == name else f"{name} (called {shown(own)})"
-                found.append(called if count == 1 else f"{called} of {count} vertices")
-        return found
+                original, count = self.names.get(name, name), len(self.matrices[name])
+                called = name if original == name else f"{name} (called {shown(original)})"
+                texts.append(called if count == 1 else f"{called} of {count} vertices")
+        return texts
 
     def holds(self, name: str) -> bool:
-        """Whether it is there, and no object: what may be left out is, where it is one."""
+        """Whether a name is there and no object: objects under an optional name are ignored."""
         return name in self and self.names.get(name, name) not in self.objects
 
     def left_out(self, names: Iterable[str]) -> list[str]:
-        """Say which of these the file has as objects, and what they are."""
+        """List those of these names that the file has as objects, with their types."""
         called = {name: self.names.get(name, name) for name in names}
         return [
-            f"{name} ({self.objects[own]})" for name, own in called.items() if own in self.objects
+            f"{name} ({self.objects[original]})"
+            for name, original in called.items()
+            if original in self.objects
         ]
 
     def only(self, name: str) -> list[Exact]:
-        """Return the matrices of a name, or those of a file that has no others.
+        """Return the matrices of a name, or the only matrices of the file.
 
         Raises
         ------
         InputError
-            If it has several, none of this name.
+            If the file has several names, and not this one.
         """
         every = list(self.matrices)
         return self[every[0] if name not in self and len(every) == 1 else name]
@@ -144,25 +146,26 @@ class Arrays(Short):
 def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays:
     """Read the matrices of a file, or of the CSV files of a folder.
 
-    A matrix may be one a vertex: in MATLAB (n, n, N), a cell array, or ``A1`` to ``AN``; in NumPy
-    (N, n, n); in JSON a list of matrices; in CSV one file each. Fields of a structure array are
-    read as its members' matrices, under the field's name where no variable has it.
+    There may be one matrix per vertex: in MATLAB (n, n, N), a cell array, or ``A1`` to ``AN``;
+    in NumPy (N, n, n); in JSON a list of matrices; in CSV one file per matrix. A field of a
+    structure array is read as one matrix per element, under the field's name if no variable has
+    that name.
 
     Parameters
     ----------
     names : mapping, optional
-        What the file calls some of them, {new: old}.
+        The file's own names for some of them, {new: old}.
 
     Raises
     ------
     InputError
-        If it cannot be read, is too long, or is not of these kinds.
+        If the file cannot be read, is too long, or is not of these kinds.
     """
-    found = _read_arrays(Path(path))
-    own = found.matrices
-    more = {new: own[old] for new, old in names.items() if old in own}
-    rest = {name: each for name, each in own.items() if name not in names}
-    return replace(found, matrices=rest | more, names=names)
+    arrays = _read_arrays(Path(path))
+    matrices = arrays.matrices
+    more = {new: matrices[old] for new, old in names.items() if old in matrices}
+    rest = {name: value for name, value in matrices.items() if name not in names}
+    return replace(arrays, matrices=rest | more, names=names)
 
 
 def _read_arrays(path: Path) -> Arrays:
@@ -170,8 +173,8 @@ def _read_arrays(path: Path) -> Arrays:
         files = sorted(path.glob("*.csv"))
         if not files or len(files) > MAX_FILES:
             raise InputError(f"{path}: a folder of {len(files)} .csv files; {WANTED}")
-        each = {file.stem: [_csv(file, _read(file))] for file in files}
-        return _with_series(Arrays(str(path), each))
+        tables = {file.stem: [_csv(file, _read(file))] for file in files}
+        return _with_series(Arrays(str(path), tables))
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise InputError(f"{path}: not read here; {WANTED}")
@@ -202,28 +205,28 @@ def _read(path: Path) -> bytes:
     return read_bytes(path, reading.MAX_BYTES, InputError)
 
 
-def _with_series(found: Arrays) -> Arrays:
-    """Add A for A1, A2, ..., AN, where there is no A."""
+def _with_series(arrays: Arrays) -> Arrays:
+    """Join A1, A2, ..., AN to A where there is no A."""
     series = dict[str, dict[int, Matrix]]()
-    for name, own in found.matrices.items():
+    for name, matrices in arrays.matrices.items():
         match = _NUMBERED.fullmatch(name)
-        if match and len(own) == 1:
-            series.setdefault(match[1], {})[int(match[2])] = own[0]
-    more, faults = dict(found.matrices), dict(found.faults)
-    for name, each in series.items():
-        missing = next((k for k in range(1, max(each) + 1) if k not in each), None)
-        if name in found:
+        if match and len(matrices) == 1:
+            series.setdefault(match[1], {})[int(match[2])] = matrices[0]
+    more, faults = dict(arrays.matrices), dict(arrays.faults)
+    for name, numbered in series.items():
+        missing = next((k for k in range(1, max(numbered) + 1) if k not in numbered), None)
+        if name in arrays:
             continue
         if missing is None:
-            more[name] = [each[k] for k in sorted(each)]
+            more[name] = [numbered[k] for k in sorted(numbered)]
         else:
-            there = f"{name}{max(each)} is there, {name}{missing} is missing"
-            faults[name] = f"{found.place}: {there}"
-    return replace(found, matrices=more, faults=faults)
+            there = f"{name}{max(numbered)} is there, {name}{missing} is missing"
+            faults[name] = f"{arrays.place}: {there}"
+    return replace(arrays, matrices=more, faults=faults)
 
 
 def _csv(path: Path, raw: bytes) -> Matrix:
-    """Read one matrix: a row a line; between numbers commas, semicolons, tabs or spaces."""
+    """Read one matrix, a row per line, with commas, semicolons, tabs or spaces between numbers."""
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -311,7 +314,7 @@ class _ObjectError(InputError):
 
 
 def _or_fault(read: Callable[..., Any], *given: Any) -> Any:
-    """Return what is read, or why it is none: nobody may ask for it."""
+    """Return the value, or the fault: it is raised only if this variable is asked for."""
     try:
         return read(*given)
     except InputError as problem:
@@ -319,7 +322,7 @@ def _or_fault(read: Callable[..., Any], *given: Any) -> Any:
 
 
 def _array(where: str, value: Any, first: bool) -> Any:
-    """Return an array's matrices, its vertices first or last; of texts, the texts."""
+    """Return an array's matrices, with the vertices on its first or last axis, or its texts."""
     value = np.asarray(value)
     if value.dtype.kind in "US":
         return [str(word) for word in value.ravel()]
@@ -342,33 +345,34 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     for name, value in matlab.variables(path, raw):
         members = _members(value)
         for key in members[0] if members else ():
-            fields.setdefault(key, []).append(matlab.Cells(tuple(own[key] for own in members)))
+            cells = matlab.Cells(tuple(member[key] for member in members))
+            fields.setdefault(key, []).append(cells)
         if not members:
             given[name] = value
     for key, lists in fields.items():
         if len(lists) == 1 and key not in given:
             given[key] = lists[0]
     for name, value in given.items():
-        own = _or_fault(_of_matlab, f"{path}: {name}", value)
-        if own is not None:
-            yield name, own
+        matrices = _or_fault(_of_matlab, f"{path}: {name}", value)
+        if matrices is not None:
+            yield name, matrices
 
 
 def _members(value: Any) -> tuple[dict[str, Any], ...]:
-    """Return the members of a structure array, or of cells that hold one structure each."""
+    """Return the members of a structure array, or of cells with one structure in every cell."""
     if isinstance(value, matlab.Structures):
         return value.members
     if not isinstance(value, matlab.Cells):
         return ()
-    alone = [own.members for own in value.values if isinstance(own, matlab.Structures)]
-    if len(alone) < len(value.values) or any(len(own) != 1 for own in alone):
+    alone = [cell.members for cell in value.values if isinstance(cell, matlab.Structures)]
+    if len(alone) < len(value.values) or any(len(structures) != 1 for structures in alone):
         return ()
-    members = tuple(own[0] for own in alone)
-    return members if len({tuple(own) for own in members}) == 1 else ()
+    members = tuple(structures[0] for structures in alone)
+    return members if len({tuple(member) for member in members}) == 1 else ()
 
 
 def _of_matlab(where: str, value: Any) -> Any:
-    """Return matrices or texts of a variable, None where it is neither."""
+    """Return the matrices or texts of a variable; None if it holds neither."""
     if isinstance(value, matlab.Unread):
         raise _ObjectError(where, value.what)
     if isinstance(value, list):
@@ -377,23 +381,23 @@ def _of_matlab(where: str, value: Any) -> Any:
         return _array(where, value, first=False) if value.size else None
     if not isinstance(value, matlab.Cells) or not value.values:
         return None
-    if any(isinstance(own, matlab.Cells) for own in value.values):
+    if any(isinstance(member, matlab.Cells) for member in value.values):
         return None
-    members = [_of_matlab(where, own) for own in value.values]
-    if all(isinstance(own, str) for own in members):
+    members = [_of_matlab(where, member) for member in value.values]
+    if all(isinstance(member, str) for member in members):
         return members
-    if all(isinstance(own, list) and len(own) == 1 for own in members):
-        return [own[0] for own in members]
+    if all(isinstance(member, list) and len(member) == 1 for member in members):
+        return [member[0] for member in members]
     return None
 
 
 @explained
 def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
-    """Return the family whose vertices are a file's A, B, and where they are there E, C, D, F.
+    """Return the family with the vertices A, B and, where the file has them, E, C, D and F.
 
     Rows of C, D and F are outputs. Texts ``states``, ``inputs``, ``disturbances``, ``outputs`` and
-    ``name`` name them, ``sample_time`` is that of a discrete plant [s]. Without a B the A are
-    closed loops as they are.
+    ``name`` name them, ``sample_time`` makes the plant discrete [s]. Without a B the
+    matrices A are closed loops.
 
     Raises
     ------
@@ -404,7 +408,7 @@ def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
     n = len(A[0])
     B = arrays["B"] if "B" in arrays else [np.eye(n, dtype=int).tolist()]
     E = arrays["E"] if arrays.holds("E") else None
-    N = max(len(each) for each in (A, B, E or A))
+    N = max(len(matrices) for matrices in (A, B, E or A))
     words = {key: tuple(arrays.words.get(key, ())) for key in ("states", "inputs", "disturbances")}
     label = name or next(iter(arrays.words.get("name", ())), "") or Path(arrays.place).stem
     seconds = arrays.one("sample_time")[0][0] if "sample_time" in arrays else None
@@ -419,7 +423,7 @@ def plant_from(arrays: Arrays, name: str = "") -> UncertainPlant:
 
 
 def _each(matrices: list[Any], N: int) -> list[Any]:
-    """Return a matrix of each vertex, where it is the same one of all."""
+    """Repeat a matrix that is the same at all vertices."""
     return matrices * N if len(matrices) == 1 else matrices
 
 
@@ -435,6 +439,6 @@ def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
         raise InputError(f"outputs names {len(labels)} signals; C has {count} rows")
     known = {signal.name for signal in plant.signals}
     for i, label in enumerate(labels):
-        own, unit = split(label)
-        if own not in known:
-            yield Output(own, unit, **{key: [M[i] for M in each] for key, each in given.items()})
+        output, unit = split(label)
+        if output not in known:
+            yield Output(output, unit, **{key: [M[i] for M in rows] for key, rows in given.items()})

@@ -15,10 +15,10 @@ from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, 
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
 
-DAMPING = Fraction("0.7071")  # of an actuator of order 2
-DIGITS = 12  # that 2 pi f and other irrational entries are rounded to
-MOST_STATES = 20  # of a law
-# How the names of its states and signals begin.
+DAMPING = Fraction("0.7071")  # default damping ratio of an actuator of order 2
+DIGITS = 12  # significant digits of 2 pi f and other irrational entries
+MOST_STATES = 20  # bound on the order of a law
+# Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
 DERIVATIVE = "pid derivative of "
 
@@ -28,7 +28,7 @@ ZERO, ONE = Fraction(0), Fraction(1)
 def with_dynamics(
     plant: UncertainPlant, signals: Sequence[Output], a: Exact, b: Exact, labels: Sequence[str]
 ) -> UncertainPlant:
-    """Return the plant with states z behind its own, z' = a z + b y, or z(t + T) in discrete time.
+    """Return the plant with states z appended, z' = a z + b y, or z(t + T) in discrete time.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def with_dynamics(
     labels : k names, with units
     """
     k, vertices = len(a), []
-    each = [signal.exact(plant) for signal in signals]
-    for j, own in enumerate(plant.vertices):
-        C, D, F = ([rows[letter][j] for rows in each] for letter in range(3))
-        A = [*((*row, *(ZERO,) * k) for row in own.exact_A)]
+    rows_of = [signal.exact(plant) for signal in signals]
+    for j, vertex in enumerate(plant.vertices):
+        C, D, F = ([rows[letter][j] for rows in rows_of] for letter in range(3))
+        A = [*((*row, *(ZERO,) * k) for row in vertex.exact_A)]
         A += [(*left, *right) for left, right in zip(_product(b, C), a, strict=True)]
-        B = (*own.exact_B, *_product(b, D))
-        E = None if own.exact_E is None else (*own.exact_E, *_product(b, F))
-        vertices.append(System(tuple(A), B, E, own.name))
+        B = (*vertex.exact_B, *_product(b, D))
+        E = None if vertex.exact_E is None else (*vertex.exact_E, *_product(b, F))
+        vertices.append(System(tuple(A), B, E, vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),
@@ -60,7 +60,7 @@ def with_dynamics(
 def with_actuator(
     plant: UncertainPlant, name: str, bandwidth: Any, order: int = 1, damping: Any = None
 ) -> UncertainPlant:
-    """Return the plant with an actuator: what was an input is a state, and u its demand.
+    """Return the plant with an actuator: the input becomes a state, and u demands it.
 
     With w = 2 pi bandwidth a force f follows its demand u by f' = w (u - f), or, of order 2, by
     f'' = w^2 (u - f) - 2 damping w f'. The state has the input's name and unit.
@@ -70,7 +70,7 @@ def with_actuator(
     name : str
         Of the input.
     bandwidth : number
-        [Hz]; of order 2 the natural frequency.
+        [Hz]; for order 2 the natural frequency.
     order : 1 or 2
     damping : number, optional
         Damping ratio of an actuator of order 2; 0.7071 by default.
@@ -81,7 +81,7 @@ def with_actuator(
         If there is no input of this name, or a number is out of range.
     """
     where = f"actuator of {name!r}"
-    i, own = _input(plant, name, where)
+    i, actuated = _input(plant, name, where)
     w = _rate(bandwidth, where)
     if order not in (1, 2) or isinstance(order, bool):
         raise InputError(f"{where}: order = {shown(order)} must be 1 or 2")
@@ -90,11 +90,11 @@ def with_actuator(
     order = int(order)
     ratio = DAMPING if damping is None else _positive(damping, f"{where}: damping")
     a: Exact = ((-w,),)
-    labels = [own.label]
+    labels = [actuated.label]
     if order == 2:
         square = _rounded(float(w) ** 2)
         a = ((ZERO, ONE), (-square, -_rounded(2 * float(ratio * w))))
-        labels.append(f"rate of {own.name} [{own.unit or 1}/s]")
+        labels.append(f"rate of {actuated.name} [{actuated.unit or 1}/s]")
     n, m = plant.shape
     _require_continuous(plant, where)
     _require_new(plant, labels[1:])
@@ -120,7 +120,7 @@ def with_actuator(
 
 
 def _behind(plant: UncertainPlant, output: Output, i: int, order: int) -> Output:
-    """Return an output whose part of input i is that of a state, the first of those added."""
+    """Move an output's coefficient of input i to the first added state."""
     C, D, _ = output.exact(plant)
     more = (ZERO,) * (order - 1)
     return replace(
@@ -137,8 +137,8 @@ def with_sensor(
     """Return the plant with a sensor: a state "measured NAME" that follows the signal.
 
     x' = w (y + v - x) with w = 2 pi bandwidth, y the signal and v white noise. The noise is a
-    disturbance "noise of NAME", scaled so that of the one-sided density 1 it has the rms ``noise``
-    in the sensor's output.
+    disturbance "noise of NAME". It is scaled so that the one-sided density 1 gives the rms
+    ``noise`` in the sensor's output.
 
     Parameters
     ----------
@@ -157,35 +157,35 @@ def with_sensor(
     where = f"sensor of {name!r}"
     known = (*states(plant), *plant.every_output)
     try:
-        own = pick(known, split(str(name))[0])
+        signal = pick(known, split(str(name))[0])
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     if bandwidth is None:
         why = "bandwidth is missing" if noise is None else "noise without a bandwidth has no rms"
         raise InputError(f"{where}: {why}; give bandwidth, in Hz")
     w = _rate(bandwidth, where)
-    label = _labelled(f"measured {own.name}", own.unit)
+    label = _labelled(f"measured {signal.name}", signal.unit)
     if label in plant.states:
-        raise InputError(f"{where}: {own.name} has a sensor already; keep one")
+        raise InputError(f"{where}: {signal.name} has a sensor already; keep one")
     _require_continuous(plant, where)
     _require_new(plant, (label,))
-    larger = with_dynamics(plant, (own,), ((-w,),), ((w,),), (label,))
+    larger = with_dynamics(plant, (signal,), ((-w,),), ((w,),), (label,))
     if noise is None:
         return larger
     # x' = -w x + e v, v of two-sided density 1/2, has the variance e^2 / (4 w)
     size = _positive(noise, f"{where}: noise")
-    return _with_noise(larger, f"noise of {own.name}", _rounded(2 * float(size) * math.sqrt(w)))
+    return _with_noise(larger, f"noise of {signal.name}", _rounded(2 * float(size) * math.sqrt(w)))
 
 
 def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:
-    """Return the plant with one more disturbance, that acts on its last state."""
-    if label in [own.name for own in disturbances(plant)]:
+    """Return the plant with one more disturbance, which acts on its last state."""
+    if label in [vertex.name for vertex in disturbances(plant)]:
         raise InputError(f"{plant.name} has a disturbance {label!r} already; rename it")
     last, vertices = plant.shape[0] - 1, []
-    for own in plant.vertices:
-        rows = own.exact_E or ((),) * (last + 1)
+    for vertex in plant.vertices:
+        rows = vertex.exact_E or ((),) * (last + 1)
         E = tuple((*row, size if i == last else ZERO) for i, row in enumerate(rows))
-        vertices.append(System(own.exact_A, own.exact_B, E, own.name))
+        vertices.append(System(vertex.exact_A, vertex.exact_B, E, vertex.name))
     outputs = (replace(y, F=tuple((*row, ZERO) for row in y.F)) for y in plant.outputs)
     return replace(
         plant,
@@ -197,10 +197,11 @@ def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainP
 
 
 def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
-    """Return the plant with states of its law behind its own, x_c' = u_c with inputs u_c.
+    """Return the plant with states x_c of its law appended, x_c' = u_c with inputs u_c.
 
-    A gain of the larger plant is a law of that order: its entries are A_c, B_c, C_c and D_c. In
-    discrete time u_c = (x_c(t + T) - x_c(t)) / T, so that they are those of its delta form.
+    A gain of the larger plant is a law of order ``count``: its blocks are A_c, B_c, C_c and D_c.
+    In discrete time u_c = (x_c(t + T) - x_c(t)) / T, so that the blocks are those of the delta
+    form.
 
     Parameters
     ----------
@@ -218,14 +219,14 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     labels = law_states(count)
     _require_new(plant, (*labels, *law_rates(count)))
     vertices, (n, m), (stays, step) = [], plant.shape, _alone(plant)
-    for own in plant.vertices:
-        A = [(*row, *(ZERO,) * count) for row in own.exact_A]
+    for vertex in plant.vertices:
+        A = [(*row, *(ZERO,) * count) for row in vertex.exact_A]
         A += [_unit(n + count, n + i, stays) for i in range(count)]
-        B = [(*row, *(ZERO,) * count) for row in own.exact_B]
+        B = [(*row, *(ZERO,) * count) for row in vertex.exact_B]
         B += [_unit(m + count, m + i, step) for i in range(count)]
-        E = own.exact_E
+        E = vertex.exact_E
         E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * count)
-        vertices.append(System(tuple(A), tuple(B), E, own.name))
+        vertices.append(System(tuple(A), tuple(B), E, vertex.name))
     more = (ZERO,) * count
     outputs = (padded(y, count) for y in plant.outputs)
     return replace(
@@ -242,12 +243,12 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
     """Return the plant with the rates of its last states as inputs, in place of their dynamics."""
     (n, m), (stays, step) = plant.shape, _alone(plant)
     more, vertices = (ZERO,) * count, []
-    rates = (f"rate of {own.name}" for own in states(plant)[n - count :])
-    for own in plant.vertices:
-        A = (*own.exact_A[: n - count], *(_unit(n, n - count + i, stays) for i in range(count)))
-        B = [(*row, *more) for row in own.exact_B[: n - count]]
+    rates = (f"rate of {vertex.name}" for vertex in states(plant)[n - count :])
+    for vertex in plant.vertices:
+        A = (*vertex.exact_A[: n - count], *(_unit(n, n - count + i, stays) for i in range(count)))
+        B = [(*row, *more) for row in vertex.exact_B[: n - count]]
         B += [_unit(m + count, m + i, step) for i in range(count)]
-        vertices.append(System(A, tuple(B), own.exact_E, own.name))
+        vertices.append(System(A, tuple(B), vertex.exact_E, vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),
@@ -273,26 +274,26 @@ def law_rates(count: int) -> tuple[str, ...]:
 
 
 def own_states(plant: UncertainPlant) -> int:
-    """Return how many of the last states are those of a law, their rates the last inputs.
+    """Return the number of last states that belong to a law, with their rates as last inputs.
 
-    By their names, and by the matrices of `with_states`: u_c alone moves x_c, and neither has a
-    part in anything else.
+    They are recognised by their names, and by the matrices of `with_states`: u_c alone moves x_c,
+    and neither acts on anything else.
     """
-    names = [own.name for own in states(plant)], [own.name for own in inputs(plant)]
+    names = [state.name for state in states(plant)], [u.name for u in inputs(plant)]
     count = 0
-    for own, rate in zip(*map(reversed, names), strict=False):
-        if not own.startswith((LAW, INTEGRAL, FILTER)) or rate != f"rate of {own}":
+    for state, rate in zip(*map(reversed, names), strict=False):
+        if not state.startswith((LAW, INTEGRAL, FILTER)) or rate != f"rate of {state}":
             break
         count += 1
     n, m = plant.shape
     if not 0 < count < min(n, m):
         return 0
-    own = _alone(plant)
-    return count if all(_apart(each, count, *own) for each in plant.vertices) else 0
+    stays, step = _alone(plant)
+    return count if all(_apart(v, count, stays, step) for v in plant.vertices) else 0
 
 
 def _apart(vertex: System, count: int, stays: Fraction, step: Fraction) -> bool:
-    """Whether the last states have the last inputs as their rates, and no part in anything else."""
+    """Whether the last inputs are the rates of the last states, and neither acts on the rest."""
     (n, m), A, B = vertex.shape, vertex.exact_A, vertex.exact_B
     rows = [(A[i], B[i]) for i in range(n - count, n)]
     alone = all(
@@ -305,7 +306,7 @@ def _apart(vertex: System, count: int, stays: Fraction, step: Fraction) -> bool:
 
 
 def require_order(count: Any) -> None:
-    """Refuse an order of a law that is no whole number from 0 to `MOST_STATES`."""
+    """Refuse an order of a law unless it is a whole number from 0 to `MOST_STATES`."""
     if isinstance(count, bool) or not isinstance(count, int):
         raise InputError(f"order = {shown(count)} must be a whole number")
     if not 0 <= count <= MOST_STATES:
@@ -315,16 +316,16 @@ def require_order(count: Any) -> None:
 def with_pid(
     plant: UncertainPlant, signals: Sequence[Output], bandwidth: Any
 ) -> tuple[UncertainPlant, tuple[str, ...]]:
-    """Return the plant with integrals and filtered derivatives of signals, and what a PID measures.
+    """Return the plant with integrals and filtered derivatives, and the names that a PID measures.
 
-    The derivative is w (y - z) with z' = w (y - z), w = 2 pi bandwidth. In discrete time the
-    integral grows by T y in a sample, and z by (1 - exp(-w T)) (y - z), as it does where y is held;
-    the derivative is the rate at which it does.
+    The derivative is w (y - z) with z' = w (y - z), w = 2 pi bandwidth. In discrete time y is held
+    over a sample: the integral then grows by T y, and z by (1 - exp(-w T)) (y - z). The derivative
+    is this growth of z over T.
 
     Parameters
     ----------
     signals : sequence of Output
-        Of states alone.
+        Combinations of states alone.
     bandwidth : number
         [Hz]
 
@@ -351,19 +352,19 @@ def with_pid(
     _require_new(plant, (*integrals, *filtered))
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
-    for i, own in enumerate(signals):
-        C, _, _ = own.exact(plant)
+    for i, signal in enumerate(signals):
+        C, _, _ = signal.exact(plant)
         rows = [(*(w * x for x in row), *_unit(2 * r, r + i, -w)) for row in C]
-        derivatives.append(Output(f"{DERIVATIVE}{own.name}", f"{own.unit or 1}/s", rows))
+        derivatives.append(Output(f"{DERIVATIVE}{signal.name}", f"{signal.unit or 1}/s", rows))
     larger = replace(larger, outputs=(*larger.outputs, *derivatives))
-    names = [own.name for own in signals]
+    names = [signal.name for signal in signals]
     names += [state.name for state in states(larger)[n : n + r]]
-    return larger, (*names, *(own.name for own in derivatives))
+    return larger, (*names, *(signal.name for signal in derivatives))
 
 
 def _input(plant: UncertainPlant, name: str, where: str) -> tuple[int, Output]:
     known = inputs(plant)
-    names = [own.name for own in known]
+    names = [signal.name for signal in known]
     word = split(str(name))[0]
     if word not in names:
         raise InputError(f"{where}: no input {word!r}; {suggest(word, names)}")
@@ -393,7 +394,7 @@ def _require_continuous(plant: UncertainPlant, where: str) -> None:
 
 
 def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
-    known = [own.name for own in (*states(plant), *inputs(plant), *plant.outputs)]
+    known = [signal.name for signal in (*states(plant), *inputs(plant), *plant.outputs)]
     for label in labels:
         if split(label)[0] in known:
             raise InputError(f"{plant.name} has a signal {split(label)[0]!r} already; rename it")
@@ -405,10 +406,10 @@ def _rate(bandwidth: Any, where: str) -> Fraction:
 
 
 def _positive(value: Any, what: str) -> Fraction:
-    found = exact(value, what)
-    if found <= 0:
+    number = exact(value, what)
+    if number <= 0:
         raise InputError(f"{what} = {shown(value)} must be a positive number")
-    return found
+    return number
 
 
 def _rounded(value: float) -> Fraction:
@@ -420,7 +421,7 @@ def _labelled(name: str, unit: str) -> str:
 
 
 def _labels(signals: Sequence[Any]) -> tuple[str, ...]:
-    return tuple(own.label for own in signals)
+    return tuple(signal.label for signal in signals)
 
 
 def _unit(width: int, place: int, value: Fraction) -> tuple[Fraction, ...]:
@@ -431,6 +432,6 @@ def _product(b: Exact, rows: Sequence[Sequence[Fraction]]) -> Exact:
     """Return b times a matrix of rows."""
     columns = list(zip(*rows, strict=True))
     return tuple(
-        tuple(sum((x * y for x, y in zip(own, column, strict=True)), ZERO) for column in columns)
-        for own in b
+        tuple(sum((x * y for x, y in zip(row, column, strict=True)), ZERO) for column in columns)
+        for row in b
     )

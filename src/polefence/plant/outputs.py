@@ -1,4 +1,4 @@
-"""Outputs of a plant, y = C x + D u + F w: states and inputs, and those that it names itself."""
+"""Outputs of a plant, y = C x + D u + F w: its states, its inputs and its named outputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from polefence.plant.family import UncertainPlant
 
 _UNIT = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\]]*)\]$")
-IDENTICAL = 1e-10  # of numbers next to the largest of their column
+IDENTICAL = 1e-10  # relative to the largest entry of a column: smaller differences are rounding
 _RATES = {"m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "m s": "m"}
 
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -29,8 +29,8 @@ Rows = tuple[tuple[Fraction, ...], ...]
 
 def split(label: str) -> tuple[str, str]:
     """Return name and unit of "name [unit]"; the unit is empty where none is given."""
-    found = _UNIT.match(label.strip())
-    return (found["name"], found["unit"]) if found else (label.strip(), "")
+    match = _UNIT.match(label.strip())
+    return (match["name"], match["unit"]) if match else (label.strip(), "")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Signal(Short):
 
     @property
     def label(self) -> str:
-        """Name and unit, as an axis has them."""
+        """Name and unit, as printed on an axis."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
@@ -54,14 +54,14 @@ class Output(Signal):
     ----------
     name, unit : str
     C, D, F : row or rows of float, optional
-        One row for all vertices, or one a vertex; zero where left out. Strings and Fractions are
-        exact, a float is its binary value. Held as tuples of rows: none where they are zero, one
-        where they are all the same.
+        One row for all vertices, or one per vertex; zero where left out. Strings and Fractions
+        are exact, a float is its binary value. They are stored as tuples of rows: an empty tuple
+        if all are zero, one row if all are the same.
 
     Raises
     ------
     PlantError
-        If a row holds no finite numbers, rows differ in length, or all are zero.
+        If a number is not finite, rows differ in length, or all are zero.
     """
 
     C: Any = ()
@@ -79,7 +79,7 @@ class Output(Signal):
             raise PlantError(f"output {self.name!r} is zero; give a row C, D or F")
 
     def exact(self, plant: UncertainPlant) -> tuple[Rows, Rows, Rows]:
-        """Return C, D and F, one row a vertex of the plant.
+        """Return C, D and F, one row per vertex of the plant.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class Output(Signal):
 
 
 def _read(value: Any, what: str) -> Rows:
-    """Return rows of rationals from a row or rows: () for zeros, one row where all are the same."""
+    """Return rows of rationals: an empty tuple for zeros, one row if all are the same."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise PlantError(f"{what} must be a row of numbers, or one per vertex")
     rows = list(value)
@@ -118,10 +118,10 @@ def _read(value: Any, what: str) -> Rows:
         return ()
     if not isinstance(rows[0], Iterable) or isinstance(rows[0], str):
         rows = [rows]
-    found = read_matrix(rows, what)
-    if not any(map(any, found)):
+    matrix = read_matrix(rows, what)
+    if not any(map(any, matrix)):
         return ()
-    return found[:1] if all(row == found[0] for row in found) else found
+    return matrix[:1] if all(row == matrix[0] for row in matrix) else matrix
 
 
 def _floats(rows: Rows) -> Array:
@@ -136,23 +136,23 @@ def weighted_sum(name: str, unit: str, terms: Iterable[tuple[Any, Output]]) -> O
 
 
 def _summed(terms: Sequence[tuple[Fraction, Output]], key: str) -> Rows:
-    found: Rows = ()
+    total: Rows = ()
     for weight, output in terms:
-        own = tuple(tuple(weight * x for x in row) for row in getattr(output, key))
-        if found and own:
-            count = max(len(found), len(own))
-            pairs = (rows * count if len(rows) == 1 else rows for rows in (found, own))
-            found = tuple(
+        weighted = tuple(tuple(weight * x for x in row) for row in getattr(output, key))
+        if total and weighted:
+            count = max(len(total), len(weighted))
+            pairs = (rows * count if len(rows) == 1 else rows for rows in (total, weighted))
+            total = tuple(
                 tuple(a + b for a, b in zip(*both, strict=True))
                 for both in zip(*pairs, strict=True)
             )
         else:
-            found = found or own
-    return found
+            total = total or weighted
+    return total
 
 
 def padded(output: Output, more: int) -> Output:
-    """Return an output of a plant that has more states behind its own."""
+    """Return the output for the plant with ``more`` states appended."""
     zeros = (Fraction(0),) * more
     return replace(output, C=tuple((*row, *zeros) for row in output.C))
 
@@ -169,7 +169,7 @@ def inputs(plant: UncertainPlant) -> tuple[Output, ...]:
     return _plain(tuple(plant.inputs), "u", plant.shape[1], "D")
 
 
-@lru_cache(maxsize=256)  # asked again and again of one plant, and of many that have the same names
+@lru_cache(maxsize=256)  # called often for one plant, and for plants with the same names
 def _plain(labels: tuple[str, ...], letter: str, count: int, key: str) -> tuple[Output, ...]:
     labels = labels or tuple(f"{letter}{i + 1}" for i in range(count))
     rows = ([int(i == j) for j in range(count)] for i in range(count))
@@ -188,7 +188,7 @@ def disturbances(plant: UncertainPlant) -> tuple[Signal, ...]:
 
 @explained
 def rate_of(plant: UncertainPlant, state: str, name: str = "", unit: str = "") -> Output:
-    """Return the rate of change of a state: of a velocity in m/s, the acceleration in m/s2.
+    """Return the rate of change of a state, such as the acceleration [m/s2] from a velocity.
 
     Raises
     ------
@@ -196,41 +196,41 @@ def rate_of(plant: UncertainPlant, state: str, name: str = "", unit: str = "") -
         If there is no such state.
     """
     known = states(plant)
-    own = pick(known, state)
-    i = known.index(own)
-    unit = unit or _RATES.get(own.unit) or f"{own.unit or 1}/s"
-    return Output(name or f"rate of {own.name}", unit, *rate_rows(plant, i))
+    signal = pick(known, state)
+    i = known.index(signal)
+    unit = unit or _RATES.get(signal.unit) or f"{signal.unit or 1}/s"
+    return Output(name or f"rate of {signal.name}", unit, *rate_rows(plant, i))
 
 
 def rate_rows(plant: UncertainPlant, state: int) -> tuple[Exact, Exact, Exact]:
-    """Return rows C, D, F of the rate of change of a state, one a vertex: those of A, B, E."""
+    """Return rows C, D, F of a state's rate, one per vertex: the state's rows of A, B and E."""
     A, B = (tuple(getattr(v, key)[state] for v in plant.vertices) for key in ("exact_A", "exact_B"))
     E = tuple(v.exact_E[state] for v in plant.vertices if v.exact_E is not None)
     return A, B, E
 
 
 def rates_in(plant: UncertainPlant, output: Output) -> Array | None:
-    """Return r (n,) of an output that is r dx/dt, identically for all parameters; None if none is.
+    """Return r (n,) if the output is r dx/dt for all parameters, else None.
 
-    Such are accelerations of points of a body, as they are and in shares of a limit.
+    Accelerations of points of a body are such outputs, also as a share of a limit.
     """
-    E = [own.E for own in plant.vertices if own.E is not None]
-    each = [plant.A, plant.B, *([np.stack(E)] if E else [])]
-    rates = np.concatenate(each, axis=2).swapaxes(0, 1).reshape(plant.shape[0], -1)
-    own = np.concatenate(output.arrays(plant)[: len(each)], axis=1).ravel()
-    size = np.maximum(np.abs(rates).max(axis=0), np.abs(own))
+    E = [vertex.E for vertex in plant.vertices if vertex.E is not None]
+    matrices = [plant.A, plant.B, *([np.stack(E)] if E else [])]
+    rates = np.concatenate(matrices, axis=2).swapaxes(0, 1).reshape(plant.shape[0], -1)
+    row = np.concatenate(output.arrays(plant)[: len(matrices)], axis=1).ravel()
+    size = np.maximum(np.abs(rates).max(axis=0), np.abs(row))
     used = size > 0
-    if not own.any():
+    if not row.any():
         return None
-    rates, own = rates[:, used] / size[used], own[used] / size[used]
-    found = np.linalg.lstsq(rates.T, own, rcond=None)[0]
-    found = np.where(np.abs(found) > IDENTICAL * np.abs(found).max(), found, 0.0)
-    found = np.array([float(f"{r:.12g}") for r in found])  # of one rate, that rate to the last bit
-    return found if np.abs(found @ rates - own).max() <= IDENTICAL else None
+    rates, row = rates[:, used] / size[used], row[used] / size[used]
+    r = np.linalg.lstsq(rates.T, row, rcond=None)[0]
+    r = np.where(np.abs(r) > IDENTICAL * np.abs(r).max(), r, 0.0)
+    r = np.array([float(f"{r:.12g}") for r in r])  # so that a single rate is exact
+    return r if np.abs(r @ rates - row).max() <= IDENTICAL else None
 
 
 def pick(known: Sequence[Output], name: str) -> Output:
-    """Return the output of that name, of outputs of one name the first.
+    """Return the first output of that name.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def pick(known: Sequence[Output], name: str) -> Output:
 def choose(
     plant: UncertainPlant, signals: Sequence[Output | str] | None = None
 ) -> tuple[Output, ...]:
-    """Return outputs, those given as names found among the plant's signals.
+    """Return outputs; names are looked up among the plant's signals.
 
     Parameters
     ----------
@@ -256,19 +256,19 @@ def choose(
     Raises
     ------
     InputError
-        If there is no signal of a name, none at all, or two of one name.
+        If a name is unknown, a signal is asked for twice, or none is asked for.
     """
     if signals is None:
         return (*states(plant), *inputs(plant))
     if isinstance(signals, str | Output):
         signals = (signals,)
     known = plant.signals
-    found = tuple(s if isinstance(s, Output) else pick(known, str(s)) for s in signals)
-    names = [s.name for s in found]
+    chosen = tuple(s if isinstance(s, Output) else pick(known, str(s)) for s in signals)
+    names = [s.name for s in chosen]
     twice = [name for name in names if names.count(name) > 1]
-    if twice or not found:
+    if twice or not chosen:
         raise InputError(f"signal {twice[0]!r} is asked twice" if twice else "no signal is asked")
-    return found
+    return chosen
 
 
 def output_matrices(
@@ -288,7 +288,7 @@ def output_matrices(
 def stacked(plant: UncertainPlant, outputs: Sequence[Output]) -> tuple[Array, Array, Array]:
     """Return C (N, p, n), D (N, p, m) and F (N, p, q) of outputs at the vertices."""
     C, D, F = (
-        np.stack(own, axis=1)
-        for own in zip(*(output.arrays(plant) for output in outputs), strict=True)
+        np.stack(matrices, axis=1)
+        for matrices in zip(*(output.arrays(plant) for output in outputs), strict=True)
     )
     return C, D, F

@@ -1,13 +1,14 @@
-"""Parameters that move: how a Lyapunov polynomial changes with them.
+"""Time-varying parameters: how a Lyapunov polynomial changes with them.
 
-Along a motion p(t) the derivative of x' X^-1 x has -X^-1 (dX/dt) X^-1 in it, so that N + N' of a
-condition on X becomes N + N' - dX/dt, dX/dt = sum_f dX/dp_f dp_f/dt. That is affine in the rates:
-what holds at all extremes of them holds for every motion within (Wu, Yang, Packard & Becker, 1996).
+While p(t) varies, the derivative of x' X^-1 x contains -X^-1 (dX/dt) X^-1. A condition on N + N'
+becomes one on N + N' - dX/dt, with dX/dt = sum_f dX/dp_f dp_f/dt. It is affine in the rates. If it
+holds at all extremes of the rates, it holds for all rates between (Wu, Yang, Packard & Becker,
+1996).
 
-In discrete time X(p(t + T)) - X(p(t)) takes the place of T dX/dt. Of an X that is affine in the
-scheduling variable of each parameter that moves it is affine in each of their steps: again the
-extremes are enough (Daafouz & Bernussou, 2001, of any rate). A step of s = 1/p is s - s+ = s s+ dp,
-of which s s+ lies between 0 and |s| times the largest |s|.
+In discrete time X(p(t + T)) - X(p(t)) takes the place of T dX/dt. If X is affine in the scheduling
+variable of every moving parameter, this difference is affine in their steps, and again the extremes
+are enough (Daafouz & Bernussou, 2001, for any rate). For s = 1/p a step is s - s+ = s s+ dp, where
+s s+ lies between 0 and |s| times the largest |s|.
 """
 
 from __future__ import annotations
@@ -27,18 +28,22 @@ NONE = Fraction(0)
 Moving = Sequence[tuple[int, Range]]  # parameters that move, with their numbers
 
 
-def change(X: Polynomial, f: int, own: Range) -> Polynomial:
-    """Return dX/dp of parameter f: of X on the box of the parameters, by p's own unit."""
-    found = _slope(X, f)
-    low, high = (1 / own.low, 1 / own.high) if own.inverted else (own.low, own.high)
-    if own.inverted:  # the scheduling variable s = 1/p changes with s^2 dp/dt
+def change(X: Polynomial, f: int, parameter: Range) -> Polynomial:
+    """Return dX/dp of parameter f, per unit of p, for X on the box of the parameters."""
+    slope = _slope(X, f)
+    low, high = (
+        (1 / parameter.low, 1 / parameter.high)
+        if parameter.inverted
+        else (parameter.low, parameter.high)
+    )
+    if parameter.inverted:  # the scheduling variable s = 1/p changes with s^2 dp/dt
         s = _variable(f, (low, high), X.sizes)
-        found = s * s * found
-    return found.times(1 / abs(high - low))
+        slope = s * s * slope
+    return slope.times(1 / abs(high - low))
 
 
 def _variable(f: int, ends: tuple[Fraction, Fraction], sizes: Sizes) -> Polynomial:
-    """Return a scheduling variable as the form of its values at its two ends."""
+    """Return a scheduling variable as a polynomial, from its values at both ends."""
     start, length = sum(sizes[:f]), sum(sizes)
     degrees = tuple(int(g == f) for g in range(len(sizes)))
     units = [tuple(int(j == start + c) for j in range(length)) for c in range(2)]
@@ -51,13 +56,13 @@ def _variable(f: int, ends: tuple[Fraction, Fraction], sizes: Sizes) -> Polynomi
 
 def is_moving(ranges: Sequence[Range]) -> bool:
     """Whether any parameter moves."""
-    return any(own.rate is not None for own in ranges)
+    return any(parameter.rate is not None for parameter in ranges)
 
 
 def extremes(ranges: Sequence[Range], step: Fraction = NONE) -> int:
-    """Return at how many extremes of the rates an inequality is to hold, at most."""
+    """Return a bound on the number of extremes of the rates where an inequality is checked."""
     still = (None,) if step else (None, ANY)
-    return 1 << sum(own.rate not in still for own in ranges)
+    return 1 << sum(parameter.rate not in still for parameter in ranges)
 
 
 def is_constant(X: Polynomial) -> bool:
@@ -81,12 +86,12 @@ def free_of(X: Polynomial, f: int) -> bool:
 
 
 def _slope(X: Polynomial, f: int) -> Polynomial:
-    """Return dX/dt, t the share of the way from the low end of parameter f to its high end."""
+    """Return dX/dt, where t goes from 0 at the low end of parameter f to 1 at its high end."""
     return X.derivative(2 * f + 1) - X.derivative(2 * f)
 
 
 def require_motion(X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE) -> None:
-    """Refuse a Lyapunov polynomial that is none along motions.
+    """Refuse a Lyapunov polynomial that is not valid while the parameters move.
 
     Parameters
     ----------
@@ -96,28 +101,28 @@ def require_motion(X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE
     Raises
     ------
     FormatError
-        If it is not of the parameters' box; in continuous time if it depends on one that moves at
-        any rate; in discrete time if it is not affine in each that moves.
+        If X is not on the parameters' box. In continuous time: if X depends on a parameter that
+        moves at any rate. In discrete time: if X is not affine in every moving parameter.
     """
     if is_constant(X):
         return
     if X.sizes != (2,) * len(ranges):
         raise FormatError("parameters that move need evidence on their box")
-    for f, own in enumerate(ranges):
-        if own.rate is None or free_of(X, f):
+    for f, parameter in enumerate(ranges):
+        if parameter.rate is None or free_of(X, f):
             continue
-        if own.rate == ANY and not step:
-            raise FormatError(f"X depends on {name_text(own.name)}, which moves at any rate")
+        if parameter.rate == ANY and not step:
+            raise FormatError(f"X depends on {name_text(parameter.name)}, which moves at any rate")
         if step and not free_of(_slope(X, f), f):
-            raise FormatError(f"X is not affine in {name_text(own.name)}, which moves")
+            raise FormatError(f"X is not affine in {name_text(parameter.name)}, which moves")
 
 
 def changes(
     X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE
 ) -> Iterator[tuple[str, Polynomial | None]]:
-    """Yield dX/dt, or X(p(t + step)) - X(p(t)), at every extreme of the rates, and which it is.
+    """Yield the name of every extreme of the rates, and dX/dt or X(p(t + step)) - X(p(t)) there.
 
-    None where X does not change.
+    Yield one None where X does not change.
 
     Raises
     ------
@@ -128,7 +133,11 @@ def changes(
     if is_moving(ranges) and not is_constant(X):
         require_motion(X, ranges, step)
         numbered = enumerate(ranges)
-        moving = [(f, own) for f, own in numbered if own.rate is not None and not free_of(X, f)]
+        moving = [
+            (f, parameter)
+            for f, parameter in numbered
+            if parameter.rate is not None and not free_of(X, f)
+        ]
     if not moving:
         yield "", None
     elif step:
@@ -138,33 +147,37 @@ def changes(
 
 
 def _driven(X: Polynomial, moving: Moving) -> Iterator[tuple[str, Polynomial]]:
-    each = [
-        (own.rate, change(X, f, own))
-        for f, own in moving
-        if own.rate is not None and own.rate != ANY
+    rates = [
+        (parameter.rate, change(X, f, parameter))
+        for f, parameter in moving
+        if parameter.rate is not None and parameter.rate != ANY
     ]
-    for ends in product(range(2), repeat=len(each)):
-        first, *others = (P.times(rate[end]) for end, (rate, P) in zip(ends, each, strict=True))
+    for ends in product(range(2), repeat=len(rates)):
+        first, *others = (P.times(rate[end]) for end, (rate, P) in zip(ends, rates, strict=True))
         yield _name(ends), sum(others, first)
 
 
 def _stepped(X: Polynomial, moving: Moving, step: Fraction) -> Iterator[tuple[str, Polynomial]]:
     for ends in product(range(2), repeat=len(moving)):
         moved = X
-        for end, (f, own) in zip(ends, moving, strict=True):
-            moved = moved + _shift(f, own, end, step, X.sizes) * _slope(moved, f)
+        for end, (f, parameter) in zip(ends, moving, strict=True):
+            moved = moved + _shift(f, parameter, end, step, X.sizes) * _slope(moved, f)
         yield _name(ends), moved - X
 
 
-def _shift(f: int, own: Range, end: int, step: Fraction, sizes: Sizes) -> Polynomial:
-    """Return how much of its way parameter f goes in a step, at an extreme: below 0 or above."""
-    if own.rate is None or own.rate == ANY or anywhere(own.rate, own.high - own.low, step):
-        ends = ((NONE, Fraction(-1)), (Fraction(1), NONE))[end]  # to either end
+def _shift(f: int, parameter: Range, end: int, step: Fraction, sizes: Sizes) -> Polynomial:
+    """Return the largest step of parameter f, down or up, as a share of its interval."""
+    if (
+        parameter.rate is None
+        or parameter.rate == ANY
+        or anywhere(parameter.rate, parameter.high - parameter.low, step)
+    ):
+        ends = ((NONE, Fraction(-1)), (Fraction(1), NONE))[end]  # it may reach either end
         return _variable(f, ends, sizes)
-    by = own.rate[end] * step
-    if not own.inverted:
-        return number(by / (own.high - own.low), sizes)
-    low, high = 1 / own.low, 1 / own.high
+    by = parameter.rate[end] * step
+    if not parameter.inverted:
+        return number(by / (parameter.high - parameter.low), sizes)
+    low, high = 1 / parameter.low, 1 / parameter.high
     most = max(abs(low), abs(high))
     return _variable(f, (abs(low), abs(high)), sizes).times(-by * most / (high - low))
 
@@ -183,12 +196,12 @@ def _name(ends: Sequence[int]) -> str:
 def motion_text(ranges: Sequence[Range]) -> str:
     """Say how the parameters move, rounded inwards; "" where none does."""
     said = []
-    for own in ranges:
-        name, unit = name_text(own.name), rate_text(unit_text(own.unit))
-        if own.rate == ANY:
+    for parameter in ranges:
+        name, unit = name_text(parameter.name), rate_text(unit_text(parameter.unit))
+        if parameter.rate == ANY:
             said.append(f"{name} moving at any rate")
-        elif own.rate is not None:
-            low, high = own.rate
+        elif parameter.rate is not None:
+            low, high = parameter.rate
             speed = digits_down(high, 4)
             if low != -high:
                 speed = f"-{digits_down(-low, 4)} to {speed}" if low else f"0 to {speed}"

@@ -1,8 +1,9 @@
 """Polynomials of even degree that are sums of squares, in exact arithmetic.
 
-A polynomial is a table of exponents and rationals. It is m'G m with m the odd monomials up to half
-its degree, plus another with the even ones: every even monomial is a product of two of a basis, so
-that matrices which say this nearly are changed a little to say it exactly.
+A polynomial is a table from exponents to rationals. It is written as a sum of two forms m'G m: one
+with the odd monomials m up to half its degree, one with the even ones. Every even monomial is a
+product of two monomials of a basis. So a small change of G turns an approximate identity into an
+exact one.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Sparse = dict[Exponent, Fraction]
 
 
 def monomials(n: int, degree: int, parity: int) -> list[Exponent]:
-    """Return the exponents of n variables up to a degree whose sums are all even, or all odd."""
+    """Return the exponents in n variables up to a degree, of even (0) or odd (1) total degree."""
     return [
         tuple(places.count(i) for i in range(n))
         for d in range(parity, degree + 1, 2)
@@ -29,12 +30,12 @@ def monomials(n: int, degree: int, parity: int) -> list[Exponent]:
 
 
 def bases(n: int, degree: int) -> list[list[Exponent]]:
-    """Return the odd monomials and the even ones up to a degree, where there are any."""
+    """Return the odd and the even monomials up to a degree; an empty basis is left out."""
     return [basis for parity in (1, 0) if (basis := monomials(n, degree, parity))]
 
 
 def count_of(n: int, degree: int) -> int:
-    """Return how many even monomials there are up to an even degree."""
+    """Return the number of even monomials up to an even degree."""
     return sum(comb(n + d - 1, d) for d in range(0, degree + 1, 2))
 
 
@@ -51,36 +52,36 @@ def of_form(Q: Rationals) -> Sparse:
 
 def of_matrix(G: Rationals, basis: Sequence[Exponent]) -> Sparse:
     """Return m'G m."""
-    found: Sparse = {}
+    terms: Sparse = {}
     for i, row in enumerate(G):
         for j, value in enumerate(row):
             if value:
                 e = joined(basis[i], basis[j])
-                found[e] = found.get(e, Fraction(0)) + value
-    return found
+                terms[e] = terms.get(e, Fraction(0)) + value
+    return terms
 
 
 def times(f: Sparse, g: Sparse) -> Sparse:
     """Return the product."""
-    found: Sparse = {}
+    terms: Sparse = {}
     for e, a in f.items():
-        for own, b in g.items():
-            k = joined(e, own)
-            found[k] = found.get(k, Fraction(0)) + a * b
-    return found
+        for other, b in g.items():
+            k = joined(e, other)
+            terms[k] = terms.get(k, Fraction(0)) + a * b
+    return terms
 
 
 def less(f: Sparse, g: Sparse) -> Sparse:
     """Return the difference."""
-    found = dict(f)
+    terms = dict(f)
     for e, b in g.items():
-        found[e] = found.get(e, Fraction(0)) - b
-    return found
+        terms[e] = terms.get(e, Fraction(0)) - b
+    return terms
 
 
 def drift(V: Sparse, A: Rationals, W: Rationals) -> Sparse:
     """Return (grad V)'A x + (1/2) tr W (hess V)."""
-    found: Sparse = {}
+    terms: Sparse = {}
     for e, value in V.items():
         for i, row in enumerate(A):
             if not e[i]:
@@ -88,39 +89,41 @@ def drift(V: Sparse, A: Rationals, W: Rationals) -> Sparse:
             once = moved(e, i, -1)
             for k, a in enumerate(row):
                 if a:
-                    _add(found, moved(once, k, 1), value * e[i] * a)
+                    _add(terms, moved(once, k, 1), value * e[i] * a)
             for j, w in enumerate(W[i]):
                 if w and once[j]:
-                    _add(found, moved(once, j, -1), value * e[i] * once[j] * w / 2)
-    return found
+                    _add(terms, moved(once, j, -1), value * e[i] * once[j] * w / 2)
+    return terms
 
 
 def moved(e: Exponent, i: int, by: int) -> Exponent:
-    """Return the exponents with so much more of one variable."""
+    """Return the exponents with ``by`` added to that of variable i."""
     return (*e[:i], e[i] + by, *e[i + 1 :])
 
 
-def _add(found: Sparse, e: Exponent, value: Fraction) -> None:
-    found[e] = found.get(e, Fraction(0)) + value
+def _add(terms: Sparse, e: Exponent, value: Fraction) -> None:
+    terms[e] = terms.get(e, Fraction(0)) + value
 
 
 def completed(
-    f: Sparse, grams: Sequence[Rationals], each: Sequence[Sequence[Exponent]]
+    f: Sparse, grams: Sequence[Rationals], monomials_by_parity: Sequence[Sequence[Exponent]]
 ) -> Iterator[Rationals]:
-    """Yield the matrices, changed so that the sum of m'G m over the bases is exactly f.
+    """Correct the matrices G so that the sum of m'G m over the bases is exactly f; yield them.
 
-    What is missing at a monomial is spread evenly over the entries that make it up. The bases are
-    those of half the degree, so that every monomial of f has such entries.
+    The residual at a monomial is divided equally among the entries that contribute to it. The
+    bases have half the degree of f, so that every monomial of f has such entries.
     """
-    often = Counter(joined(e, own) for basis in each for e in basis for own in basis)
+    often = Counter(
+        joined(e, other) for basis in monomials_by_parity for e in basis for other in basis
+    )
     rest = dict(f)
-    for G, basis in zip(grams, each, strict=True):
+    for G, basis in zip(grams, monomials_by_parity, strict=True):
         rest = less(rest, of_matrix(G, basis))
     share = {e: value / often[e] for e, value in rest.items() if value}
     none = Fraction(0)
-    for G, basis in zip(grams, each, strict=True):
+    for G, basis in zip(grams, monomials_by_parity, strict=True):
         pairs = zip(G, basis, strict=True)
         yield [
-            [g + share.get(joined(e, own), none) for g, own in zip(row, basis, strict=True)]
+            [g + share.get(joined(e, other), none) for g, other in zip(row, basis, strict=True)]
             for row, e in pairs
         ]

@@ -430,7 +430,7 @@ FAULTS = {
     "no pieces": (("claims", 0, "pieces"), [0, 1], "1 to 64"),
     "many pieces": (("claims", 0, "pieces"), [65, 1], "1 to 64"),
     "half a piece": (("claims", 0, "pieces"), [1.5, 1], "whole numbers"),
-    "work": (("claims", 0), None, "more inequalities"),
+    "work": (("claims", 0), None, "too many, or too large"),
     "elevation": (("claims", 0, "elevation"), 17, "0 to 16"),
     "parameters": (("plant", "parameters"), [], "parameters holds 0"),
     "range": (("plant", "parameters", 0, "range"), [2, 1], "empty"),

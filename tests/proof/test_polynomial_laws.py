@@ -93,8 +93,8 @@ def document():
         (lambda law: law["terms"][0].update(K=[[1, 2]]), "1 x 1"),
         (lambda law: law["terms"][0].update(L=1), "unknown key"),
         (lambda law: law.update(measured=["a", "a"]), "twice"),
-        (lambda law: law.update(measured=["b"]), "no state or output"),
-        (lambda law: law.update(measured=["u1"]), "no state or output"),
+        (lambda law: law.update(measured=["b"]), "is not a state or output"),
+        (lambda law: law.update(measured=["u1"]), "is not a state or output"),
         (lambda law: law.update(measured="a"), "list"),
         (lambda law: law.update(on="simplex"), "evidence.Q holds"),
         (lambda law: law.pop("on"), "on is missing"),
@@ -122,7 +122,7 @@ def test_alpha_is_told_from_a_parameter():
 def test_a_name_that_two_signals_have_is_none_to_measure():
     table = document()
     table["plant"]["states"] = ["a", "b"]
-    with pytest.raises(FormatError, match="no state or output"):
+    with pytest.raises(FormatError, match="is not a state or output"):
         loads(json.dumps(table))
 
 
@@ -186,7 +186,7 @@ def test_estimates_of_parameters_leave_what_is_measured_as_it_is():
     case = Case("rms", ("measured", 2))
     ranges = case.plant.ranges
     subject = Subject(lyapunov(case), ranges, (1, 1))
-    with pytest.raises(FormatError, match="outputs that vary"):
+    with pytest.raises(FormatError, match="outputs must not vary"):
         prove(Estimate(subject, (ZERO, ZERO)))
     same = replace(case.law, C=(case.law.C[0],) * 4)
     steady = replace(subject, design=replace(subject.design, law=same))

@@ -460,7 +460,7 @@ def test_what_is_too_much_is_refused_before_it_is_computed():
     W = constant(rationals(np.eye(10)), sizes)
     N = drawn(random, (10, 10), ((9, 9),), sizes)
     Y, E = drawn(random, (1, 10), [()], sizes), drawn(random, (10, 1), [()], sizes)
-    with counted() as count, pytest.raises(FormatError, match="more coefficients"):
+    with counted() as count, pytest.raises(FormatError, match="too many coefficients"):
         transfer(W, N, Y, E, None, 11)
     spent = count.spent
     with counted() as count:

@@ -569,8 +569,8 @@ def _require_same(service: Margins, space: Space, law: Any) -> None:
     if plant.digest != space.plant.digest or plant.parameters != space.plant.parameters:
         raise InputError(f"the margins are of {plant.name}, not of {space.plant.name}")
     theirs = given_law(plant, service.design.law)
-    exact_law = None if law is None else law_or_table(plant, law)
-    if exact_law is None or exact_law.exact != theirs.exact:
+    driven = None if law is None else law_or_table(plant, law)
+    if driven is None or driven.exact != theirs.exact:
         raise InputError("the margins are another law's; give those of the law that drives")
 
 

@@ -184,7 +184,7 @@ def test_what_the_checker_does_not_prove_is_not_written(tmp_path, small_designs)
     smaller = Disk(design.region.centre, design.region.radius / 2)
     wrong = replace(design, certificate=replace(design.certificate, region=smaller))
     assert wrong.proved
-    with pytest.raises(NotProvedError, match="the file of it is not proved: ineq"):
+    with pytest.raises(NotProvedError, match="its file is not proved: ineq"):
         wrong.save(tmp_path)
     assert not list(tmp_path.iterdir())
     unproved = replace(wrong, proved=False)

@@ -140,7 +140,7 @@ def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(half, tmp_path, caps
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--method", "quadratic"], "those of the road's tracks cannot be measured"),
+        (["--method", "quadratic"], "the states of the road's tracks cannot be measured"),
         (["--road", "C", "--speed", "30"], "later by a speed of 20 m/s"),
     ],
 )

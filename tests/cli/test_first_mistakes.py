@@ -108,7 +108,7 @@ def test_the_sign_of_a_regulator(spec, capsys):
         (["desing", "crane.toml"], "no command 'desing'; did you mean 'design'?"),
         (
             ["tightest", "crane.toml", "--of", "half_plane", "--method", "slack"],
-            "slack finds disks only; for a half_plane take quadratic or scheduled",
+            "slack finds disks only; for a half_plane use quadratic or scheduled",
         ),
         (
             ["verify", "crane.toml", "--gain", "[1 2 3 4]", "--limit", "gain of rope angle < 0.1"],

@@ -145,7 +145,7 @@ def test_rides_without_failures_end_well(written, capsys):
             'law = "lqg"',
             "law = 'lqg' is unknown; did you mean 'lqr'",
         ),
-        ("suspension travel", "travel", "quantity = 'travel' is none"),
+        ("suspension travel", "travel", "quantity = 'travel' is unknown"),
         ('road = "D"', 'road = "Z"', "question 1: "),
         ('road = "D"', "speed = 0", "question 1: "),
         ("[-40, 37]", "35", "disk = 35 must be [CENTRE, RADIUS]"),

@@ -256,7 +256,7 @@ def test_a_small_file_cannot_ask_for_hours():
         Subject(design), Fraction(1, 10), (Fraction(1),), ((Fraction(1),),), (Fraction(1),)
     )
     code = Constants(32, None, one, (one,) * 16, (one,) * 16)
-    with pytest.raises(FormatError, match="more inequalities"):
+    with pytest.raises(FormatError, match="too many, or too large"):
         prove(Rounded(gain, code, Fraction(1, 2), Fraction(2), 16))
 
 

@@ -490,7 +490,7 @@ def test_a_bug_is_no_reason(spring, monkeypatch):
         ({"methods": ["slack"]}, "'quadratic' and Scheduled"),
         ({"methods": [Scheduled("auto")]}, "'quadratic' and Scheduled"),
         ({"plant": "car.toml"}, "polefence.load"),
-        ({"structure": TUNED, "methods": ["quadratic"]}, "leave them out"),
+        ({"structure": TUNED, "methods": ["quadratic"]}, "leave one out"),
         ({"structure": Structure(measured=("plaice",))}, "measured: no"),
     ],
 )

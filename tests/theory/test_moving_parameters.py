@@ -426,7 +426,7 @@ def test_parts_of_the_box_with_matrices_of_their_own_prove_nothing_along_motions
     ends = (Fraction(0), Fraction(1, 2), Fraction(1))
     cells = tuple(Piece((a,), (b,), whole) for a, b in pairwise(ends))
     parts = replace(own, evidence=Evidence([], cells=cells))
-    with pytest.raises(FormatError, match="X is one of the whole box"):
+    with pytest.raises(FormatError, match="moving parameters need one X for the whole box"):
         prove(replace(bound.claim, subject=parts))
     at_rest = replace(parts, motion=())
     prove(replace(bound.claim, subject=at_rest))  # a question that can be asked

@@ -381,10 +381,10 @@ def test_claims_that_are_none(claim, changes, says):
 def test_an_output_is_no_input(claim):
     (own,) = claim.outputs
     other = replace(own, C=[[[Fraction(1), Fraction(0)]]] * 4)
-    with pytest.raises(FormatError, match="saturation is of inputs"):
+    with pytest.raises(FormatError, match="saturation applies to single inputs"):
         prove(replace(claim, outputs=(other,)))
     twice = replace(own, D=[[[Fraction(2)]]] * 4)
-    with pytest.raises(FormatError, match="saturation is of inputs"):
+    with pytest.raises(FormatError, match="saturation applies to single inputs"):
         prove(replace(claim, outputs=(twice,)))
 
 

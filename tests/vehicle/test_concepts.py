@@ -84,7 +84,7 @@ def test_the_page_has_these_numbers(found):
         assert own[2:6] == pytest.approx(shown[2:6], rel=0.2)
     cost = {one.name: ridden.cost for one, ridden in found.rows}
     (less,), (above,) = (
-        re.findall(rf"(\d+) % {word}", page) for word in ("less than", "above what")
+        re.findall(rf"(\d+) % {word}", page) for word in ("less than", "above the lower bound")
     )
     own = cost["semi-active"]
     assert 1 - own / cost["passive"] == pytest.approx(float(less) / 100, abs=7e-3)

@@ -184,7 +184,7 @@ def test_weights_and_vertices_without_parameters(physical, design):
         parameters=lambda t: np.outer(1 - t, alpha[0]) + np.outer(t, alpha[1]),
     )  # fmt: skip
     assert np.all(np.abs(moved.parameters.sum(axis=-1) - 1) < 1e-12)
-    with pytest.raises(InputError, match="no product of the weights of m1, beta"):
+    with pytest.raises(InputError, match="not a product of the weights of m1, beta"):
         drive(physical, design, wave, duration=0.1, parameters=[0.5, 0, 0, 0.5])
 
 

@@ -21,8 +21,12 @@ def warn_renamed(old: str, new: str, depth: int = 1) -> None:
 def with_old_keys(data: Any) -> Any:
     """Return plain data for a summary with "status" beside each "answer", as it was called."""
     if isinstance(data, Mapping):
-        old = {"status": data["answer"]} if "answer" in data else {}
-        return {key: with_old_keys(value) for key, value in (old | dict(data)).items()}
+        both = dict[str, Any]()
+        for key, value in data.items():
+            both[key] = with_old_keys(value)
+            if key == "answer":
+                both["status"] = both[key]
+        return both
     return [with_old_keys(value) for value in data] if isinstance(data, list | tuple) else data
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
@@ -33,7 +33,7 @@ from polefence.cli.common import (
     write_figure,
     write_json,
 )
-from polefence.cli.given import Given, is_design, read_given
+from polefence.cli.given import NONE, SPEC, Given, is_design, read_given
 from polefence.cli.terminal import say
 from polefence.cli.tightest import KINDS
 from polefence.law.laws import GainTable
@@ -100,7 +100,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="TEXT",
         help="a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
-        "be proved; repeat for more; none: the poles alone; default: all that a spec asks for",
+        "be proved; repeat for more; none: the poles alone; spec: all that the spec asks for. "
+        "Default: analyse none, verify spec",
     )
     parser.add_argument(
         "--budget",
@@ -128,6 +129,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def analyse_command(options: Any) -> int:
     """Prove or refute that a given gain, or table of gains, keeps a region and limits."""
+    return _command(options, NONE)
+
+
+def verify_command(options: Any) -> int:
+    """Do the same as analyse, with all limits of the spec by default."""
+    return _command(options, SPEC)
+
+
+def _command(options: Any, limits: str) -> int:
     if (options.budget or 0) < 0 or options.depth < 0:
         raise InputError("--budget and --depth must be zero or more")
     given = read_given(options)
@@ -142,7 +152,7 @@ def analyse_command(options: Any) -> int:
     name = FILE_NAME if table is None else TABLE_NAME
     check_targets(options.json, options.plot, folder=options.output, names=(name,))
     if options.of is None:
-        return _kept(given, options)
+        return _kept(given, options.limit or [limits], options)
     if table is not None:
         raise InputError("--of is for one gain or law; analyse a table with --region")
     if options.limit or options.lyapunov is not None:
@@ -152,15 +162,10 @@ def analyse_command(options: Any) -> int:
     )
 
 
-def verify_command(options: Any) -> int:
-    """Do the same as analyse: its other name, with the same options."""
-    return analyse_command(options)
-
-
-def _kept(given: Given, options: Any) -> int:
+def _kept(given: Given, asked: Sequence[str], options: Any) -> int:
     """Answer whether the region and the limits are kept."""
     plant, law, region = given.plant, given.law, given.region(options)
-    limits, P = given.limits(options), given.lyapunov(options)
+    limits, P = given.limits(asked, options), given.lyapunov(options)
     if not isinstance(law, GainTable):
         found = analyse(plant, law, region, options.budget, limits=limits, lyapunov=P)
         return _one(found, region, given, options)

@@ -28,6 +28,7 @@ from polefence.requirements.text import parse_specification
 
 OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
+NONE, SPEC = "none", "spec"  # of limits: the poles alone; all that a spec asks for
 MOST_TEXT = 100_000  # characters of a matrix on the command line
 PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
 
@@ -59,15 +60,14 @@ class Given:
         own = load_region(options.spec) if self.arrays is None else None
         return own or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
 
-    def limits(self, options: Any) -> list[Specification]:
-        """Return the limits of the options, else all that a spec asks for; of a table none."""
-        if options.limit == ["none"]:
+    def limits(self, asked: Sequence[str], options: Any) -> list[Specification]:
+        """Return the limits that are asked for, or that the spec asks for; of a table none."""
+        if [*asked] == [NONE] or ([*asked] == [SPEC] and isinstance(self.law, GainTable)):
             return []
+        texts = [] if [*asked] == [SPEC] else [*asked]
         if self.arrays is not None:
-            return [_limit(text) for text in options.limit]
-        if isinstance(self.law, GainTable) and not options.limit:
-            return []
-        return list(promised(self.plant, options.spec, options.limit, "--limit"))
+            return [_limit(text) for text in texts]
+        return list(promised(self.plant, options.spec, texts, "--limit"))
 
     def lyapunov(self, options: Any) -> list[Any]:
         """Return the Lyapunov matrices that come with the law, if any."""

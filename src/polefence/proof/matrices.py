@@ -58,7 +58,7 @@ def common_denominator(matrices: Iterable[Rationals], limit: int = MAX_BITS) -> 
         spend(1, length, min(length, denominator.bit_length()) + 30)
         common = math.lcm(common, denominator)
         if common.bit_length() > limit:
-            raise WorkError("the numbers' common denominator is out of all proportion")
+            raise WorkError("the numbers' common denominator is too large")
     return common
 
 

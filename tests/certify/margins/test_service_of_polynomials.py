@@ -99,7 +99,7 @@ def test_signals_that_vary_have_no_proof_of_errors_of_the_estimate():
     assert not any(each.proved for each in estimation_error(own))
     claim = next(each.claim for each in estimation_error(other) if not each.parameter)
     subject = replace(claim.subject, design=own.certificate.claim())
-    with pytest.raises(FormatError, match="outputs that vary"):
+    with pytest.raises(FormatError, match="outputs must not vary"):
         prove(replace(claim, subject=subject, errors=(Fraction(0), Fraction(0))))
 
 

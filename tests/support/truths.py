@@ -6,11 +6,14 @@ the claim may be false all the same; where it finds one, by more than rounding, 
 
 from __future__ import annotations
 
+import copy
 from itertools import product
 from math import comb, factorial, prod
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
+
+from support import motions
 
 SLACK = 1e-6  # relative, of what counts as more than rounding
 
@@ -46,12 +49,25 @@ class Plant:
         self.random = np.random.default_rng(seed)
         self.T = number(table.get("sample_time", 0))
         self.R = array(table["remainder"]) if "remainder" in table else None
+        self.curve = table.get("curve")
+        spans = len(self.A) == 2 ** len(self.ranges) > 1
+        self.sizes = (2,) * len(self.ranges) if spans else (len(self.A),)
+
+    def at(self, alpha):
+        """A, B and E there."""
+        n, m = self.A.shape[1], self.B.shape[2]
+        E = np.zeros((n, 0)) if self.E is None else mix(alpha, self.E)
+        A, B = mix(alpha, self.A), mix(alpha, self.B)
+        if self.curve:
+            weights = basis(coordinates(alpha, self.sizes), self.sizes, self.curve["degree"])
+            off = np.tensordot(weights, array(self.curve["coefficients"]), 1)
+            A, B, E = A + off[:, :n], B + off[:, n : n + m], E + off[:, n + m :]
+        return A, B, E
 
     def near(self, alpha):
         """A, B and E there, and at random signs of all that they may be off by."""
         n, m = self.A.shape[1], self.B.shape[2]
-        E = np.zeros((n, 0)) if self.E is None else mix(alpha, self.E)
-        own = mix(alpha, self.A), mix(alpha, self.B), E
+        own = self.at(alpha)
         yield own
         for _ in range(4 if self.R is not None else 0):
             R = self.R * self.random.choice([-1.0, 1.0], size=self.R.shape)
@@ -140,11 +156,11 @@ class Law:
     def __init__(self, table, count, plant=None):
         self.fixed = table["kind"] == "fixed"
         self.on = table.get("on", "simplex")
+        self.polynomial = table["kind"] == "polynomial"
         if self.fixed:
             self.K = array(table["K"])
             return
         self.degree = table.get("degree", 1)
-        self.polynomial = table["kind"] == "polynomial"
         if self.polynomial:
             self.terms = [(np.array(t["powers"]), array(t["K"])) for t in table["terms"]]
             self.C = None if plant is None else measured(plant, table.get("measured", []), count)
@@ -181,6 +197,8 @@ def outside(region, poles):
             d = x + v["decay"]
         elif part["kind"] == "sector":
             d = v["slope"] * x + y
+        elif part["kind"] == "wedge":
+            d = v["slope"] * (x - v["apex"]) + y
         elif part["kind"] == "vertical_strip":
             d = np.maximum(x - v["high"], v["low"] - x)
         elif part["kind"] == "horizontal_strip":
@@ -208,6 +226,21 @@ def false_poles(plant, law, claim):
     return False
 
 
+def false_region(plant, law, claim):
+    """At constant parameters, and as fast as the region says along motions."""
+    if false_poles(plant, law, claim):
+        return True
+    region = claim["region"]
+    parts = region["parts"] if region["kind"] == "intersection" else [region]
+    if not any(plant.rates):
+        return False
+    if plant.T:
+        zero = [number(p["radius"]) for p in parts if p["kind"] == "disk" and not p["centre"]]
+        return bool(zero) and motions.false_decay(plant, law, factor=min(zero))
+    decays = [number(p["decay"]) for p in parts if p["kind"] == "half_plane"]
+    return bool(decays) and motions.false_decay(plant, law, decay=max(decays))
+
+
 def false_observer(plant, _, claim):
     C = array(claim["C"])
     C = np.broadcast_to(C, (len(plant.A), *C.shape[1:]))
@@ -228,22 +261,49 @@ def false_signal(plant, law, claim):
     )
     scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
-    moves = any(plant.rates) and claim["kind"] == "rms" and "disturbances" not in claim
-    if moves and moving_rms(plant, law, claim, C, D) > level * 1.02:  # by Euler's steps
+
+    def rows_at(alpha):
+        return mix(alpha, C) + mix(alpha, D) @ law.gain(alpha), mix(alpha, F)
+
+    filters = [own for own in claim.get("filters", []) if own]
+    if any(plant.rates) and not filters and motions.false_signal(plant, law, claim, rows_at):
         return True
     for alpha in plant.alphas(domain_of(claim, law)):
         K = law.gain(alpha)
         y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales
-        if kind != "gain" and np.any(through):
+        if kind != "gain" and np.any(through) and not filters:
             return True
         for A, B, E in plant.near(alpha):
             poles = np.linalg.eigvals(A + B @ K)
             if (np.abs(poles).max() - 1 if plant.T else poles.real.max()) > SLACK:
                 return True
-            loop = A + B @ K, E * scales, y, through
-            if _reached(kind, claim, loop, (A, mix(alpha, C)), plant.T) > level:
+            loop = behind(claim, (A + B @ K, E * scales, y, through), plant.T)
+            own = array(claim["baseline"]["K"]) if "K" in claim.get("baseline", {}) else 0 * K
+            passive = A + B @ own, E * scales, mix(alpha, C) + mix(alpha, D) @ own, through
+            if _reached(kind, claim, loop, behind(claim, passive, plant.T), plant.T) > level:
                 return True
     return False
+
+
+def behind(claim, loop, T):
+    """The loop with the filters of a claim behind its outputs."""
+    A, E, C, F = loop
+    if not any(claim.get("filters", [])):
+        return loop
+    outputs = []
+    for row, through, own in zip(C, F, claim["filters"], strict=True):
+        n = len(A)
+        if not own:
+            outputs.append((row, through))
+            continue
+        a, b, c = (array(own[key]) for key in "abc")
+        size, stays = (T, np.eye(len(a))) if T else (1.0, 0.0)  # a and b are of the delta form
+        own_row = np.concatenate([row, np.zeros(n - len(row))])
+        A = np.block([[A, np.zeros((n, len(a)))], [size * b * own_row, stays + size * a]])
+        E = np.vstack([E, size * b * through])
+        outputs.append((np.concatenate([np.zeros(n), c[0]]), 0 * through))
+    C = np.stack([np.concatenate([row, np.zeros(len(A) - len(row))]) for row, _ in outputs])
+    return A, E, C, np.stack([through for _, through in outputs])
 
 
 def stacked(plant, output, key):
@@ -260,8 +320,8 @@ def _reached(kind, claim, loop, passive, T):
         own = _rms(A, E, C, number(claim.get("intensity", 1)))
         if kind == "rms":
             return own
-        other, y = passive
-        return own / _rms(other, E, y, number(claim.get("intensity", 1)))
+        other, driven, y, _ = passive
+        return own / _rms(other, driven, y, number(claim.get("intensity", 1)))
     if kind == "energy peak":
         return number(claim.get("norm", 1)) * _rms(A, E, C, 1.0)
     if kind == "gain":
@@ -289,11 +349,11 @@ def _reached_at_samples(kind, claim, loop, passive, T):
     if kind in ("rms", "relative rms", "energy peak"):
         size = number(claim.get("intensity", 1)) if "rms" in kind else number(claim["norm"]) ** 2
 
-        def own(A, C):
+        def own(A, E, C, _):
             P = solve_discrete_lyapunov(A, size / T * E @ E.T)
             return float(np.sqrt(max(np.trace(C @ P @ C.T), 0.0)))
 
-        return own(A, C) / (own(*passive) if kind == "relative rms" else 1.0)
+        return own(*loop) / (own(*passive) if kind == "relative rms" else 1.0)
     if kind == "gain":
         return _largest(A, E, C, F, np.exp(1j * np.linspace(0, np.pi, 60)))
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
@@ -339,44 +399,22 @@ def false_saturation(plant, law, claim):
     A, B, E = map(np.stack, zip(*(next(plant.near(alpha)) for alpha in alphas), strict=True))
     K = np.stack([law.gain(alpha) for alpha in alphas])
     poles = np.linalg.eigvals(A + B @ K)
-    if poles.real.max() > SLACK:
+    if (np.abs(poles).max() - 1 if plant.T else poles.real.max()) > SLACK:
         return True
     norms = array(claim["norms"]) if "norms" in claim else np.zeros(E.shape[2])
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
     x = np.tile(np.array(starts) if starts else np.zeros((4, A.shape[1])), (len(A), 1, 1))
     dt = 0.02 / np.maximum(1.0, np.abs(poles).max(axis=1))[:, None, None]
+    dt = np.full_like(dt, plant.T) if plant.T else dt
     lengths = np.array([0.1, 0.5, 1.0, 3.0])[:, None]
     drive, (A, B, K) = (E @ norms)[:, None, :], (np.swapaxes(M, 1, 2) for M in (A, B, K))
-    for k in range(int(30 / dt.min())):
+    for k in range(min(int(30 / dt.min()), 6000)):
         u = x @ K
         u[..., chosen] = np.clip(u[..., chosen], -level, level)
         push = 0.0 if starts else np.where(k * dt < lengths, lengths**-0.5, 0.0) * drive
-        x = x + dt * (x @ A + u @ B + push)
+        moved = x @ A + u @ B + push
+        x = moved if plant.T else x + dt * moved
     return not np.abs(x).max() < 1e3
-
-
-def moving_rms(plant, law, claim, C, D):
-    """The largest rms along motions that go to and fro at full speed, or jump."""
-    size, worst = number(claim.get("intensity", 1)), 0.0
-    rates = plant.random.uniform(0.2, 6.0, 2)
-    for beat in rates:
-        ends = np.array([[low, high] for low, high, _ in plant.ranges])
-        p, P, dt = ends.mean(axis=1), np.zeros(plant.A.shape[1:]), 0.02
-        for k in range(400):
-            up = np.sin(beat * k * dt) > 0
-            for f, rate in enumerate(plant.rates):
-                if rate == "any":
-                    p[f] = ends[f, int(up)]
-                elif rate is not None:
-                    p[f] = np.clip(p[f] + dt * rate[int(up)], *ends[f])
-            alpha = plant.alpha(p)
-            A, B, E = next(plant.near(alpha))
-            K = law.gain(alpha)
-            own, S = A + B @ K, size * E @ E.T
-            P = P + dt * (own @ P + P @ own.T + S)
-            y = mix(alpha, C) + mix(alpha, D) @ K
-            worst = max(worst, float(np.trace(y @ P @ y.T)))
-    return np.sqrt(worst)
 
 
 def _rms(A, E, C, intensity):
@@ -401,8 +439,8 @@ def false_estimate(plant, law, claim):
             p = np.clip(q + np.array(signs) * errors, lows, highs)
             alpha = plant.alpha(p)
             K = law.gain(plant.alpha(q))
-            loop = mix(alpha, plant.A) + mix(alpha, plant.B) @ K
-            if outside(claim["region"], np.linalg.eigvals(loop)) > SLACK:
+            A, B, _ = plant.at(alpha)
+            if outside(claim["region"], np.linalg.eigvals(A + B @ K)) > SLACK:
                 return True
     return False
 
@@ -439,13 +477,19 @@ def false_each_gain(plant, law, claim):
 
 
 def false_rate(plant, law, claim):
-    """At constant parameters, which move at no rate."""
+    """At constant parameters, which move at no rate; and along motions at their rates."""
     decay = number(claim["decay"])
-    return any(
-        np.linalg.eigvals(mix(a, plant.A) + mix(a, plant.B) @ law.gain(a)).real.max()
-        > -decay + SLACK * max(1.0, decay)
+    slow = any(
+        np.linalg.eigvals(A + B @ law.gain(a)).real.max() > -decay + SLACK * max(1.0, decay)
         for a in plant.alphas("box" if plant.ranges else "simplex")
+        for A, B, _ in [plant.at(a)]
     )
+    if slow or not plant.ranges:
+        return slow
+    moving, rates = copy.copy(plant), claim["rates"]
+    each = [rates] * len(plant.ranges) if rates == "any" else map(number, rates)
+    moving.rates = [rate if rate == "any" else (-rate, rate) for rate in each]
+    return motions.false_decay(moving, law, decay=decay)
 
 
 def false_sampled(plant, law, claim):
@@ -462,9 +506,11 @@ def false_sampled(plant, law, claim):
                 D = D / np.linalg.norm(D, 2) * number(off["error"])
                 D = array(off["rows"])[:, None] * (D @ array(off["columns"]))
             own = K + D
-            loop = whole[:, :n] + whole[:, n:] @ own
-            if claim.get("delay", 1):
-                loop = np.block([[whole], [own, np.zeros((m, m))]])
+            late = m - int(claim.get("prompt", 0)) if claim.get("delay", 1) else 0
+            F, G = whole[:, :n], whole[:, n:]
+            loop = np.block(
+                [[F + G[:, late:] @ own[late:], G[:, :late]], [own[:late], np.zeros((late, late))]]
+            )
             if np.abs(np.linalg.eigvals(loop)).max() > limit:
                 return True
     return False
@@ -473,8 +519,14 @@ def false_sampled(plant, law, claim):
 def false_rounding(plant, law, claim):
     """The code's constants as a law of their own, without its rounding."""
     code = claim["code"]
-    if "K" in code:
-        own = Law({"kind": "fixed", "K": code["K"]}, len(plant.A))
+    if false_gain(plant, law, claim["gain"]):
+        return True
+    if "K" in code or "terms" in code:
+        own, gains = copy.copy(law), [array(K) for K in code.get("terms", [code.get("K")])]
+        if law.polynomial:
+            own.terms = [(e, K) for (e, _), K in zip(law.terms, gains, strict=True)]
+        else:
+            own.fixed, own.K = True, gains[0]
         return false_poles_of(plant, own.gain, claim["gain"]["region"])
     T = array(code["T"])
     table = {"kind": "scheduled", "W": code["W"], "Z": code["Z"]}
@@ -615,7 +667,7 @@ def false_conflict(plant, law, claim):
 FALSE = {
     "clipped": false_clipped,
     "conflict": false_conflict,
-    "region": false_poles,
+    "region": false_region,
     "observer": false_observer,
     **dict.fromkeys(("rms", "relative rms", "energy peak", "initial peak", "gain"), false_signal),
     "saturation": false_saturation,

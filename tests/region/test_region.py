@@ -26,7 +26,10 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import RegionError
-from polefence.region.regions import Intersection, damping_of, slope_of
+from polefence.proof import regions as proof
+from polefence.region.regions import CLASSES, Intersection, damping_of, slope_of
+from polefence.region.text import parse_region, short_text
+from support.paths import DOCS
 
 
 def number(low, high):
@@ -48,6 +51,33 @@ PARTS = {
 }
 ANY = st.one_of(*PARTS.values())
 POLE = st.builds(complex, number(-100, 30), number(-60, 60))
+
+
+def test_every_kind_is_tried_here_and_on_the_pages():
+    assert PARTS.keys() == CLASSES.keys() == proof.KINDS.keys()
+    for kind, own in CLASSES.items():
+        assert f"| `{kind}(" in (DOCS / "regions.md").read_text()
+        assert f":: {own.__name__}" in (DOCS / "api.md").read_text()
+
+
+@given(ANY)
+def test_what_is_drawn_is_the_boundary(region):
+    """Poles cross it there: distance and the inequality's largest eigenvalue are zero."""
+    for curve in region.boundary((-50.0, 20.0, 30.0)):
+        assert np.abs(region.distance(curve)).max() < 1e-9 * max(region.size, 50)
+        shown = [z for z in curve[::240] if abs(z) < 100]
+        assert all(abs(level(region, z, 50.0)) < 1e-9 * (1 + abs(z)) for z in shown)
+
+
+@given(ANY)
+def test_a_region_in_six_digits_holds_it(region):
+    try:
+        short = parse_region(short_text(region), alone=False)
+    except RegionError:  # of a number below the least
+        assume(False)
+    curve = np.concatenate(region.boundary((-50.0, 20.0, 30.0)))
+    inside = curve[np.abs(curve) < 60]
+    assert (short.distance(inside) <= 1e-9 * max(region.size, 50)).all()
 
 
 def level(region, z, rate=1.0):

@@ -19,7 +19,6 @@ from polefence.show.plots import (
     BoundsPanel,
     bounds_figure,
     comparison_figure,
-    curves,
     limits_figure,
     margins_figure,
     poles_figure,
@@ -57,7 +56,7 @@ def test_curves_lie_on_the_boundary_and_cross_the_view(text):
     assert low < min(POLES.real.min(), 0) < 0 < high
     assert height > np.abs(POLES.imag).max()
     for part in region.parts:
-        drawn = np.concatenate(curves(part, view))
+        drawn = np.concatenate(part.boundary(view))
         assert np.abs(part.distance(drawn)).max() < 1e-9 * max(part.size, high - low, height)
         # both halves of the plane are reached
         assert drawn.imag.min() < 0 < drawn.imag.max()

@@ -16,6 +16,7 @@ from operator import and_
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from polefence.base.errors import RegionError, shown
 from polefence.base.explained import explained_fields
@@ -26,6 +27,10 @@ from polefence.proof.short import Short
 from polefence.proof.text import exactly
 
 Pair = tuple[Array, Array]  # L, M
+Curve = npt.NDArray[np.complex128]
+View = tuple[float, float, float]  # least and largest real part, largest imaginary part
+
+POINTS = 1441  # of a curve
 
 LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.999  # of a sector that is dragged
 
@@ -73,6 +78,7 @@ class Region(Short, ABC):
 
     kind: ClassVar[str] = ""
     rates: ClassVar[tuple[str, ...] | None] = None  # numbers in 1/s; all where there is None
+    definite: ClassVar[bool] = False  # whether its inequalities imply that X is positive definite
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -117,6 +123,26 @@ class Region(Short, ABC):
     @abstractmethod
     def top(self, x: Array) -> Array:
         """Return the supremum of Im z at real parts x between the ends; it may be infinite."""
+
+    @property
+    def highest(self) -> float:
+        """Largest imaginary part of the boundary, zero where no curve of it has one."""
+        return 0.0
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        """Names of the numbers of which larger ones make it larger."""
+        return ()
+
+    def boundary(self, view: View) -> list[Curve]:
+        """Return the boundary of a part as complex points, unbounded curves as far as asked.
+
+        Parameters
+        ----------
+        view : (low, high, height)
+            What lines and rays must reach across [1/s].
+        """
+        raise NotImplementedError
 
     @property
     def half_axes(self) -> tuple[float, float] | None:
@@ -235,6 +261,7 @@ class Disk(Region):
     centre: float
     radius: float
     kind: ClassVar[str] = "disk"
+    definite: ClassVar[bool] = True
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -293,6 +320,17 @@ class Disk(Region):
     def through(self, z: complex, begin: complex) -> Disk:  # noqa: ARG002
         return Disk(self.centre, abs(z - self.centre))
 
+    @property
+    def highest(self) -> float:
+        return self.radius
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        return ("radius",)
+
+    def boundary(self, view: View) -> list[Curve]:  # noqa: ARG002
+        return [_around(self.centre, self.radius, self.radius)]
+
     def distance(self, poles: Any) -> Array:
         return np.abs(np.asarray(poles) - self.centre) - self.radius
 
@@ -337,6 +375,9 @@ class HalfPlane(Region):
 
     def through(self, z: complex, begin: complex) -> HalfPlane:  # noqa: ARG002
         return HalfPlane(-z.real)
+
+    def boundary(self, view: View) -> list[Curve]:
+        return [_vertical(-self.decay, view)]
 
     def distance(self, poles: Any) -> Array:
         return np.asarray(np.real(poles) + self.decay)
@@ -402,6 +443,9 @@ class Sector(Region):
         damping = -z.real / abs(z) if z else 1.0
         return Sector(min(max(damping, LEAST_DAMPING), MOST_DAMPING))
 
+    def boundary(self, view: View) -> list[Curve]:
+        return self.wedge.boundary(view)
+
     def distance(self, poles: Any) -> Array:
         return self.wedge.distance(poles)
 
@@ -451,6 +495,17 @@ class Wedge(Region):
         away = self.apex - z.real
         return Wedge(self.apex, z.imag / away or self.slope) if away else self
 
+    @property
+    def growing(self) -> tuple[str, ...]:
+        return ("apex", "slope") if self.slope > 0 else ()
+
+    def boundary(self, view: View) -> list[Curve]:
+        # one curve through the apex, until it leaves the view
+        end = view[0] if self.slope > 0 else view[1]
+        far = min(abs(self.apex - end), view[2] / abs(self.slope))
+        x = np.linspace(far, -far, POINTS)
+        return [self.apex - math.copysign(1, self.slope) * np.abs(x) + 1j * abs(self.slope) * x]
+
     def distance(self, poles: Any) -> Array:
         z, s = np.asarray(poles), self.slope
         return np.asarray((s * (z.real - self.apex) + np.abs(z.imag)) / math.hypot(s, 1))
@@ -463,6 +518,7 @@ class VerticalStrip(Region):
     low: float
     high: float
     kind: ClassVar[str] = "vertical_strip"
+    definite: ClassVar[bool] = True
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -492,6 +548,13 @@ class VerticalStrip(Region):
             return VerticalStrip(z.real, self.high)
         return VerticalStrip(self.low, z.real)
 
+    @property
+    def growing(self) -> tuple[str, ...]:
+        return ("high",)
+
+    def boundary(self, view: View) -> list[Curve]:
+        return [_vertical(self.low, view), _vertical(self.high, view)]
+
     def distance(self, poles: Any) -> Array:
         x = np.real(poles)
         return np.asarray(np.maximum(x - self.high, self.low - x))
@@ -503,6 +566,7 @@ class HorizontalStrip(Region):
 
     height: float
     kind: ClassVar[str] = "horizontal_strip"
+    definite: ClassVar[bool] = True
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -526,6 +590,18 @@ class HorizontalStrip(Region):
     def through(self, z: complex, begin: complex) -> HorizontalStrip:  # noqa: ARG002
         return HorizontalStrip(z.imag)
 
+    @property
+    def highest(self) -> float:
+        return self.height
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        return ("height",)
+
+    def boundary(self, view: View) -> list[Curve]:
+        x = np.linspace(view[0], view[1], POINTS)
+        return [np.asarray(x + 1j * y) for y in (self.height, -self.height)]
+
     def distance(self, poles: Any) -> Array:
         return np.asarray(np.abs(np.imag(poles)) - self.height)
 
@@ -546,6 +622,7 @@ class Ellipse(Region):
     real: float
     imaginary: float
     kind: ClassVar[str] = "ellipse"
+    definite: ClassVar[bool] = True
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -579,6 +656,17 @@ class Ellipse(Region):
         size = math.hypot((z.real - self.centre) / self.real, z.imag / self.imaginary)
         return Ellipse(self.centre, size * self.real, size * self.imaginary)
 
+    @property
+    def highest(self) -> float:
+        return self.imaginary
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        return ("real", "imaginary")
+
+    def boundary(self, view: View) -> list[Curve]:  # noqa: ARG002
+        return [_around(self.centre, self.real, self.imaginary)]
+
     def distance(self, poles: Any) -> Array:
         """Signed, zero on the boundary; elsewhere no more than the distance."""
         z = np.asarray(poles) - self.centre
@@ -590,6 +678,16 @@ def _arc(x: Array, centre: float, real: float, imaginary: float) -> Array:
     """Return the upper half of an ellipse at real parts x."""
     share = (x - centre) / real
     return np.asarray(imaginary * np.sqrt(np.maximum((1 - share) * (1 + share), 0)))
+
+
+def _around(centre: float, real: float, imaginary: float) -> Curve:
+    """Return an ellipse."""
+    angle = np.linspace(0, 2 * np.pi, POINTS)
+    return np.asarray(centre + real * np.cos(angle) + 1j * imaginary * np.sin(angle))
+
+
+def _vertical(x: float, view: View) -> Curve:
+    return np.asarray(x + 1j * np.linspace(-view[2], view[2], POINTS))
 
 
 def stable(step: float = 0.0) -> Region:

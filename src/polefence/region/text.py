@@ -10,7 +10,7 @@ from polefence.base.errors import RegionError, suggest
 from polefence.base.explained import explained
 from polefence.plant.spec import region_text
 from polefence.proof.text import digits_down, digits_up, exactly, plural
-from polefence.region.regions import CLASSES, Intersection, Region, Wedge, require_left
+from polefence.region.regions import CLASSES, Intersection, Region, require_left
 
 __all__ = ["digits_down", "digits_up", "load_region", "parse_region", "short_text"]
 
@@ -82,14 +82,11 @@ def short_text(region: Region) -> str:
 
 def _short_part(part: Region) -> str:
     # a disk's centre stays: another one would be another disk, unless its radius grew too
-    larger: tuple[str, ...] = ("radius", "height", "high", "real", "imaginary")
     names = [field.name for field in fields(part)]
-    if isinstance(part, Wedge) and part.slope > 0:
-        larger = ("apex", "slope")
     texts = [
         exactly(value)
         if name == "centre"
-        else (digits_up if name in larger else digits_down)(value)
+        else (digits_up if name in part.growing else digits_down)(value)
         for name, value in zip(names, astuple(part), strict=True)
     ]
     return f"{part.kind}({', '.join(texts)})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 from textwrap import wrap
@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
@@ -27,16 +26,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.claims.cells import ANSWERS
 from polefence.proof.text import visible
-from polefence.region.regions import (
-    Disk,
-    Ellipse,
-    HalfPlane,
-    HorizontalStrip,
-    Region,
-    Sector,
-    VerticalStrip,
-    Wedge,
-)
+from polefence.region.regions import POINTS, Disk, Region, View, Wedge
 from polefence.region.text import digits_down, digits_up, short_text
 
 if TYPE_CHECKING:  # imported where used, or for signatures only
@@ -85,10 +75,6 @@ _STYLE: Any = {
     "figure.constrained_layout.use": False,
 }
 
-Curve = npt.NDArray[np.complex128]
-View = tuple[float, float, float]  # least and largest real part, largest imaginary part
-
-POINTS = 1441
 
 # An unbounded region is shown out to this many times its own scale, or that of most poles.
 FARTHEST = 12.0
@@ -342,7 +328,7 @@ def draw_region(ax: Axes, region: Region, view: View) -> None:
     label: str | None = _folded(short_text(region))
     close = 1e-6 * max(high - low, height)
     for part in region.parts:
-        for curve in curves(part, view):
+        for curve in part.boundary(view):
             edge = region.distance(curve) <= close
             for shown, style in ((edge, {"lw": 1.3}), (~edge, {"lw": 0.8, "ls": ":"})):
                 line = np.where(shown, curve, np.nan)
@@ -412,68 +398,6 @@ def typeset(text: str) -> str:
     return SQUARED.sub(r"\1/s²", text)
 
 
-def curves(part: Region, view: View) -> list[Curve]:
-    """Return the boundary of a region's part as complex points, unbounded curves as far as asked.
-
-    Parameters
-    ----------
-    part : Region
-        One of `Region.parts`.
-    view : (low, high, height)
-        What lines and rays must reach across.
-    """
-    return _CURVES[type(part)](part, view)
-
-
-def _disk(part: Any, _: View) -> list[Curve]:
-    return [part.centre + part.radius * np.exp(1j * np.linspace(0, 2 * np.pi, POINTS))]
-
-
-def _ellipse(part: Any, _: View) -> list[Curve]:
-    angle = np.linspace(0, 2 * np.pi, POINTS)
-    return [part.centre + part.real * np.cos(angle) + 1j * part.imaginary * np.sin(angle)]
-
-
-def _half_plane(part: Any, view: View) -> list[Curve]:
-    return [_vertical(-part.decay, view)]
-
-
-def _vertical_strip(part: Any, view: View) -> list[Curve]:
-    return [_vertical(part.low, view), _vertical(part.high, view)]
-
-
-def _horizontal_strip(part: Any, view: View) -> list[Curve]:
-    x = np.linspace(view[0], view[1], POINTS)
-    return [x + 1j * part.height, x - 1j * part.height]
-
-
-def _sector(part: Any, view: View) -> list[Curve]:
-    return _wedge(part.wedge, view)
-
-
-def _wedge(part: Any, view: View) -> list[Curve]:
-    # one curve through the apex, until it leaves the view
-    end = view[0] if part.slope > 0 else view[1]
-    far = min(abs(part.apex - end), view[2] / abs(part.slope))
-    x = np.linspace(far, -far, POINTS)
-    return [part.apex - math.copysign(1, part.slope) * np.abs(x) + 1j * abs(part.slope) * x]
-
-
-def _vertical(x: float, view: View) -> Curve:
-    return np.asarray(x + 1j * np.linspace(-view[2], view[2], POINTS))
-
-
-_CURVES: dict[type[Region], Callable[[Any, View], list[Curve]]] = {
-    Disk: _disk,
-    Ellipse: _ellipse,
-    HalfPlane: _half_plane,
-    VerticalStrip: _vertical_strip,
-    HorizontalStrip: _horizontal_strip,
-    Sector: _sector,
-    Wedge: _wedge,
-}
-
-
 def view_of(region: Region, poles: Array) -> View:
     """Return a view of the poles, if there are any, of the region's boundary and of the origin."""
     low, high, height = _extent(region)
@@ -499,9 +423,7 @@ def _extent(region: Region) -> View:
     ends = np.array([part.ends for part in seen])
     low = ends[:, 0].max()
     high = max(0.0, ends[np.isfinite(ends[:, 1]), 1].max(initial=0.0))
-    heights = [part.half_axes[1] for part in round_parts if part.half_axes is not None]
-    heights += [part.height for part in region.parts if isinstance(part, HorizontalStrip)]
-    height = max(heights, default=0.0)
+    height = max(part.highest for part in region.parts)
     return low, high, height
 
 

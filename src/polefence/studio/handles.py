@@ -11,8 +11,7 @@ from operator import and_
 import numpy as np
 
 from polefence.plant.system import Array
-from polefence.region.regions import Region, require_left
-from polefence.show.plots import Curve, View, curves
+from polefence.region.regions import Curve, Region, View, require_left
 
 DIGITS = 4  # of numbers that are dragged
 NEAR = 0.02  # of the view's width: of an edge and a corner so near, the corner is enough
@@ -133,7 +132,7 @@ def _beyond(points: Curve, view: View) -> Array:
 def _edges(region: Region, view: View) -> Iterator[Handle]:
     """Yield a point or two of each edge, on the real axis or above it."""
     for k, part in enumerate(region.parts):
-        for curve in curves(part, view):
+        for curve in part.boundary(view):
             upper = curve[(curve.imag >= -1e-12) & (_beyond(curve, view) <= 0)]
             own = upper[region.distance(upper) <= _close(view)]
             if not len(own):
@@ -150,7 +149,7 @@ def _corners(region: Region, view: View) -> Iterator[Handle]:
     """Yield where the boundaries of two parts meet, above the real axis."""
     for k, part in enumerate(region.parts):
         for other in range(k + 1, len(region.parts)):
-            for curve in curves(part, view):
+            for curve in part.boundary(view):
                 level = region.parts[other].distance(curve)
                 for i in np.flatnonzero(np.diff(level < 0)):
                     share = level[i] / (level[i] - level[i + 1])

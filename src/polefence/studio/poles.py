@@ -16,8 +16,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded, weights_of
 from polefence.plant.system import Array
 from polefence.proof.text import visible
-from polefence.region.regions import Region
-from polefence.show.plots import PANEL, Curve, View, fitted, view_of
+from polefence.region.regions import Curve, Region, View
+from polefence.show.plots import PANEL, fitted, view_of
 from polefence.studio.handles import Handle, handles, in_sight, moved, outline
 from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State

@@ -20,8 +20,6 @@ from polefence.region.regions import Disk, Region
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
 NEAR = 1e-9  # of the centre of a disk that is about motions
-# Parts whose inequality does not imply X > 0.
-_OPEN = ("half_plane", "sector", "wedge")
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +146,8 @@ class Around:
 
     @property
     def is_open(self) -> bool:
-        """Whether the region is unbounded."""
-        return all(part.kind in _OPEN for part in self.region.parts)
+        """Whether its inequalities leave open that X > 0, as those of cones do."""
+        return not any(part.definite for part in self.region.parts)
 
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""

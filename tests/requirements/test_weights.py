@@ -315,7 +315,7 @@ def test_a_held_filter_has_the_doubles_nearest_to_its_exponential(name, T):
             term = [[sum(map(mul, row, own)) / k for own in columns] for row in term]
             found = [list(map(add, row, own)) for row, own in zip(found, term, strict=True)]
         assert max(abs(x) for row in term for x in row) < Decimal("1e-100")
-    own = filter_of(name, T)
+    own = filter_of(WEIGHTS[name], T)
     for i in range(n):
         assert [float(x * T + (i == j)) for j, x in enumerate(own.a[i])] == [
             float(x) for x in found[i][:n]

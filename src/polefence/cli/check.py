@@ -46,6 +46,7 @@ from polefence.proof.laws import Law
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import output_text, quoted
+from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications
 from polefence.requirements.weights import WEIGHTS, filter_of, with_weights
 from polefence.response.samples import at_sample_time
@@ -186,7 +187,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
         if difference is None:
-            difference = _other_filter(claim, document.plant.step)
+            difference = _other_filter(claim, document.plant.step, spec)
         if difference is None:
             difference = _other_signal(_outputs_of(claim), document.plant, file_plant(plant))
         if difference is None and isinstance(claim, Clipped | RmsRefutation) and claim.dampers:
@@ -223,24 +224,33 @@ def _other_damper(found: Sequence[SemiActive], plant: UncertainPlant, spec: str)
 
 def _weighted(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
     """Return the plant with those filters of the spec's specifications that a file's plant has."""
-    least, limits = load_specifications(
-        spec, RoadSpectrum("C", 20.0)
-    )  # any road: filters are what counts
     known = {own.name for own in found.outputs}
     asked = [
         own
-        for own in ([least] if least else []) + list(limits)
-        if {f"{y.name}, {w}" for y, w in zip(own.outputs(plant), own.filters, strict=True) if w}
+        for own in _specifications(spec)
+        if {
+            f"{y.name}, {w.name}" for y, w in zip(own.outputs(plant), own.filters, strict=True) if w
+        }
         <= known
     ]
     return with_weights(plant, asked)[0]
 
 
-def _other_filter(claim: Claim, step: Fraction) -> str | None:
-    """Say that a filter of a claim is not the weighting of its name."""
+def _specifications(spec: str) -> list[Specification]:
+    """Return all that a spec asks for, on any road: filters and signals are what counts."""
+    least, limits = load_specifications(spec, RoadSpectrum("C", 20.0))
+    return [*([least] if least else []), *limits]
+
+
+def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
+    """Say that a filter of a claim is not the one of its name."""
     for own in claim.filters if isinstance(claim, SignalClaim) else ():
-        if own is not None and (own.name not in WEIGHTS or own != filter_of(own.name, step)):
-            return f"its filter {quoted(own.name)} is not that of ISO 2631-1"
+        if own is None:
+            continue
+        asked = (w for each in _specifications(spec) for w in each.filters if w)
+        known = {**{w.name: w for w in asked}, **WEIGHTS}
+        if own.name not in known or own != filter_of(known[own.name], step):
+            return f"its filter {quoted(own.name)} is not that of ISO 2631-1, or of the spec"
     return None
 
 

@@ -451,7 +451,7 @@ def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> 
         acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
         each = zip(own.outputs(done.plant), own.filters, strict=True)
         # no filter passes what stays
-        names = [output.name for output, name in each if name is None]
+        names = [output.name for output, weighting in each if weighting is None]
         if own.at_most is not None and acting and rest.signal.name in names:
             yield own.at_most
 
@@ -464,7 +464,7 @@ def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
 
 def _weights(own: Specification) -> list[str] | None:
     """Return the weighting of each entry, none where no entry has one."""
-    return [name or PLAIN for name in own.filters] if any(own.filters) else None
+    return [w.name if w else PLAIN for w in own.filters] if any(own.filters) else None
 
 
 def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, Any]:

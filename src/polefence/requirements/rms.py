@@ -29,6 +29,7 @@ from polefence.requirements.weights import (
     with_weights,
 )
 from polefence.response.stationary import stationary
+from polefence.response.weighting import Weighting
 
 PLAIN = "none"  # of an entry that goes through no filter
 
@@ -88,12 +89,11 @@ class Rms(Specification):
         )
 
     @property
-    def filters(self) -> tuple[str | None, ...]:
-        """Names of the weightings, one an entry."""
+    def filters(self) -> tuple[Weighting | None, ...]:
+        """The weightings, one an entry."""
         own = self.weight
-        if own is None or isinstance(own, str):
-            return (own,) * len(self.entries)
-        return tuple(None if name == PLAIN else name for name in own)
+        names = (own,) * len(self.entries) if own is None or isinstance(own, str) else own
+        return tuple(None if name in (None, PLAIN) else WEIGHTS[str(name)] for name in names)
 
     @property
     def title(self) -> str:
@@ -112,8 +112,8 @@ class Rms(Specification):
         names = [own if isinstance(own, str) else own.name for own in self.entries]
         weight = self.weight
         if not (weight is None or isinstance(weight, str)):
-            known = dict(zip(names, self.filters, strict=True))
-            weight = known.get(output.name)
+            known = dict(zip(names, weight, strict=True))
+            weight = None if known.get(output.name) == PLAIN else known.get(output.name)
         return replace(self, signal=output, weight=weight)
 
     def unweighted(self) -> Rms:

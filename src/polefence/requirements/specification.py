@@ -31,6 +31,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
 from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.response.weighting import Weighting
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
 SIGNAL_REMEDY = (
@@ -182,8 +183,8 @@ class Specification(Short):
         raise NotImplementedError
 
     @property
-    def filters(self) -> tuple[str | None, ...]:
-        """Name of the filter that each entry of the signal goes through first."""
+    def filters(self) -> tuple[Weighting | None, ...]:
+        """The filter that each of its outputs goes through first."""
         return (None,) * len(self.entries)
 
     def filtered(self, signals: Sequence[str | Output]) -> Specification:
@@ -346,9 +347,9 @@ class Specification(Short):
             If a disturbance passes straight into one, unless it may, or goes through a filter.
         """
         found = []
-        for own, name in zip(self.outputs(plant), self.filters, strict=True):
+        for own, behind in zip(self.outputs(plant), self.filters, strict=True):
             acts = np.any(self.scaled(plant, own.arrays(plant)[2]))
-            direct = self.direct or name is not None
+            direct = self.direct or behind is not None
             C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, direct)
             F = tuple([list(row)] for row in own.exact(plant)[2]) if own.F else ()
             found.append(proof.Output(C, D, own.name, F))

@@ -72,20 +72,20 @@ def with_weights(
     InputError
         If the plant has no such signal, or has one of the name that the weighted one would have.
     """
-    made: dict[tuple[str, str], str] = {}
+    made: dict[tuple[str, Weighting], str] = {}
     bare, n = plant, plant.shape[0]
     for own in specifications:
-        for signal, name in _pairs(bare, own):
-            if name is not None and (signal.name, name) not in made:
+        for signal, weighting in _pairs(bare, own):
+            if weighting is not None and (signal.name, weighting) not in made:
                 wide = padded(signal, plant.shape[0] - n)
-                plant, made[signal.name, name] = _with_filter(plant, wide, name)
+                plant, made[signal.name, weighting] = _with_filter(plant, wide, weighting)
     found: list[Specification] = []
     more = plant.shape[0] - n
     for own in specifications:
         pairs = _pairs(bare, own)
         if pairs:
             own = own.filtered(
-                [padded(y, more) if name is None else made[y.name, name] for y, name in pairs]
+                [padded(y, more) if own is None else made[y.name, own] for y, own in pairs]
             )
         else:
             own = own.extended(n, more) if more else own
@@ -95,15 +95,15 @@ def with_weights(
 
 def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
     """Return the filter of each entry as a claim has it, nothing where no entry has one."""
-    names = specification.filters
-    if not any(names):
+    each = specification.filters
+    if not any(each):
         return ()
     T = plant.sample_time or plant.step
-    return tuple(None if name is None else filter_of(name, T) for name in names)
+    return tuple(None if own is None else filter_of(own, T) for own in each)
 
 
 @lru_cache(maxsize=64)
-def filter_of(name: str, T: Fraction | None) -> Filter:
+def filter_of(weighting: Weighting, T: Fraction | None) -> Filter:
     """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
 
     Parameters
@@ -111,12 +111,12 @@ def filter_of(name: str, T: Fraction | None) -> Filter:
     T : Fraction or None
         The sample time [s]; none, or zero, in continuous time.
     """
-    A, B, C, _ = WEIGHTS[name].state_space()  # the low-pass leaves no direct way through
+    A, B, C, _ = weighting.state_space()  # the low-pass leaves no direct way through
     if not T:
-        return Filter(_exact(A), _exact(B), _exact(C), name)
+        return Filter(_exact(A), _exact(B), _exact(C), weighting.name)
     rows = _held(_exact(A), _exact(B), T)
     a = [[(x - (i == j)) / T for j, x in enumerate(row[:-1])] for i, row in enumerate(rows)]
-    return Filter(a, [[row[-1] / T] for row in rows], _exact(C), name)
+    return Filter(a, [[row[-1] / T] for row in rows], _exact(C), weighting.name)
 
 
 def _held(a: Rationals, b: Rationals, T: Fraction) -> Rationals:
@@ -146,14 +146,16 @@ def _shortened(P: Integers, Q: Integers, unit: int) -> Integers:
     return [[sum(map(mul, row, column)) // unit for column in columns] for row in P]
 
 
-def _with_filter(plant: UncertainPlant, signal: Output, name: str) -> tuple[UncertainPlant, str]:
+def _with_filter(
+    plant: UncertainPlant, signal: Output, weighting: Weighting
+) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
-    own, T = filter_of(name, plant.sample_time or plant.step), plant.sample_time
+    own, T = filter_of(weighting, plant.sample_time or plant.step), plant.sample_time
     a, b = own.a, own.b
     if T is not None:  # the plant is not in its delta form
         a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(a)]
         b = [[T * x for x in row] for row in b]
-    label = f"{signal.name}, {name}"
+    label = f"{signal.name}, {weighting.name}"
     if label in [known.name for known in plant.signals]:
         raise InputError(f"{plant.name} has a signal {label!r} already; rename it")
     labels = [f"{label} state {i + 1}" for i in range(own.states)]
@@ -162,10 +164,10 @@ def _with_filter(plant: UncertainPlant, signal: Output, name: str) -> tuple[Unce
     return replace(larger, outputs=(*larger.outputs, weighted)), label
 
 
-def _pairs(plant: UncertainPlant, own: Specification) -> list[tuple[Output, str | None]]:
-    """Return the entries with the names of their filters, none where no entry has one."""
-    names = own.filters
-    return list(zip(own.outputs(plant), names, strict=True)) if any(names) else []
+def _pairs(plant: UncertainPlant, own: Specification) -> list[tuple[Output, Weighting | None]]:
+    """Return the outputs with their filters, nothing where none has one."""
+    each = own.filters
+    return list(zip(own.outputs(plant), each, strict=True)) if any(each) else []
 
 
 def wider(law: Any, plant: UncertainPlant, larger: UncertainPlant) -> Any:

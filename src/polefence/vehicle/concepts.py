@@ -27,8 +27,8 @@ from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.requirements.rms import Rms
-from polefence.requirements.weights import WEIGHTS
 from polefence.response.closed import close
+from polefence.response.weighting import Weighting
 from polefence.search.optimise import optimise
 from polefence.search.semi_active import semi_active, unproved
 from polefence.vehicle.driving.drive import drive
@@ -332,11 +332,11 @@ class _Task:
         return np.vstack([whole, *(squares[:, place[name]] for name in shown), power])
 
 
-def _mean_square(records: Array, weight: str | None, begin: int) -> Array:
+def _mean_square(records: Array, weight: Weighting | None, begin: int) -> Array:
     """Return the mean squares of records (loads, times) behind a weighting, nan of lost drives."""
     if weight is not None:
         whole, bare = np.isfinite(records).all(axis=1), records
         records = np.full(bare.shape, np.nan)
         if whole.any():
-            records[whole] = WEIGHTS[weight].apply(bare[whole], STEP)
+            records[whole] = weight.apply(bare[whole], STEP)
     return np.asarray(np.mean(records[:, begin:] ** 2, axis=1))

@@ -95,17 +95,26 @@ def with_actuator(
         square = _rounded(float(w) ** 2)
         a = ((ZERO, ONE), (-square, -_rounded(2 * float(ratio * w))))
         labels.append(f"rate of {actuated.name} [{actuated.unit or 1}/s]")
-    n, m = plant.shape
     _require_continuous(plant, where)
+    return _before(plant, i, a, -a[-1][0], labels)
+
+
+def _before(
+    plant: UncertainPlant, i: int, a: Exact, gain: Fraction, labels: Sequence[str]
+) -> UncertainPlant:
+    """Return the plant with dynamics before input i: z' = a z + (0, ..., gain) u, and z1 acts.
+
+    In discrete time z(t + T) is in place of z'. The labels are of z, the first that of the input.
+    """
+    (n, m), order = plant.shape, len(a)
     _require_new(plant, labels[1:])
-    vertices = []
+    more, vertices = (ZERO,) * (order - 1), []
     for vertex in plant.vertices:
         force = [row[i] for row in vertex.exact_B]
-        more = (ZERO,) * (order - 1)
         A = [(*row, x, *more) for row, x in zip(vertex.exact_A, force, strict=True)]
         A += [(*(ZERO,) * n, *row) for row in a]
         B = [(*row[:i], ZERO, *row[i + 1 :]) for row in vertex.exact_B]
-        B += [_unit(m, i, -a[-1][0] if k == order - 1 else ZERO) for k in range(order)]
+        B += [_unit(m, i, gain if k == order - 1 else ZERO) for k in range(order)]
         E = vertex.exact_E
         E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * order)
         vertices.append(System(tuple(A), tuple(B), E, vertex.name))

@@ -43,10 +43,10 @@ _TOP |= {"actuator", "sensor", "damper", "law", "car"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
-# what is put around a plant, in this order
-_HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], set[str]]] = {
-    "actuator": (with_actuator, {"bandwidth", "order", "damping"}),
-    "sensor": (with_sensor, {"bandwidth", "noise"}),
+# What is put around a plant, in this order: its function, the keys that it needs, and others.
+_HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], tuple[str, ...], set[str]]] = {
+    "actuator": (with_actuator, ("bandwidth",), {"order", "damping"}),
+    "sensor": (with_sensor, (), {"bandwidth", "noise"}),
 }
 
 
@@ -228,7 +228,7 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
 
 def _with_hardware(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant:
     """Return the plant behind the actuators and sensors of a spec."""
-    for key, (put, known) in _HARDWARE.items():
+    for key, (put, needed, others) in _HARDWARE.items():
         tables = data.get(key, {})
         if not isinstance(tables, dict):
             raise SpecError(f"{key} must be a table; write [{key}.NAME]")
@@ -236,9 +236,8 @@ def _with_hardware(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainP
             where = f"{key}.{shown(name)}"
             if not isinstance(table, dict):
                 raise SpecError(f'{where} must be a table; write [{key}."NAME"], bandwidth = 30')
-            _known(table, known, f"{where}: ")
-            if key == "actuator":
-                _need(table, ("bandwidth",), where)
+            _known(table, others.union(needed), f"{where}: ")
+            _need(table, needed, where)
             values: dict[str, Any] = {k: _finite(v, f"{where}: {k}") for k, v in table.items()}
             plant = put(plant, name, **values)
     return plant

@@ -212,3 +212,14 @@ def test_several_inputs_may_reach_together_what_none_does_alone():
     A = np.array([np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2)], dtype=np.int64)
     B = np.array([np.eye(2), [[1, 2], [2, 4]], np.eye(2)], dtype=np.int64)
     assert surely_controllable(A, B).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("words", [1, 2, 5])
+def test_residues_are_those_of_the_numbers(words):
+    prime = 2**31 - 1
+    long = Fraction(3**37, 2 ** (60 * words - 30)) if words > 1 else Fraction(-7, 2)
+    plant = UncertainPlant.from_vertices([[[long, -1], [-long, 3]]], [[[1], [-5]]])
+    assert plant.words[2] >= words - 1
+    common = int.from_bytes(plant.words[1], "little", signed=True)
+    rows = [[long, -1, 1], [-long, 3, -5]]
+    assert plant.residues.tolist() == [[[int(e * common) % prime for e in row] for row in rows]]

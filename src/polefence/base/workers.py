@@ -10,18 +10,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
     Executor,
-    Future,
     ProcessPoolExecutor,
-    ThreadPoolExecutor,
     as_completed,
 )
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from polefence.base.processors import processors, share_processors, spare_processors
-from polefence.base.progress import told
+from polefence.base.processors import share_processors
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -156,55 +153,6 @@ def _interrupted_once() -> Iterator[tuple[_Held, _Held]]:
         yield hold, ignore
     finally:
         signal.signal(signal.SIGINT, outside)
-
-
-class _Stopped(BaseException):
-    """Ends what a thread does, once nobody waits for it."""
-
-
-class _Threads(ThreadPoolExecutor):
-    """Threads that can be stopped, wherever they tell how far they are."""
-
-    def __init__(self, count: int) -> None:
-        super().__init__(count)
-        self._stop = threading.Event()
-
-    def submit(self, work: Callable[..., Result], /, *of: Any, **options: Any) -> Future[Result]:
-        """Have a function called, see `concurrent.futures.Executor`."""
-        return super().submit(self._heeding, work, *of, **options)
-
-    def stop(self) -> None:
-        """End what is being done, and all that waits."""
-        self._stop.set()
-        self.shutdown(wait=True, cancel_futures=True)
-
-    def _heeding(self, work: Callable[..., Result], *of: Any, **options: Any) -> Result:
-        share_processors()
-        with told(self._heed):
-            return work(*of, **options)
-
-    def _heed(self, _: str) -> None:
-        if self._stop.is_set():
-            raise _Stopped
-
-
-@contextmanager
-def threads(count: int | None = None) -> Iterator[Executor | None]:
-    """Threads of this process, by default one a processor; None for a single one.
-
-    In a worker of `processes`, which shares the processors with others, none by default.
-
-    For work that is mostly the kernel's, which holds no lock. Ctrl-C ends them.
-    """
-    count = count or min(processors(), spare_processors())
-    if count == 1:
-        yield None
-        return
-    pool = _Threads(count)
-    try:
-        yield pool
-    finally:
-        pool.stop()
 
 
 def _start_worker() -> None:

@@ -138,6 +138,10 @@ class Certificate(Short):
         PlantError
             If the checker does not take such a claim.
         """
+        return self._claim
+
+    @cached_property
+    def _claim(self) -> Poles:
         plant = file_plant(self.plant) if self.law.names_signals else bare_plant(self.plant)
         try:
             law, on = read_law(Table.of(self.law.document(), "law"), plant)

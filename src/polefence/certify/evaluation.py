@@ -17,7 +17,7 @@ machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -74,25 +74,12 @@ def surely_runs(certificate: Certificate) -> bool:
             if lyapunov.box is not None or lyapunov.multiple is not None:
                 return False
             try:
-                spread = _spread([certificate], [lyapunov])[0]
+                spread = _spread(certificate, lyapunov)
             except np.linalg.LinAlgError:
                 return False
             if not _leaves_room(region, spread):
                 return False
     return True
-
-
-def surely_run(certificates: Sequence[Certificate]) -> list[bool]:
-    """Return what `surely_runs` does of designs by one method for single disks, of one shape."""
-    parts = [part for own in certificates for part in lyapunovs(own)]
-    if not parts:
-        return []
-    with np.errstate(all="ignore"):
-        try:
-            spread = _spread(certificates, [lyapunov for _, lyapunov in parts])
-        except np.linalg.LinAlgError:
-            return [surely_runs(own) for own in certificates]
-        return [_leaves_room(*own) for own in zip([part[0] for part in parts], spread, strict=True)]
 
 
 def _leaves_room(region: Region, spread: float) -> bool:
@@ -103,39 +90,37 @@ def _leaves_room(region: Region, spread: float) -> bool:
     return True
 
 
-def _spread(certificates: Sequence[Certificate], lyapunovs: Sequence[Lyapunov]) -> list[float]:
-    """Return the roots of the terms' squares where F^-1 = I, infinite where floats may not do."""
-    law, degree, domain = certificates[0].law, lyapunovs[0].degree, certificates[0].domain
-    places, laws = _places(domain), [own.law for own in certificates]
-    X = np.array([own.X for own in lyapunovs])
-    if degree:  # else it is the same everywhere: one for all places
-        X = summed(domain.basis(places, degree), X)
+def _spread(certificate: Certificate, lyapunov: Lyapunov) -> float:
+    """Return the root of the terms' squares where F^-1 = I, infinite where floats may not do."""
+    law, domain, X = certificate.law, certificate.domain, lyapunov.X
+    places = _places(domain)
+    if lyapunov.degree:  # else it is the same everywhere: one for all places
+        X = summed(domain.basis(places, lyapunov.degree), X)
     diagonal = np.diagonal(X, axis1=-2, axis2=-1)
     scale = np.sqrt(diagonal)
     even = X / (scale[..., :, None] * scale[..., None, :])
-    usable = np.linalg.eigvalsh(even).min(axis=(-2, -1)) > INVERTIBLE
-    B = summed(places, np.array([own.plant.B for own in certificates])) / scale[..., None]
+    if not np.linalg.eigvalsh(even).min() > INVERTIBLE:
+        return math.inf
+    B = summed(places, certificate.plant.B) / scale[..., None]
     inputs = transposed(B) @ np.linalg.solve(even, B)  # B' X^-1 B
     column = np.diagonal(inputs, axis1=-2, axis2=-1)
     if law.K is not None:
-        K = np.array([own.K for own in laws])
-        square = (column @ K**2 * diagonal).sum(axis=-1)
+        square = (column @ law.K**2 * diagonal).sum(axis=-1)
     elif law.W is not None:
-        W, Z = np.split(np.array([own.form for own in laws]), [X.shape[-1]], axis=-2)
-        mean = W.mean(axis=-3)
-        size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1))
-        T = np.linalg.cholesky(mean / (size[..., :, None] * size[..., None, :]))
-        T = (np.linalg.inv(T) / size[..., None, :])[..., None, :, :]
-        W = T @ X @ transposed(T)
-        Z = summed(domain.basis(places, law.degree), Z) @ transposed(T)
+        W, Z = np.split(law.form, [X.shape[-1]], axis=-2)
+        mean = W.mean(axis=0)
+        size = np.sqrt(np.diag(mean))
+        T = np.linalg.inv(np.linalg.cholesky(mean / np.outer(size, size))) / size
+        W = T @ X @ T.T
+        Z = summed(domain.basis(places, law.degree), Z) @ T.T
         right = np.linalg.inv(W)
         K = Z @ right
         moved = (K * (inputs @ K)).sum(axis=-2)
         terms = (moved, W, right), (column, Z, right), (moved, T, X), (column, K @ T, X)
         square = np.sum([_weighed(*term) for term in terms], axis=0)
     else:
-        return [math.inf] * len(laws)
-    return [float(own) for own in np.where(usable, np.sqrt(square.max(axis=-1)), np.inf)]
+        return math.inf
+    return math.sqrt(square.max())
 
 
 def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:

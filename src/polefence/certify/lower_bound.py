@@ -8,7 +8,8 @@ matrices is how to change them: X_b by Psi_b Theta, Psi nearly a right inverse o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -55,61 +56,23 @@ def lower_radius(
         In the order of `polefence.proof.lower.block_pairs`.
     """
     dual = np.asarray(Y, dtype=float)
-    ends = np.array([sigma]), np.array([upper])
-    return lower_radii([plant], method, *ends, dual[None], right_hand_sides)[0]
-
-
-def lower_radii(
-    plants: Sequence[UncertainPlant],
-    method: str,
-    sigma: Array,
-    upper: Array,
-    Y: Array,
-    right_hand_sides: bool = False,
-) -> list[float | None]:
-    """Return `lower_radius` of plants of one shape.
-
-    Parameters
-    ----------
-    sigma, upper : (P,) arrays
-    Y : (P, blocks, 2n, 2n) array
-    """
-    if not plants or not _askable(plants[0], method, Y[0]):
-        return [None] * len(plants)
-    layout = _layout(method, len(plants[0].vertices))
-    best, tried = [len(SHARES)] * len(plants), [set[bytes]() for _ in plants]
+    if not _askable(plant, method, dual):
+        return None
+    layout = _layout(method, len(plant.vertices))
+    best, tried = len(SHARES), set[bytes]()
     with np.errstate(all="ignore"):
-        dual, share = _even(Y, layout)
+        dual, share = _even(dual, layout)
         for least in IDLE:
             idle = np.asarray(share < least)
-            own = [k for k in range(len(plants)) if best[k] and idle[k].tobytes() not in tried[k]]
-            if not own:
+            if not best or idle.tobytes() in tried:
                 continue
-            kept = np.where((idle @ layout.count > 0)[..., None, None], 0.0, dual)
-            for k, sought in _each_sought(layout, plants, sigma, kept, own):
-                tried[k].add(idle[k].tobytes())
-                ends = float(sigma[k]), float(upper[k])
-                found = _first(plants[k], layout, *ends, sought, best[k], right_hand_sides)
-                best[k] = found if found >= 0 else best[k]
-    return [
-        float(r) * SHARES[first] if first < len(SHARES) else None
-        for r, first in zip(upper, best, strict=True)
-    ]
-
-
-def _each_sought(
-    layout: _Layout, plants: Sequence[UncertainPlant], sigma: Array, kept: Array, own: list[int]
-) -> Iterator[tuple[int, _Sought]]:
-    """Yield what the kernel is asked with about some plants, of those that floats hold."""
-    A, B = (np.array([getattr(plants[k], name) for k in own]) for name in ("A", "B"))
-    try:
-        sought = _sought(layout, A, B, sigma[own], kept[own])
-    except np.linalg.LinAlgError:
-        for k in own if len(own) > 1 else ():
-            yield from _each_sought(layout, plants, sigma, kept, [k])
-        return
-    for place, k in enumerate(own):
-        yield k, sought.of(place)
+            tried.add(idle.tobytes())
+            kept = np.where((idle @ layout.count > 0)[:, None, None], 0.0, dual)
+            with suppress(np.linalg.LinAlgError):
+                sought = _sought(layout, plant.A, plant.B, sigma, kept)
+                found = _first(plant, layout, sigma, upper, sought, best, right_hand_sides)
+                best = found if found >= 0 else best
+    return upper * SHARES[best] if best < len(SHARES) else None
 
 
 def _askable(plant: UncertainPlant, method: str, dual: Array) -> bool:
@@ -167,14 +130,14 @@ def _layout(method: str, N: int) -> _Layout:
 def _even(dual: Array, layout: _Layout) -> tuple[Array, Array]:
     """Return the matrices, symmetric and of one size, and each vertex's share of their weight."""
     diagonal = np.diagonal(dual, axis1=-2, axis2=-1)
-    diagonal = np.where((diagonal > 0).all(axis=(-2, -1), keepdims=True), diagonal, np.nan)
-    dual = (dual + transposed(dual)) / (2 * diagonal.max(axis=(-2, -1))[..., None, None, None])
+    diagonal = diagonal if (diagonal > 0).all() else np.full(diagonal.shape, np.nan)
+    dual = (dual + transposed(dual)) / (2 * diagonal.max())
     if layout.slack:
         n = dual.shape[-1] // 2
         both = (dual[..., :n, :n] + dual[..., n:, n:]) / 2
         dual[..., :n, :n] = dual[..., n:, n:] = both
     part = layout.count @ diagonal
-    return dual, np.asarray((part / part.max(axis=-2, keepdims=True)).max(axis=-1))
+    return dual, np.asarray((part / part.max(axis=0)).max(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +149,6 @@ class _Sought:
     scale: Array
     rho: Array
 
-    def of(self, plant: int) -> _Sought:
-        """Return that of one plant of a stack."""
-        return _Sought(*(own[plant] for own in vars(self).values()))
-
     @property
     def is_usable(self) -> bool:
         """Whether the kernel takes it: units may be too far apart."""
@@ -198,10 +157,10 @@ class _Sought:
         return bool(finite and scales.min() > SMALL and scales.max() < LARGE)
 
 
-def _sought(layout: _Layout, A: Array, B: Array, sigma: Array, dual: Array) -> _Sought:
-    """Bring dual matrices close to ones that satisfy the equations, batched over leading axes."""
+def _sought(layout: _Layout, A: Array, B: Array, sigma: float, dual: Array) -> _Sought:
+    """Bring dual matrices close to ones that satisfy the equations."""
     n, N = A.shape[-1], A.shape[-3]
-    S, dual = A + sigma[..., None, None, None] * np.eye(n), dual.copy()
+    S, dual = A + sigma * np.eye(n), dual.copy()
     own = dual[..., :n, :n] + dual[..., n:, n:]
     weight = summed(layout.count, own)  # P + R of each W
     forms = np.concatenate([S, B], axis=-1) if layout.slack else B

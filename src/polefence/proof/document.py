@@ -130,7 +130,7 @@ class Document(Short):
             If a claim is not proved, together they are too much work, or the file is not read back
             as it is.
         """
-        found = loads(self.dumps())
+        found = loads(self.dumps(indent=None))
         if (found.plant, found.law, found.claims) != (self.plant, self.law, self.claims):
             raise FormatError("its file does not say what was proved")
         few = len(self.claims) <= FULL

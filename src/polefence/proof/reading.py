@@ -287,7 +287,7 @@ def plain(value: Any) -> Any:
 def is_double(value: Fraction) -> bool:
     """Whether a double holds a number exactly."""
     try:
-        return Fraction(float(value)) == value
+        return float(value).as_integer_ratio() == (value.numerator, value.denominator)
     except OverflowError:
         return False
 

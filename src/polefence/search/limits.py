@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from polefence.base import VERSION, workers
-from polefence.base.errors import InputError, NotProvedError, PolefenceError
+from polefence.base.errors import InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
@@ -43,7 +43,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.reading import MAX_BYTES, parse
 from polefence.proof.short import Short
 from polefence.region.regions import Disk
-from polefence.search import disks
+from polefence.search import place
 from polefence.search.place import radius_of
 from polefence.search.rows import Key, Row, Run, RunOptions, plant_summary
 
@@ -202,33 +202,23 @@ def as_finished(
         require_domain(plant, method)
         require_checkable(plant, method)
     require_movable(plant)
-    parts = disks.parts([disks.Asked(plant, *task) for task in tasks])
-    numbered = [[(k, *tasks[k]) for k in numbers] for numbers in parts]
-    work = partial(_rows, plant, bounds=bounds)
-    for finished in workers.as_finished(executor, work, numbered):
-        yield from finished
+    work = partial(_row, plant, bounds=bounds)
+    yield from workers.as_finished(executor, work, [(k, *task) for k, task in enumerate(tasks)])
 
 
-def _rows(plant: UncertainPlant, part: list[Task], bounds: bool) -> list[tuple[int, Limit]]:
-    """Return rows that are worked out together."""
-    start = time.perf_counter()
-    (_, first, method), (_, last, _) = part[0], part[-1]
-    to = "" if len(part) == 1 else f" to {last:g}"
-    with stage(f"centre {first:g}{to} {method_label(method)}"):
-        found = disks.answers([disks.Asked(plant, c, m) for _, c, m in part], bounds)
-    seconds = (time.perf_counter() - start) / len(part)
-    rows = zip(part, found, strict=True)
-    return [(k, _row(c, m, own, seconds)) for (k, c, m), own in rows]
-
-
-def _row(centre: float, method: Method, design: Design | PolefenceError, seconds: float) -> Limit:
-    name = method_label(method)
-    if isinstance(design, NotProvedError):
-        return Limit(centre, name, None, "undecided", seconds)
-    if not isinstance(design, Design):
-        raise design
-    radius, sharper = radius_of(design), design.unrunnable
-    return Limit(centre, name, radius, "proved", seconds, design.lower, design, sharper)
+def _row(plant: UncertainPlant, task: Task, bounds: bool) -> tuple[int, Limit]:
+    number, centre, method = task
+    name, start = method_label(method), time.perf_counter()
+    with stage(f"centre {centre:g} {name}"):
+        try:
+            design = place.tightest(plant, centre, method, bounds=bounds).checkable
+        except NotProvedError:
+            design = None
+    seconds = time.perf_counter() - start
+    if design is None:
+        return number, Limit(centre, name, None, "undecided", seconds)
+    ends = radius_of(design), "proved", seconds, design.lower, design, design.unrunnable
+    return number, Limit(centre, name, *ends)
 
 
 # --- rows kept in a file -------------------------------------------------------------------------

@@ -1,15 +1,14 @@
-"""The same question about many plants: laws for a region, smallest regions, proofs.
+"""The same question about many plants, one after another: laws, smallest regions, proofs.
 
 Each answer is what `polefence.place`, `polefence.tightest` or `polefence.check` returns for that
-plant alone, or the error that it raises. Disks for plants of one shape are worked out together,
-see `polefence.search.disks`; all else one by one.
+plant alone, or the error that it raises.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,9 +23,9 @@ from polefence.certify.design import check as check_alone
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, method_name
 from polefence.plant.family import UncertainPlant
-from polefence.region.regions import Disk, Region
-from polefence.search import disks, placed
-from polefence.search import place as place_alone
+from polefence.region.regions import Region
+from polefence.search import placed
+from polefence.search.place import require_kind
 
 Answer = TypeVar("Answer")
 Task = TypeVar("Task")
@@ -51,8 +50,7 @@ def place(
     structure : Structure, optional
         What the laws may be, in place of a method.
     executor : concurrent.futures.Executor, optional
-        Where to work: `polefence.processes` for laws that are tuned and for regions that are no
-        disks. By default in threads of this process.
+        Where to work, such as `polefence.processes`. By default here, one after another.
 
     Returns
     -------
@@ -66,14 +64,9 @@ def place(
     """
     plants = _listed(plants, "plants")
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
-    if structure is not None:
-        placed.require_structure_alone(method)
-    if structure is None and isinstance(region, Disk):
-        method = _known(method)
-        asked = [disks.Asked(plant, region.centre, method, region) for plant in plants]
-        return _answers(disks.answers, asked, disks.parts(asked), executor)
-    own = partial(placed.place, region=region, method=method, structure=structure)
-    return _one_by_one(own, plants, executor)
+    _require_one(method, structure)
+    alone = partial(placed.place, region=region, method=method, structure=structure)
+    return _answers(alone, plants, executor)
 
 
 @explained
@@ -99,7 +92,7 @@ def tightest(
     of, within, structure
         See `polefence.tightest`.
     bounds : bool
-        Whether to prove lower bounds of radii too.
+        Whether designs have the lower bounds of their radii.
     executor : concurrent.futures.Executor, optional
         Where to work, see `place`.
 
@@ -114,18 +107,12 @@ def tightest(
         If method and structure are both given, there is no such method or kind of region, or there
         is not one centre for each plant.
     """
-    if structure is not None:
-        placed.require_structure_alone(method)
-    place_alone.require_kind(of)
+    _require_one(method, structure)
+    require_kind(of)
     plants = _listed(plants, "plants")
-    centres = _centres(centre, len(plants))
-    if structure is None and of == "disk" and within is None and centre is not None:
-        method = _known(method)
-        asked = [disks.Asked(plant, c, method) for plant, c in zip(plants, centres, strict=True)]
-        work = partial(disks.answers, bounds=bounds)
-        return _answers(work, asked, disks.parts(asked), executor)
-    own = partial(_tightest, method=method, of=of, within=within, structure=structure)
-    return _one_by_one(own, list(zip(plants, centres, strict=True)), executor)
+    pairs = list(zip(plants, _centres(centre, len(plants)), strict=True))
+    asked = partial(placed.tightest, method=method, of=of, within=within, structure=structure)
+    return _answers(partial(_tightest, asked, bounds), pairs, executor)
 
 
 @explained
@@ -138,21 +125,22 @@ def check(
     ----------
     sources : iterable of path, Certificate or Design
     executor : concurrent.futures.Executor, optional
-        Where to work: `polefence.processes`, as the checker is Python alone. By default in threads
-        of this process, of which one runs at a time.
+        Where to work, see `place`.
 
     Returns
     -------
     list of Check or PolefenceError
         For each source its answer, or why it cannot be read.
     """
-    return _one_by_one(check_alone, _listed(sources, "sources"), executor)
+    return _answers(check_alone, _listed(sources, "sources"), executor)
 
 
-def _known(method: Method | None) -> Method:
-    method = "scheduled" if method is None else method
-    method_name(method)
-    return method
+def _require_one(method: Method | None, structure: Structure | None) -> None:
+    """Refuse what no plant has an answer to: a method beside a structure, or an unknown one."""
+    if structure is not None:
+        placed.require_structure_alone(method)
+    elif method is not None:
+        method_name(method)
 
 
 def _listed(given: Iterable[Task], name: str) -> list[Task]:
@@ -172,47 +160,30 @@ def _centres(centre: Any, count: int) -> list[Any]:
     return centres
 
 
-def _tightest(pair: tuple[UncertainPlant, Any], **options: Any) -> Design:
-    plant, centre = pair
-    return placed.tightest(plant, centre, **options)
-
-
-def _one_by_one(
-    own: Callable[[Task], Answer], tasks: Sequence[Task], executor: Executor | None
-) -> list[Answer | PolefenceError]:
-    return _answers(partial(_each, own), tasks, [[k] for k in range(len(tasks))], executor)
-
-
-def _each(own: Callable[[Task], Answer], tasks: Sequence[Task]) -> list[Answer | PolefenceError]:
-    return [_or_error(own, task) for task in tasks]
-
-
-def _or_error(own: Callable[[Task], Answer], task: Task) -> Answer | PolefenceError:
-    try:
-        return own(task)
-    except PolefenceError as error:
-        return error
+def _tightest(
+    asked: Callable[..., Design], bounds: bool, pair: tuple[UncertainPlant, Any]
+) -> Design:
+    design = asked(*pair)
+    return design if bounds else replace(design, lower=None)
 
 
 def _answers(
-    work: Callable[[Sequence[Task]], list[Answer]],
-    tasks: Sequence[Task],
-    parts: list[list[int]],
-    executor: Executor | None,
-) -> list[Answer]:
-    """Return what work makes of the tasks, in parts."""
-    numbered = [(numbers, [tasks[k] for k in numbers]) for numbers in parts]
-    found: dict[int, Answer] = {}
-    places = workers.threads() if executor is None else nullcontext(executor)
-    with places as pool, stage("") as progress:
-        for numbers, own in workers.as_finished(pool, partial(_numbered, work), numbered):
-            found.update(zip(numbers, own, strict=True))
-            progress.now(f"{len(found)} of {len(tasks)}")
-    return [found[k] for k in range(len(tasks))]
+    alone: Callable[[Task], Answer], tasks: Sequence[Task], executor: Executor | None
+) -> list[Answer | PolefenceError]:
+    answers: dict[int, Answer | PolefenceError] = {}
+    work, numbered = partial(_numbered, alone), list(enumerate(tasks))
+    with stage("") as progress:
+        for k, answer in workers.as_finished(executor, work, numbered):
+            answers[k] = answer
+            progress.now(f"{len(answers)} of {len(tasks)}")
+    return [answers[k] for k in range(len(tasks))]
 
 
 def _numbered(
-    work: Callable[[Sequence[Task]], list[Answer]], part: tuple[list[int], Sequence[Task]]
-) -> tuple[list[int], list[Answer]]:
-    numbers, tasks = part
-    return numbers, work(tasks)
+    alone: Callable[[Task], Answer], task: tuple[int, Task]
+) -> tuple[int, Answer | PolefenceError]:
+    number, given = task
+    try:
+        return number, alone(given)
+    except PolefenceError as error:
+        return number, error

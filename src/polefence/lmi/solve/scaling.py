@@ -8,7 +8,7 @@ the original vertices, decides.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,29 +23,24 @@ from polefence.plant.system import Array
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """x = T x_s, u = S u_s, rates in units of ``rate``; or those of a stack of plants.
+    """x = T x_s, u = S u_s, rates in units of ``rate``.
 
     Attributes
     ----------
-    T : (..., n, n) array
-    S : (..., m, m) array
-    rate : float or (...,) array
+    T : (n, n) array
+    S : (m, m) array
+    rate : float
         [1/s]
     """
 
     T: Array
     S: Array
-    rate: Any
+    rate: float
 
     def apply(self, A: Array, B: Array) -> tuple[Array, Array]:
-        """Return scaled vertex matrices (..., N, n, n), (..., N, n, m)."""
-        inverse = (self.inverse / self._rate)[..., None, :, :]
-        T, S = self.T[..., None, :, :], self.S[..., None, :, :]
-        return np.asarray(inverse @ A @ T), np.asarray(inverse @ B @ S)
-
-    @property
-    def _rate(self) -> Array:
-        return np.asarray(self.rate)[..., None, None]
+        """Return scaled vertex matrices (N, n, n), (N, n, m)."""
+        inverse = self.inverse / self.rate
+        return np.asarray(inverse @ A @ self.T), np.asarray(inverse @ B @ self.S)
 
     @cached_property
     def inverse(self) -> Array:
@@ -55,7 +50,7 @@ class Scaling:
     @property
     def unit(self) -> Array:
         """The identity (as a Lyapunov matrix) of the original coordinates, in the scaled ones."""
-        return np.asarray(self.inverse @ transposed(self.inverse))
+        return np.asarray(self.inverse @ self.inverse.T)
 
     def restore(
         self, values: Mapping[str, Array], variables: tuple[Variable, ...]
@@ -66,19 +61,19 @@ class Scaling:
             X = values[v.name]
             left = {"x": self.T, "u": self.S}.get(v.rows)
             # a scalar is tau, whose blocks were divided by the rate
-            X = X * self._rate if left is None else left @ X @ transposed(self.T)
-            restored[v.name] = (X + transposed(X)) / 2 if v.symmetric else X
+            X = X * self.rate if left is None else left @ X @ self.T.T
+            restored[v.name] = (X + X.T) / 2 if v.symmetric else X
         return restored
 
     def scaled(
         self, values: Mapping[str, Array], variables: tuple[Variable, ...]
     ) -> dict[str, Array]:
         """Return what `restore` takes back: the matrices in these coordinates."""
-        lefts, right = {"x": self.inverse, "u": np.linalg.inv(self.S)}, transposed(self.inverse)
+        lefts, right = {"x": self.inverse, "u": np.linalg.inv(self.S)}, self.inverse.T
         scaled = {}
         for v in variables:
             X, left = values[v.name], lefts.get(v.rows)
-            scaled[v.name] = X / self._rate if left is None else left @ X @ right
+            scaled[v.name] = X / self.rate if left is None else left @ X @ right
         return scaled
 
     def refined(self, W: Array) -> Scaling:
@@ -100,30 +95,15 @@ def factor(W: Array) -> Array:
     SolverError
         If W is not numerically positive definite.
     """
-    T = factors(W)
+    scale = power_of_two(1 / np.sqrt(np.maximum(np.diag(W), np.finfo(float).tiny)))
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            T = np.linalg.cholesky(W * np.outer(scale, scale)) / scale[:, None]
+    except np.linalg.LinAlgError:
+        T = np.full(W.shape, np.nan)
     if not np.all(np.isfinite(T)):
         raise SolverError("a Lyapunov matrix is numerically singular")
-    return T
-
-
-def factors(W: Array) -> Array:
-    """Return the `factor` of each of (..., n, n) matrices; not a number where there is none."""
-    diagonal = np.maximum(np.diagonal(W, axis1=-2, axis2=-1), np.finfo(float).tiny)
-    scale = power_of_two(1 / np.sqrt(diagonal))
-    with np.errstate(over="ignore", invalid="ignore"):
-        even = W * (scale[..., :, None] * scale[..., None, :])
-    return np.asarray(each(np.linalg.cholesky, even) / scale[..., :, None])
-
-
-def each(function: Callable[..., Array], *stacks: Array) -> Array:
-    """Return a function of stacks of matrices; not a number where NumPy finds one singular."""
-    try:
-        return function(*stacks)
-    except np.linalg.LinAlgError:
-        last = stacks[-1]
-        if last.ndim == 2:
-            return np.full(last.shape, np.nan)
-        return np.array([each(function, *own) for own in zip(*stacks, strict=True)])
+    return np.asarray(T)
 
 
 def summed(weights: Array, X: Array) -> Array:

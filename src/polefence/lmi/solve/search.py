@@ -152,7 +152,6 @@ def rounds(
     once: Callable[[P | None], P | None],
     enough: float = 0.0,
     most: int = ROUNDS,
-    begun: P | None = None,
 ) -> P | None:
     """Run from the point that the last round reached until the gap closes or nothing is gained.
 
@@ -162,11 +161,9 @@ def rounds(
         Takes the last point, None at first; returns the next, None if there is none.
     enough : float
         The r that ends the search.
-    begun : Point, optional
-        What a round before these reached.
     """
-    found = begun
-    iterations = 0 if begun is None else begun.iterations
+    found: P | None = None
+    iterations = 0
     for _ in range(most):
         again = once(found)
         if again is None:

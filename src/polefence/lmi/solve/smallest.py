@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
@@ -35,7 +34,7 @@ from polefence.plant.system import Array
 
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
 LOW = 1e-2  # share of sigma below which Lemma 1 as a start does not go: W tends to a singular one
-CLOSE = 1.1  # the first r over the radius of a point that a neighbour or a stalled run left
+CLOSE = 1.1  # the first r over the radius of a point that a neighbour left
 FLOOR = 1e-4  # a radius of this share of sigma is as good as zero
 # Condition of a Lyapunov matrix in the coordinates of its run: at such an end a gap of zero may be
 # a matter of the coordinates, and the run is made again in better ones.
@@ -52,7 +51,6 @@ def smallest(
     enough: float = 0.0,
     engine: str | None = None,
     tolerance: float = TOLERANCE,
-    begun: Reached | None = None,
     motion: Motion = STILL,
     patches: tuple[Patch, ...] = (),
 ) -> Reached:
@@ -73,8 +71,6 @@ def smallest(
         "compiled" or "numpy"; by default the compiled one where there is one.
     tolerance : float
         Of the gap, relative to r.
-    begun : Reached, optional
-        What the first run of this very search reached, to go on from.
     motion : Motion
         Of the parameters, under which half-planes are kept.
     patches : tuple of Patch
@@ -90,7 +86,7 @@ def smallest(
         scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
     of_law = enough, engine, motion, patches
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), *of_law)
-    first, wide = near or begun, CLOSE
+    first, wide = near, CLOSE
     if first is None:
         first, wide = search.first(), WIDE
     trails = list[Trail]()
@@ -100,7 +96,7 @@ def smallest(
         trails.extend(again.trails if again else ())
         return again
 
-    found = rounds(once, search.floor, begun=begun)
+    found = rounds(once, search.floor)
     if found is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
     started = () if near else first.trails
@@ -172,7 +168,7 @@ class _Search:
             r=unit * outcome.r,
             values=scaling.restore(end, pencil.variables),
             dual=dual_of(outcome, stacked, scaling) if disks else None,
-            converged=outcome.converged and bool(is_near(lyapunov_mean(end))),
+            converged=outcome.converged and _is_near(lyapunov_mean(end)),
             iterations=outcome.iterations,
             rate=scaling.rate,
             trails=(Trail(unit * outcome.trail[:, 0], outcome.trail[:, 1:], pencil, scaling),),
@@ -203,10 +199,10 @@ class _Search:
         return scaled
 
 
-def is_near(W: Array) -> npt.NDArray[np.bool_]:
-    """Whether Lyapunov matrices (..., n, n) are well conditioned in their run's coordinates."""
+def _is_near(W: Array) -> bool:
+    """Whether a Lyapunov matrix is well conditioned in its run's coordinates."""
     values = np.linalg.eigvalsh(W)
-    return np.asarray(values[..., -1] < FAR * values[..., 0])
+    return bool(values[-1] < FAR * values[0])
 
 
 def dual_of(outcome: Outcome, stacked: Stacked, scaling: Scaling) -> Dual:

@@ -47,10 +47,6 @@ class Batch:
     rows: Index
     weights: Array
 
-    def of(self, plant: int) -> Batch:
-        """Return the term of one plant of a stack of them."""
-        return Batch(self.D, self.M[plant], self.R, self.rows, self.weights)
-
 
 @dataclass(frozen=True, eq=False)
 class Family:
@@ -104,14 +100,6 @@ class Stacked:
     def identity(self) -> Blocks:
         """Return the identity."""
         return [np.tile(np.eye(size), (count, 1, 1)) for size, count in self.sizes.items()]
-
-    def of(self, plant: int) -> Stacked:
-        """Return the condition of one plant of a stack of them, whose M have an axis for plants."""
-        families = [
-            replace(f, terms=tuple(t if t.M.ndim == 3 else t.of(plant) for t in f.terms))
-            for f in self.families
-        ]
-        return replace(self, families=tuple(families))
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
         """Return D(x) and M(x)."""
@@ -405,14 +393,6 @@ def stacked_pencil(
     return layout.pencil, layout.filled(A + sigma * np.eye(n), B)
 
 
-def stacked_plants(method: str, A: Array, B: Array, sigma: Array) -> tuple[Pencil, list[Stacked]]:
-    """Return the same for disks of many plants (P, N, n, n), (P, N, n, m), with a sigma each."""
-    N, n, m = B.shape[1:]
-    layout = _layout(method, N, n, m)
-    filled = layout.filled(A + sigma[:, None, None, None] * np.eye(n), B)
-    return layout.pencil, [filled.of(k) for k in range(len(A))]
-
-
 @dataclass(frozen=True, eq=False)
 class _Layout:
     """``columns`` and ``counts``: for each family and term, see `_filled`; None where M is zero."""
@@ -422,9 +402,8 @@ class _Layout:
     columns: list[list[tuple[Index, Array] | None]]
 
     def filled(self, S: Array, B: Array) -> Stacked:
-        """Return the condition of one plant, or of a stack of them: each M has their axis too."""
-        # the columns (..., n + m, N, n)
-        data = np.concatenate([S, B], axis=-1).swapaxes(-1, -2).swapaxes(-2, -3)
+        """Return the condition of a plant, of which S = A + sigma I."""
+        data = np.concatenate([S, B], axis=-1).transpose(2, 0, 1)  # columns, (n + m, N, n)
         families = []
         for family, columns in zip(self.stacked.families, self.columns, strict=True):
             terms = [
@@ -437,9 +416,9 @@ class _Layout:
 
 def _filled(shape: tuple[int, ...], data: Array, column: Index, counts: Array) -> Array:
     """M (blocks, size, a) whose column a is the sum of counts times that column of [S_j, B_j]."""
-    M = np.zeros((*data.shape[:-3], *shape))
-    chosen = data[..., column, :, :]  # (..., blocks, a, N, n)
-    M[..., : data.shape[-1], :] = (counts[:, :, None, :] @ chosen)[..., 0, :].swapaxes(-1, -2)
+    M = np.zeros(shape)
+    chosen = data[column]  # (blocks, a, N, n)
+    M[:, : data.shape[-1]] = (counts[:, :, None, :] @ chosen)[:, :, 0].swapaxes(-1, -2)
     return M
 
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from polefence.lmi.conditions.gain_norm import Norm
 from polefence.lmi.conditions.performance import Output
 from polefence.lmi.solve.performance import Problem
-from polefence.lmi.solve.scaling import Scaling, each, transposed
+from polefence.lmi.solve.scaling import Scaling
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.stationary import bilinear, growth
@@ -37,80 +37,73 @@ SQUARINGS, LEAST, WORST = 12, 1e-6, 1e8
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices.
-
-    Of a stack of plants (..., n, n), (..., m, n) and (...,).
-    """
+    """Lyapunov matrix and gain (original coordinates) that hold at ``radius`` on all vertices."""
 
     W: Array
     K: Array
-    radius: Any
+    radius: float
 
 
-def nominal_start(A: Array, B: Array, sigma: Any, scaling: Scaling, size: Any = None) -> Start:
+def nominal_start(
+    A: Array, B: Array, sigma: float, scaling: Scaling, size: float | None = None
+) -> Start:
     """Return a nominal design and the radius at which it holds on all vertices.
 
-    Of a stack of plants, (..., N, n, n) and (..., N, n, m), with a sigma each, it returns the stack
-    of them. It aims at radii of about ``size``, by default sigma.
+    It aims at radii of about ``size``, by default sigma.
     """
     As, Bs = scaling.apply(A, B)
-    s = np.asarray(sigma / scaling.rate)[..., None, None]
-    aim = np.asarray((sigma if size is None else size) / scaling.rate)[..., None, None]
-    S = As + s[..., None, :, :] * np.eye(As.shape[-1])
-    F, H = S.mean(axis=-3) / aim, Bs.mean(axis=-3) / aim
-    W, K, radius = _designed(S, Bs, F, H, DESIGNS)
+    S = As + sigma / scaling.rate * np.eye(As.shape[-1])
+    aim = (sigma if size is None else size) / scaling.rate
+    start = _designed(S, Bs, S.mean(axis=0) / aim, Bs.mean(axis=0) / aim)
     T = scaling.T
-    K = np.asarray(scaling.S @ K @ scaling.inverse)
-    return Start(T @ W @ transposed(T), K, scaling.rate * radius)
+    K = np.asarray(scaling.S @ start.K @ scaling.inverse)
+    return Start(T @ start.W @ T.T, K, scaling.rate * start.radius)
 
 
-def _designed(
-    S: Array, B: Array, F: Array, H: Array, designs: Sequence[tuple[float, float]]
-) -> tuple[Array, Array, Array]:
-    """Return W, K and their radius for S = A + s I, by the first design that holds at one."""
-    if designs:
-        (fraction, weight), *others = designs
-        W, K = _riccati(F / fraction, H / fraction, weight)
-    else:  # Without control W = I holds at some radius: a start that never fails.
-        others = []
-        W, K = np.broadcast_to(np.eye(F.shape[-1]), F.shape), np.zeros_like(transposed(H))
-    radius = _reach(S, B, W, K)
-    lost = np.asarray(~np.isfinite(radius))
-    if designs and lost.any():
-        again = _designed(S[lost], B[lost], F[lost], H[lost], others)
-        W[lost], K[lost], radius[lost] = again
-    return W, K, radius
+def _designed(S: Array, B: Array, F: Array, H: Array) -> Start:
+    """Return the first design that holds at some radius for S = A + s I."""
+    for fraction, weight in DESIGNS:
+        with suppress(np.linalg.LinAlgError):
+            W, K = _riccati(F / fraction, H / fraction, weight)
+            radius = _reach(S, B, W, K)
+            if np.isfinite(radius):
+                return Start(W, K, radius)
+    # Without control W = I holds at some radius: a start that never fails.
+    W, K = np.eye(len(F)), np.zeros(H.T.shape)
+    return Start(W, K, _reach(S, B, W, K))
 
 
 def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array]:
     """Inverse of the Riccati matrix, in which the closed loop contracts, and the LQR gain.
 
     By structure-preserving doubling (Chu, Fan, Lin & Wang, 2004): seven doublings are 128 steps.
-    Where there is none they are not finite.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If there is none in floats; some matrices that are not finite are returned.
     """
-    n, m = H.shape[-2:]
-    one, T = np.eye(n), transposed
-    E, G, X = F, H @ T(H) / weight, one
+    n, m = H.shape
+    E, G, X = F, H @ H.T / weight, np.eye(n)
     with np.errstate(all="ignore"):  # overflow shows in the results
         for _ in range(DOUBLINGS):
-            left = each(np.linalg.solve, one + G @ X, np.concatenate([E, G], axis=-1))
-            X = X + T(E) @ X @ left[..., :n]
-            E, G = E @ left[..., :n], G + E @ left[..., n:] @ T(E)
-        HX = T(H) @ X
-        K = -each(np.linalg.solve, weight * np.eye(m) + HX @ H, HX @ F)
-        W = each(np.linalg.inv, (X + T(X)) / 2)
-    return np.asarray((W + T(W)) / 2), np.asarray(K)
+            left = np.linalg.solve(np.eye(n) + G @ X, np.hstack([E, G]))
+            X = X + E.T @ X @ left[:, :n]
+            E, G = E @ left[:, :n], G + E @ left[:, n:] @ E.T
+        HX = H.T @ X
+        K = -np.linalg.solve(weight * np.eye(m) + HX @ H, HX @ F)
+        W = np.linalg.inv((X + X.T) / 2)
+    return np.asarray((W + W.T) / 2), np.asarray(K)
 
 
-def _reach(S: Array, B: Array, W: Array, K: Array) -> Array:
+def _reach(S: Array, B: Array, W: Array, K: Array) -> float:
     """Least radius at which W, K hold at every vertex: the largest |T^-1 (S + B K) T|."""
-    T = each(np.linalg.cholesky, W)[..., None, :, :]
+    T = np.linalg.cholesky(W)
     with np.errstate(all="ignore"):
-        closed = each(np.linalg.solve, T, (S + B @ K[..., None, :, :]) @ T)
-    lost = np.asarray(~np.isfinite(closed).all(axis=(-3, -2, -1)))
-    closed = np.where(lost[..., None, None, None], 0.0, closed)
-    radius = np.linalg.svd(closed, compute_uv=False).max(axis=(-2, -1))
-    return np.array(np.where(lost, np.inf, radius))
+        closed = np.linalg.solve(T, (S + B @ K) @ T)
+    if not np.isfinite(closed).all():
+        return np.inf
+    return float(np.linalg.svd(closed, compute_uv=False).max())
 
 
 def regulators(

@@ -30,7 +30,7 @@ from polefence.search.tune.starts import Sizes
 from polefence.search.tune.unknowns import At, Unknowns
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
-MARGIN = 1e-4  # by which what must be kept is kept
+MARGIN = 1e-5  # by which what must be kept is kept: 1e-4 costs the shown car as much
 WIDE = 1.0005  # times the best level: within it the smallest law is looked for
 # Operations of one point, and times n^3: 0.1 ms for n = 4, measured with three signals.
 ONE, EACH = 8e4, 300.0

@@ -22,7 +22,6 @@ from polefence.region.text import digits_up
 from polefence.requirements.text import load_specifications
 from polefence.response.closed import close
 from polefence.response.stationary import lyapunov
-from polefence.search.shares import WORTH
 from polefence.search.tune.worth import NEAR
 from polefence.vehicle.compare import compare, points
 from support.paths import DOCS
@@ -35,7 +34,7 @@ TEXT = re.sub(r"\s+", " ", PAGE)
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?![\w.]*\w)")
 COMMANDS = re.findall(r"^\$ (.*)\n((?:(?!\$ |```).*\n)*)", PAGE, re.MULTILINE)
 # An optimum is told to what a round of its search is worth; what it leaves free to the square root.
-OPTIMAL, FREE = WORTH, WORTH**0.5
+OPTIMAL, FREE = 2e-4, 2e-4**0.5
 CAR = "half_plane(1) & sector(0.15)"
 SHOWN = [(command, shown) for command, shown in COMMANDS if shown]
 

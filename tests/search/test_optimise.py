@@ -9,7 +9,6 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from polefence import (
-    FixedGain,
     HalfPlane,
     InputError,
     NotProvedError,
@@ -29,9 +28,11 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
-from polefence.search import shares as signals_search
+from polefence.search import shares
 from polefence.search.optimise import optimise, relaxed
-from polefence.search.shares import Origin, Search, Task, is_too_fast, level_of
+from polefence.search.retreat import is_too_fast
+from polefence.search.shares import Designs
+from polefence.search.task import Origin, Task, level_of
 from support.files import bounds_in
 from support.specs import DENSITY, ONE_STATE, rms
 
@@ -111,7 +112,7 @@ def test_what_one_matrix_proves_is_proved(two, method):
 @pytest.mark.parametrize("nothing", [None, "known_bound", "_own_region"])
 def test_where_one_matrix_has_no_proof_nothing_is_said_of_it(one, method, nothing, monkeypatch):
     if nothing is not None:
-        monkeypatch.setattr(f"polefence.search.shares.{nothing}", lambda *_: None)
+        monkeypatch.setattr(f"polefence.search.task.{nothing}", lambda *_: None)
     done = optimise(one, rms("force"), [rms("x", 0.4)], HalfPlane(0.1), method)
     assert (done.shared < math.inf) is (nothing is None)
     said = any("one Lyapunov" in line for line in lines_of(done, rows_of(done), "law"))
@@ -344,19 +345,33 @@ def test_effort_that_nothing_limits_ends_at_a_law_to_be_built(two):
     assert check(found.design).proved
 
 
-def test_samples_are_taken_where_a_pole_was_found_outside(two):
-    task = Task(two, rms("x"), (), Sector("0.9"), "quadratic")
-    search = Search(task, Deadline(None))
-    law = FixedGain([[0.0, 0.0]])
-    before = len(search.places)
-    assert search._leaves(law)
-    assert len(search.places) == before + 1
-    poles = np.linalg.eigvals(np.tensordot(search.places[-1], two.A, 1))
-    assert task.region.distance(poles).max() > 0
+@pytest.fixture(scope="module")
+def damped(two):
+    """Less of the region than all of it leads to laws that keep it."""
+    return Task(two, rms("x"), (rms("force", 2.0),), HalfPlane("0.4") & Sector("0.8"), "quadratic")
 
 
-@pytest.mark.parametrize("most", [0.0, np.inf])
-def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
+def test_laws_for_less_of_the_region_keep_it_and_are_better(damped):
+    found = Designs(damped, Deadline(None), lambda: None)
+    assert found.whole is not None
+    asked = [own.region for own in found.points]
+    assert damped.region in asked
+    assert asked[0] != damped.region
+    worst = [own.estimate for own in found.points]
+    assert worst == sorted(worst)
+    assert worst[0] < 0.95 * worst[asked.index(damped.region)]
+    best = found.points[0]
+    K, alpha = best.law.K, seeded(damped.plant, 100)
+    A, B = damped.plant.at(alpha)
+    assert damped.region.distance(np.linalg.eigvals(A + B @ K)).max() < 1e-9
+    asked_for = damped.plant, damped.minimise, damped.limits, damped.region, "quadratic"
+    done = optimise(*asked_for)
+    assert done.design.region == damped.region
+    # none of a smaller gain costs more than a thousandth
+    assert done.bounds[0].level == pytest.approx(best.estimate, rel=2e-3)
+
+
+def test_long_searches_end_after_the_first_designs(damped, monkeypatch):
     asked = list[object]()
     reached = Task.reached
 
@@ -365,52 +380,19 @@ def test_long_searches_end_after_the_first_designs(two, most, monkeypatch):
         return reached(task, region, *args, **options)
 
     monkeypatch.setattr(Task, "reached", counted)
-    monkeypatch.setattr(signals_search, "MOST_WORK", most)
-    region = HalfPlane("0.4") & Sector("0.5")
-    found = optimise(two, rms("x"), [rms("force", 0.6)], region, Scheduled(1, 0, "box"))
-    assert check(found.design).proved
-    # three of them look for a law of a smaller gain, whatever the work of the search
-    assert (len(asked) < 6 + 3) == (not most)
+    monkeypatch.setattr(shares, "MOST_WORK", 0.0)
+    assert Designs(damped, Deadline(None), lambda: None).points
+    assert asked == [damped.region, HalfPlane(0)]
 
 
-@pytest.mark.parametrize(("most", "loosened"), [((2.0, 50.0), True), ((1.0, 0.3), False)])
-def test_shares_are_searched_for_the_limits_as_asked(two, most, loosened, monkeypatch):
-    limits = (rms("force", most[0]), rms("v", most[1]))
-    task = Task(two, rms("x"), limits, HalfPlane("0.4") & Sector("0.8"), "quadratic")
-    search, searched = Search(task, Deadline(None)), list[Task]()
-    halved = Search._halved
+def test_a_law_without_a_proof_makes_way_for_the_next(damped, monkeypatch):
+    prove, asked = shares.candidate, list[float]()
 
-    def noted(own, within, kept, again=()):
-        searched.append(within)
-        return halved(own, within, kept, again)
-
-    monkeypatch.setattr(Search, "_halved", noted)
-    search._shares(task)
-    assert (search.design is not task) == loosened
-    if loosened:
-        assert search.design.limits == limits[:1]
-    assert searched == [search.design, task][: 1 + loosened]
-    assert searched[-1].limits == limits
-    assert search.candidates
-
-
-@pytest.mark.parametrize("refused", [False, True])
-def test_only_the_best_of_the_laws_for_shares_needs_a_proof(two, refused, monkeypatch):
-    region = HalfPlane("0.4") & Sector("0.8")
-    task = Task(two, rms("x"), (rms("force", 2.0),), region, "quadratic")
-    prove, asked = signals_search.candidate, list[float]()
-
-    def counted(task, law, region, origin=None, estimate=0.0, halved=True):
+    def first_fails(task, law, region, origin=None, estimate=0.0, halved=True):
         asked.append(estimate)
-        first_of_shares = len(asked) == 2
-        return None if refused and first_of_shares else prove(task, law, region, origin, estimate)
+        return prove(task, law, region, origin, estimate, halved) if len(asked) > 1 else None
 
-    monkeypatch.setattr(signals_search, "candidate", counted)
-    search = Search(task, Deadline(None))
-    search._shares(task)
-    assert search.waiting is None
-    assert asked[0] > asked[1] > 0
-    if not refused:
-        assert [own.estimate for own in search.candidates] == asked
-    else:  # another is proved in its place
-        assert asked[1] not in [own.estimate for own in search.candidates]
+    monkeypatch.setattr(shares, "candidate", first_fails)
+    done = optimise(damped.plant, damped.minimise, damped.limits, damped.region, "quadratic")
+    assert check(done.design).proved
+    assert asked[0] < asked[1] <= done.bounds[0].level

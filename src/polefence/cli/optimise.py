@@ -65,8 +65,8 @@ from polefence.requirements.text import (
     RoadSpectrum,
 )
 from polefence.search.optimise import Optimised, optimise
+from polefence.search.retreat import Retreat
 from polefence.search.rows import plant_summary
-from polefence.search.shares import Retreat
 from polefence.vehicle.rest import Rest, held_words, rests
 
 METHODS = ("quadratic", "scheduled")

@@ -17,7 +17,6 @@ from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.requirements.rms import Rms
 from polefence.requirements.slopes import Loops, Slopes
 from polefence.requirements.specification import Specification
 from polefence.response.closed import close
@@ -39,14 +38,6 @@ class Gain(Specification):
     vector = True
     power = 1
     direct = True
-
-    def as_noise(self, bandwidth: float) -> Rms:
-        """Return the rms of a signal of this gain, of noise in a band that it follows [rad/s].
-
-        It is about the gain times the root of the bandwidth.
-        """
-        level = None if self.at_most is None else self.at_most * bandwidth**0.5
-        return Rms(self.signal, level, UNIT, disturbances=self.disturbances)
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the signal's unit per unit of the disturbances."""

@@ -199,10 +199,6 @@ class Specification(Short):
         """Return it for a plant with more states behind its n, which are at rest at first."""
         return self
 
-    def as_noise(self, bandwidth: float) -> Specification:  # noqa: ARG002
-        """Return what an rms would have to be for it, of noise in a band [rad/s]."""
-        return self
-
     def absolute(self) -> Specification:
         """Return what it bounds without comparison with another law."""
         return self

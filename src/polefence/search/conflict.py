@@ -11,7 +11,7 @@ from polefence.certify.refutation import Refutation, refute_limits
 from polefence.lmi.conditions.methods import method_label
 from polefence.region.regions import Region
 from polefence.requirements.specification import Specification, limit_text
-from polefence.search.shares import Task
+from polefence.search.task import Task
 
 
 def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:

@@ -7,7 +7,7 @@ where it falls by a fifth, in units in which states and inputs have typical size
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,9 +20,11 @@ from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.proof.short import Short
+from polefence.region.regions import Region
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.specification import Specification
-from polefence.search.shares import GAP, Candidate, Origin, Task, candidate, level_of
+from polefence.search.retreat import GAP
+from polefence.search.task import Candidate, Origin, Task, candidate, level_of
 from polefence.search.tune.starts import typical
 from polefence.search.tune.worth import NEAR, SMALLER, taken
 
@@ -79,48 +81,52 @@ def least(
     return k, replace(best, own=own.gain) if best.level < own.level else None
 
 
-def smaller(task: Task, own: Candidate) -> Iterator[Candidate]:
-    """Yield a law of a smaller gain for nearly the same level of the LMI, proved, if there is one.
+def smaller(
+    task: Task, origin: Origin, designed: Region | None, law: Law, estimate: float
+) -> Candidate | None:
+    """Return a law of a smaller gain for nearly the same level of the LMI, proved, if there is one.
 
     Parameters
     ----------
-    own : Candidate
-        The law that is to have a smaller gain.
+    origin, designed
+        Of the law that is to have a smaller gain: its task and point, and what of the region was
+        asked of it.
+    estimate : float
+        Its worst sample of what is minimised.
     """
-    origin, minimised = own.origin, task.minimise
-    if origin is None or minimised is None or not minimised.of_signal:
-        return
-    if origin.task.minimise is None or not np.isfinite(origin.found.r):
-        return
-    size = gain_of(task.plant, own.certificate.law)
+    minimised, first = task.minimise, origin.task.minimise
+    if minimised is None or first is None or not minimised.of_signal:
+        return None
+    if not np.isfinite(origin.found.r):
+        return None
+    most = SMALLER * gain_of(task.plant, law)
     level, norm = level_of(origin.task, origin.found), gain_norm(task.plant)
-    limits = origin.task.limits
     methods = list(dict.fromkeys(("quadratic", origin.task.method)))
     for share in SHARES:
-        near = replace(origin.task.minimise, at_most=level * (1 + share))
-        asked = replace(origin.task, minimise=norm, limits=(*limits, near))
+        near = replace(first, at_most=level * (1 + share))
+        asked = replace(origin.task, minimise=norm, limits=(*origin.task.limits, near))
         for method in tuple(methods):
-            found = _found(replace(asked, method=method), own, SMALLER * size, minimised)
+            found = _found(replace(asked, method=method), designed, most, minimised)
             if found is None:  # nor within a smaller share
                 methods.remove(method)
                 continue
-            law, reached, worst = found
-            if worst <= own.estimate * (1 + NEAR):
-                proved = candidate(task, law, own.designed, Origin(asked, reached), worst)
+            own, reached, worst = found
+            if worst <= estimate * (1 + NEAR):
+                proved = candidate(task, own, designed, Origin(asked, reached), worst)
                 if proved is not None:
-                    yield proved
-                    return
+                    return proved
+    return None
 
 
 def _found(
-    asked: Task, own: Candidate, most: float, minimised: Specification
+    asked: Task, designed: Region | None, most: float, minimised: Specification
 ) -> tuple[Law, Reached, float] | None:
     """Return the law of the least gain within a level, its point and its worst sample.
 
     None where there is none, or its gain is above a size.
     """
     with suppress(SolverError, InputError, np.linalg.LinAlgError), singular_is_failure():
-        found = asked.reached(own.designed, GAP)
+        found = asked.reached(designed, GAP)
         law = asked.law(found)
         if gain_of(asked.plant, law) <= most:
             alpha = seeded(asked.plant, SAMPLES)

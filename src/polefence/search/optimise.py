@@ -52,24 +52,18 @@ from polefence.search import nearby
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, gain_of, least, smaller
 from polefence.search.placed import as_sampled
-from polefence.search.shares import (
+from polefence.search.retreat import (
     CLOSE,
     FAR,
-    Candidate,
-    Origin,
     Retreat,
-    Search,
     Step,
-    Task,
-    candidate,
     is_falling,
     is_too_fast,
-    level_of,
-    relaxed,
     steps,
-    together,
     unbounded,
 )
+from polefence.search.shares import Designs, Point, relaxed
+from polefence.search.task import Candidate, Origin, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
 from polefence.search.tuned import Orders, orders_below, tuned_candidates
@@ -371,31 +365,44 @@ def _as_sampled(done: Optimised, region: Region) -> Optimised:
 
 
 def _best_of_all(task: Task, deadline: Deadline) -> Optimised:
-    """Return the better of a law that an LMI gives, and one that is tuned from it."""
-    best: Optimised | None = None
-    failure: NotProvedError | None = None
-    try:
-        best = _settled(task, deadline)
-    except NotProvedError as error:
-        if error.refutation is not None:
-            raise
-        failure = error
-    if best is not None and (task.minimise is None or deadline.passed):
-        return best
+    """Return the better of a law that is tuned, and the LMI's with one Lyapunov matrix for all.
+
+    The tuned one begins at that too.
+    """
+    whole, found = _whole(task)
+    if found is not None and (task.minimise is None or deadline.passed):
+        return replace(found, cut=_cut(deadline))
     tuned: Optimised | None = None
-    with suppress(InputError, NotProvedError):
-        starts = () if best is None or best.plant is not task.plant else (best.law,)
+    with suppress(InputError):
+        starts = [found.law] if found is not None else whole
         with bounded(MOST_WORK) as effort:
             tuned = _best_tuned(*structured(task, Structure()), starts)
         if tuned is not None and effort.ended:
             tuned = replace(tuned, cut=str(effort))
     if tuned is None:
-        if best is None:
-            raise failure or NotProvedError("not proved")
-        return best
-    if best is None or best.retreat is not None or is_too_fast(best.plant, best.law):
-        return tuned
-    return _least(best, tuned)
+        return _settled(task, deadline)
+    return tuned if found is None else replace(_least(found, tuned), shared=found.shared)
+
+
+def _whole(task: Task) -> tuple[list[Law], Optimised | None]:
+    """Return the law that one Lyapunov matrix for the whole region gives, and that with its proofs.
+
+    In place of one too fast to be built one of a smaller gain.
+    """
+    with stage("law by an LMI"):
+        try:
+            found = task.reached(task.region)
+            law = task.law(found)
+        except SolverError:
+            _refute(task)
+            return [], None
+        shared = _together(task, found)
+        if not is_too_fast(task.plant, law):
+            return [law], shared
+        calm = _calm(task, Origin(task, found), task.region, law)
+    if calm is None or shared is None:
+        return [], calm
+    return [], replace(calm, shared=shared.shared)
 
 
 def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
@@ -550,58 +557,30 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """A law with its proofs, beside the point that one Lyapunov matrix for everything led to.
-
-    Attributes
-    ----------
-    own : Optimised
-    shared : float
-        Of what is minimised, in floats; infinite where there is no point.
-    whole : Reached, optional
-    """
-
-    own: Optimised
-    shared: float
-    whole: Reached | None
-
-    @property
-    def level(self) -> float:
-        """The bound proved of what is minimised."""
-        return _level(self.own)
-
-    @property
-    def poor(self) -> bool:
-        """Whether what is proved of the law is far above what its design says."""
-        minimised = self.own.bounds[0].specification.at_most is None
-        return minimised and self.level > self.shared * (1 + POOR)
-
-
 def _settled(task: Task, deadline: Deadline) -> Optimised:
     """Return the best law, or one with slower poles if it cannot be proved or implemented."""
-    best, failure = None, None
-    try:
-        best = _best(task, deadline)
-    except NotProvedError as error:
-        failure = error
-        if error.refutation is not None:
-            raise
-    cut = _cut(deadline)
-    fast = best is not None and is_too_fast(task.plant, best.own.law)
-    if best is not None and not fast and not best.poor:
-        return _finished(task, best, cut)
-    least = _least_in_floats(task) if best is None else best.shared
-    if failure is not None and task.limits and not np.isfinite(least):
-        raise failure  # no law keeps the limits, or none was found
-    taken, found = _stepped_back(task, least)
-    if found is not None and (best is None or fast or found.level < best.level):
-        return _finished(task, found, cut)
-    if is_falling(taken) and (best is None or fast):
-        raise unbounded(task, taken) from failure
+    with stage("laws by an LMI"):
+        designs = Designs(task, deadline, partial(_refute, task))
+    best = _lowest(task, designs.points)
+    whole = designs.whole
+    level = np.inf if whole is None else level_of(task, whole)
+    if best is None or _is_poor(best, level):
+        if best is None and task.limits and whole is None:
+            raise refusal(task, designs.reasons)  # no law keeps the limits, or none was found
+        taken, found, point = _stepped_back(task, level)
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best, whole = found, point
+        elif best is None and is_falling(taken):
+            raise unbounded(task, taken)
     if best is None:
-        raise failure or NotProvedError("not proved")
-    return _finished(task, best, cut)
+        raise refusal(task, designs.reasons)
+    return _finished(task, best, whole, _cut(deadline))
+
+
+def _is_poor(best: Optimised, level: float) -> bool:
+    """Whether what is proved of a law is far above what its design says."""
+    minimised = best.bounds[0].specification.at_most is None
+    return minimised and _level(best) > level * (1 + POOR)
 
 
 def _cut(deadline: Deadline) -> str:
@@ -609,15 +588,15 @@ def _cut(deadline: Deadline) -> str:
     return str(deadline) if deadline.passed else ""
 
 
-def _finished(task: Task, found: _Found, cut: str) -> Optimised:
+def _finished(task: Task, own: Optimised, whole: Reached | None, cut: str) -> Optimised:
     """Return the answer: no worse than what one Lyapunov matrix for everything proves."""
     if task.minimise is None:
-        return replace(found.own, shared=0.0, cut=cut)
-    own, shared = found.own, _together(task, found.whole)
+        return replace(own, shared=0.0, cut=cut)
+    shared = _together(task, whole)
     if shared is None:
         return replace(own, shared=np.inf, cut=cut)
     near = 0.0 if own.closer is None else NEAR  # what a smaller gain may cost
-    if _level(shared) < _level(own) * (1 - near):
+    if _level(shared) < _level(own) * (1 - near) and not is_too_fast(task.plant, shared.law):
         own = replace(shared, retreat=own.retreat)
     return replace(own, shared=_level(shared), cut=cut)
 
@@ -634,15 +613,7 @@ def _together(task: Task, found: Reached | None) -> Optimised | None:
     return None
 
 
-def _least_in_floats(task: Task) -> float:
-    """Return what is found in floats, proved or not; infinite where there is none."""
-    try:
-        return level_of(task, task.reached(task.region))
-    except SolverError:
-        return np.inf
-
-
-def _stepped_back(task: Task, least: float) -> tuple[list[Step], _Found | None]:
+def _stepped_back(task: Task, least: float) -> tuple[list[Step], Optimised | None, Reached | None]:
     """Return steps back, and the nearest to the least level that is proved, if it is near."""
     taken = list[Step]()
     for step in steps(task):
@@ -653,38 +624,23 @@ def _stepped_back(task: Task, least: float) -> tuple[list[Step], _Found | None]:
         ):
             break
     least = min([least, *(step.level for step in taken)])
-    best: _Found | None = None
+    best: Optimised | None = None
+    point: Reached | None = None
     for step in sorted(taken, key=lambda step: step.level):
         found = _proved(task, step.found) if step.level <= least * (1 + FAR) else None
-        if found is not None and (best is None or _level(found) < best.level):
-            retreat = Retreat(step.speed, step.level, least)
-            best = _Found(replace(found, retreat=retreat), step.level, step.found)
-        if best is not None and not best.poor:
-            break
-    if best is not None and task.minimise is not None and best.level > least * (1 + FAR):
-        return taken, None
-    return taken, best
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best = replace(found, retreat=Retreat(step.speed, step.level, least))
+            point = step.found
+            if not _is_poor(best, step.level):
+                break
+    if best is not None and task.minimise is not None and _level(best) > least * (1 + FAR):
+        return taken, None, None
+    return taken, best, point
 
 
 def _level(own: Optimised) -> float:
     """Return the first bound, that of what is minimised where something is."""
     return own.bounds[0].level
-
-
-def _best(task: Task, deadline: Deadline) -> _Found:
-    """Search, then prove the bound on what is minimised, from the law that samples least on."""
-    # where no law that samples well has a proof, each must have one to count
-    for proved in (False, True) if task.minimise else (False,):
-        search = Search(task, deadline, proved, partial(_refute, task))
-        with stage("laws by an LMI"):
-            search.run()
-        best = _lowest(task, search)
-        if best is not None:
-            own, law = best
-            return _Found(_calmed(task, own, law), search.shared, search.whole)
-        if not search.candidates:
-            break
-    raise refusal(task, search.reasons)
 
 
 def _refute(task: Task) -> None:
@@ -693,23 +649,41 @@ def _refute(task: Task) -> None:
         raise NotProvedError(str(refutation), refutation=refutation)
 
 
-def _lowest(task: Task, search: Search) -> tuple[Optimised, Candidate] | None:
-    """Return the law of the lowest bound: a sample next to one, or higher, is of no better law."""
-    best: tuple[Optimised, Candidate] | None = None
-    for own in sorted(search.candidates, key=lambda own: own.estimate):
-        near = own.estimate * (1 + NEARER)
-        if best is not None and (task.minimise is None or _level(best[0]) <= near):
+def _lowest(task: Task, points: Sequence[Point]) -> Optimised | None:
+    """Return the law of the lowest bound, or one as good to a thousandth of a smaller gain.
+
+    A sample next to a bound, or higher, is of no better law.
+    """
+    best: Optimised | None = None
+    law: Candidate | None = None
+    for point in points:
+        if best is not None and (
+            task.minimise is None or _level(best) <= point.estimate * (1 + NEARER)
+        ):
             break
-        found = _bounded(task, own)
-        if found is not None and (best is None or _level(found) < _level(best[0])):
-            best = found, own
-    return best
+        own: Candidate | None = None
+        if is_too_fast(task.plant, point.law):
+            found = _calm(task, point.origin, point.region, point.law)
+        else:  # one that only parts of the box prove is looked at where there is no other
+            own = point.proved(task, best is None)
+            found = _bounded(task, own)
+        if found is not None and (best is None or _level(found) < _level(best)):
+            best, law = found, own
+    if best is None or law is None or law.origin is None:
+        return best
+    own = smaller(task, law.origin, law.designed, law.certificate.law, law.estimate)
+    calmer = _bounded(task, own)
+    return best if calmer is None else _least(best, calmer)
 
 
-def _calmed(task: Task, best: Optimised, law: Candidate) -> Optimised:
-    """Return a law of a smaller gain that is proved to be as good to a thousandth, if there is."""
-    found = [_bounded(task, own) for own in smaller(task, law)]
-    return _least(best, *(own for own in found if own is not None))
+def _calm(task: Task, origin: Origin, designed: Region | None, law: Law) -> Optimised | None:
+    """Return in place of a law that is too fast to be built one of a smaller gain, proved."""
+    level = level_of(origin.task, origin.found)
+    found = _bounded(task, smaller(task, origin, designed, law, level))
+    if found is None or is_too_fast(task.plant, found.law):
+        return None
+    gain, own = (gain_of(task.plant, each) for each in (law, found.law))
+    return replace(found, closer=Closer(level, gain, own))
 
 
 def _least(*every: Optimised, most: float = np.inf) -> Optimised:

@@ -48,7 +48,7 @@ from polefence.requirements.specification import Specification, claim_of
 from polefence.search.limits import LABEL
 from polefence.search.optimise import Optimised, method_for, optimise, structured
 from polefence.search.rows import Row, Run, RunOptions, plant_summary
-from polefence.search.shares import Task
+from polefence.search.task import Task
 
 MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are

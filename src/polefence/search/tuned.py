@@ -19,7 +19,7 @@ from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import HalfPlane, Region, stable
 from polefence.requirements.specification import Specification
-from polefence.search.shares import Candidate, Task, candidate
+from polefence.search.task import Candidate, Task, candidate
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
 from polefence.search.tune.tuner import Tuned, rough, tune
 from polefence.search.tune.worth import NEAR

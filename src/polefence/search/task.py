@@ -1,0 +1,371 @@
+"""The task of a search for a law, the law that one Lyapunov matrix for everything leads to, proofs.
+
+One W(alpha) for region and signals is conservative: what a law keeps is proved of it as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from polefence.base.errors import InputError, SolverError
+from polefence.certify.bounds import (
+    Bound,
+    Known,
+    agreed_bound,
+    best_bound,
+    kept_bound,
+    known_bound,
+    own_evidence,
+    with_held,
+)
+from polefence.certify.candidates import Deadline
+from polefence.certify.certificate import Certificate
+from polefence.certify.given import analysed
+from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
+from polefence.lmi.conditions.methods import Method, options
+from polefence.lmi.conditions.saturation import held_name
+from polefence.lmi.conditions.target import Around
+from polefence.lmi.solve.interior_point import TOLERANCE
+from polefence.lmi.solve.performance import Problem, least
+from polefence.lmi.solve.scaling import Scaling, balanced
+from polefence.lmi.solve.search import Reached, coefficients, singular_is_failure
+from polefence.lmi.solve.smallest import smallest, typical_rate
+from polefence.lmi.solve.starts import regulators
+from polefence.plant.family import UncertainPlant
+from polefence.plant.motion import Motion
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.region.regions import Region, bounded, stable
+from polefence.requirements.gain_norm import as_norms
+from polefence.requirements.specification import Specification
+from polefence.response.closed import close
+
+INSIDE = 0.95  # how far inside the region the search begins
+KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has something to spare
+AGREED = 1e-5  # how close two ends of one question are, as a share
+ENDS = 2  # that are compared where they depend on the start
+ROUGH = 0.1  # gap at which one gain is a start: well off the edge of everything
+ROUNDED = 1e-9  # of the fastest pole: what rounding may move a pole by
+SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Requirements and a region, with one Lyapunov matrix for everything."""
+
+    plant: UncertainPlant
+    minimise: Specification | None
+    limits: tuple[Specification, ...]
+    region: Region
+    method: Method
+    # the plant and the limits as they were asked for, before a law had states
+    asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
+    # the parts of the region in words, as they were asked for
+    words: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> dict[Region, str]:
+        """The parts of the region, and each in words."""
+        own = self.region.parts
+        return dict(zip(own, self.words or map(str, own), strict=True))
+
+    @property
+    def domain(self) -> Domain:
+        """The domain of alpha."""
+        return Domain.of(options(self.method).on, len(self.plant.vertices))
+
+    def question(self, region: Region | None) -> Problem:
+        """Return the condition with one Lyapunov matrix for everything, signals without weights.
+
+        With the filters' states the law that it gives would be one of these too.
+        """
+        o, plant = options(self.method), self.plant
+        asked: list[tuple[Specification, float | None]]
+        asked = [(s, None) for s in self.limits if s.of_signal]
+        if self.minimise is not None and self.minimise.of_signal:
+            asked.append((self.minimise, 1.0))
+        found = ((s, s.unweighted().condition(plant, self.domain, unit)) for s, unit in asked)
+        pairs = [(source, replace(output, name=s.title)) for s, (source, output) in found]
+        pairs = [(s, replace(o, level=o.level * KEPT if o.fixed else o.level)) for s, o in pairs]
+        sources = {source.name: source for source, _ in pairs}
+        outputs = tuple(output for _, output in pairs)
+        degree, elevation = int(o.degree), o.elevation
+        values = tuple(sources.values())
+        norms = as_norms(plant, self.limits, self.minimise)
+        form = self.domain, degree, elevation, norms, float(plant.step), Motion.of(plant)
+        return Problem(plant.A, plant.B, values, outputs, region, *form)
+
+    @singular_is_failure()
+    def reached(
+        self,
+        region: Region | None,
+        tolerance: float = TOLERANCE,
+        near: Reached | None = None,
+        sure: bool = True,
+    ) -> Reached:
+        """Search for the law.
+
+        Without bounds on the law itself the question is convex: an end whose duals say so, or that
+        two searches come to, will do. With them it depends on the start: the best of a few is
+        returned.
+
+        Parameters
+        ----------
+        region : Region, optional
+        tolerance : float
+            Of the gap at which the search ends, relative to what is minimised.
+        near : Reached, optional
+            A point of this method and a narrower region, to start from.
+        sure : bool
+            Whether an end whose duals say nothing is compared with another.
+
+        Raises
+        ------
+        SolverError
+            If there is none, or nowhere to start.
+        """
+        scaling = balanced(self.plant.A, self.plant.B, typical_rate(self.plant.A))
+        question = self.question(region)
+        best: Reached | None = None
+        held, ends = False, 0
+        failure = SolverError("nowhere to start from")
+        starts = self._starts(question, region, scaling)
+        if near is not None:
+            starts = chain([(near.values, near.t)], starts)
+        for start, t in starts:
+            try:
+                found = least(question, start, scaling, tolerance, t)
+            except SolverError as error:
+                failure = error
+                continue
+            again = best is not None and best.converged and found.r >= best.r * (1 - AGREED)
+            holds = self._holds(found, region)
+            if best is None or (holds, -found.r) > (held, -best.r):
+                best, held = found, holds
+            if not holds:  # its r is of a W that doubles do not hold
+                continue
+            ends += 1
+            ended = found.converged and not question.norms
+            loose = not sure or tolerance > AGREED
+            ended = ended and (again or loose or found.residual() <= AGREED)
+            if self.minimise is None or ended or (question.norms and ends == ENDS):
+                break
+        if best is None:
+            raise failure
+        return best
+
+    def _holds(self, found: Reached, region: Region | None) -> bool:
+        """Whether the law of a point, as doubles have it, keeps the poles where its W puts them.
+
+        Where the signals do not bound W it grows until its smallest directions are lost in
+        rounding; the law that Z W^-1 then is in doubles is another.
+        """
+        try:
+            law = self.law(found)
+            loops = close(self.plant, law, np.eye(len(self.plant.vertices)), disturbed=False)
+            poles = loops.poles()
+        except (SolverError, InputError, np.linalg.LinAlgError):
+            return False
+        kept = region or stable(float(self.plant.step))
+        return bool(np.all(kept.distance(poles) < ROUNDED * np.abs(poles).max()))
+
+    def _starts(
+        self, question: Problem, region: Region | None, scaling: Scaling
+    ) -> Iterator[tuple[dict[str, Array], dict[str, float]]]:
+        """Yield W and Z to start from, and what of W is a Lyapunov matrix, where that is known."""
+        if int(options(self.method).degree):
+            # what one gain reaches a scheduled law reaches too
+            with suppress(SolverError):
+                one = replace(self, method="quadratic").reached(region, ROUGH)
+                yield self._as_scheduled(one.values), one.t
+        else:
+            for values in regulators(question, scaling):
+                yield values, {}
+        kept = region or stable(float(self.plant.step))
+        for inside in dict.fromkeys((kept, bounded(kept, SPEED * typical_rate(self.plant.A)))):
+            with suppress(SolverError):
+                yield self._start(inside), {}
+
+    def _as_scheduled(self, values: dict[str, Array]) -> dict[str, Array]:
+        """Return one W and Z as those of a degree: all coefficients are equal."""
+        count = self.domain.count(int(options(self.method).degree))
+        return numbered("W", [values["W1"]] * count) | numbered("Z", [values["Z1"]] * count)
+
+    def _start(self, inside: Region) -> dict[str, Array]:
+        """Return W and Z of a law that keeps a region."""
+        plant, goal, motion = self.plant, Around(inside), Motion.of(self.plant)
+        start = smallest(plant.A, plant.B, goal, self.method, enough=INSIDE, motion=motion)
+        if start.r >= 1:
+            raise SolverError(f"no law of this method keeps {inside}")
+        W, Z = coefficients(start.values, "W"), coefficients(start.values, "Z")
+        return numbered("W", W) | numbered("Z", Z)
+
+    @singular_is_failure()
+    def law(self, found: Reached) -> Law:
+        """Return the law of a point.
+
+        Raises
+        ------
+        SolverError
+            If W is singular in floats, or the law's numbers are none that doubles hold.
+        """
+        degree = int(options(self.method).degree)
+        W, Z = coefficients(found.values, "W"), coefficients(found.values, "Z")
+        try:
+            if not degree:
+                return FixedGain(right_divide(Z, W)[0])
+            return ScheduledGain(W, Z, self.plant.parameters, degree, self.domain.sizes)
+        except InputError as error:
+            raise SolverError(str(error)) from error
+
+
+def numbered(name: str, coefficients: Iterable[Array]) -> dict[str, Array]:
+    """Return matrices under the names that a condition's variables have: W1, W2 and so on."""
+    return {f"{name}{k}": matrix for k, matrix in enumerate(coefficients, 1)}
+
+
+def level_of(task: Task, found: Reached) -> float:
+    """Return the bound on what is minimised that a point has in floats; zero where nothing is."""
+    if task.minimise is None:
+        return 0.0
+    return task.minimise.level(found.r)
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Origin of a law: the task of its design, and the point that was found."""
+
+    task: Task
+    found: Reached
+
+    def known(self, law: Law, own: Specification) -> Known | None:
+        """Return what the design itself says of a signal; None where that is nothing."""
+        if not own.of_signal or any(own.filters):
+            return None
+        source = own.condition(self.task.plant, self.task.domain, 1.0)[0]
+        t = self.found.t.get(f"t {source.name}", 0.0)
+        if not t > 0 or (own.at_most is None and self.task.minimise is not own):
+            return None
+        W = coefficients(self.found.values, "W")
+        evidence, prefix = own_evidence(law, W, t), held_name(own.title)
+        if any(name.startswith(prefix) for name in self.found.values):
+            held = coefficients(self.found.values, prefix)
+            evidence = with_held(evidence, held / t, int(options(self.task.method).degree))
+        return evidence, own.at_most or level_of(self.task, self.found)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A law with proofs of the region and of all limits.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    limits : tuple of Bound
+    designed : Region, optional
+        What of the region was asked of the design; None where stability alone was.
+    estimate : float
+        The worst sampled value of what is minimised; zero where nothing is.
+    origin : Origin, optional
+        Of a law that was found, not given.
+    """
+
+    certificate: Certificate
+    limits: tuple[Bound, ...]
+    designed: Region | None
+    estimate: float
+    origin: Origin | None = None
+
+    def known(self, own: Specification) -> Known | None:
+        """Return what the law's own design says of a signal, if anything."""
+        return None if self.origin is None else self.origin.known(self.certificate.law, own)
+
+
+def candidate(
+    task: Task,
+    law: Law,
+    designed: Region | None,
+    origin: Origin | None = None,
+    estimate: float = 0.0,
+    halved: bool = True,
+) -> Candidate | None:
+    """Return proofs of the region and of the limits of a task; None where there is not each.
+
+    With ``halved`` the region is proved in parts of the box too, where it is not on the whole.
+    """
+    limits: list[Bound] = []
+    with suppress(SolverError), singular_is_failure():
+        certificate = _region(task, law, designed, origin, halved)
+        if certificate is None:
+            return None
+        own = Candidate(certificate, (), designed, estimate, origin)
+        for limit in task.limits:
+            # of the certificate's law: its alpha may live on another domain than the search's
+            bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
+            # of a law that doubles cannot evaluate a proof is of no use
+            if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
+                return None
+            limits.append(bound)
+        return replace(own, limits=tuple(limits))
+    return None
+
+
+def _region(
+    task: Task, law: Law, designed: Region | None, origin: Origin | None, halved: bool
+) -> Certificate | None:
+    """Prove the region with the law's own W where it was asked of it, else as of a given law."""
+    if designed == task.region and origin is not None:
+        own = _own_region(task, law, origin)
+        if own is not None:
+            return own
+    looked = origin is not None and designed != task.region
+    answer = analysed(task.plant, law, task.region, Deadline(None), halved, looked)
+    return answer.certificate if answer.proved else None
+
+
+def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
+    """Prove the region with the law's own W; None where that is no proof."""
+    elevation = options(origin.task.method).elevation
+    name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
+    if law.W is None:
+        name, evidence = "quadratic", {"W": origin.found.values["W1"]}
+    own = Certificate(task.plant, task.region, name, law, evidence)
+    return own if own.holds() else None
+
+
+def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[Bound, ...]] | None:
+    """Prove region, what is minimised and all limits with the law's own W alone.
+
+    Returns
+    -------
+    pair of Certificate and bounds, optional
+        What is minimised comes first; None where the one W does not prove each of them.
+    """
+    asked = () if task.minimise is None else (task.minimise,)
+    found: list[Bound] = []
+    with suppress(SolverError), singular_is_failure():
+        certificate = _own_region(task, law, origin)
+        if certificate is None:
+            return None
+        for own in (*asked, *task.limits):
+            bound = _alone(task, law, own, origin)
+            agreed = None if bound is None else agreed_bound(task.plant, law, bound)
+            if agreed is None:
+                return None
+            found.append(agreed)
+        return certificate, tuple(found)
+    return None
+
+
+def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | None:
+    """Prove one specification with the law's own W; a bound on the law itself needs none."""
+    if not own.of_signal:
+        prove = best_bound if own.at_most is None else kept_bound
+        return prove(task.plant, law, own)
+    known = origin.known(law, own)
+    return None if known is None else known_bound(task.plant, law, own, known)

@@ -21,7 +21,8 @@ CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has
 ROWS = (
     ("quadratic", None),
     ("quadratic", CAR),
-    (None, None),
+    ("scheduled", None),
+    ("scheduled", CAR),
     (None, CAR),
     (None, pf.HalfPlane(1.5) & pf.Sector(0.2)),
     (None, pf.HalfPlane(2) & pf.Sector(0.3)),
@@ -71,7 +72,7 @@ def main(folder="."):
     print("passive:", -poles.real.max(), (-poles.real / np.abs(poles)).min())
     for method, region in ROWS:
         done = design(plant, region, method)
-        print(method or "scheduled", region or "stable", facts(done), flush=True)
+        print(method or "default", region or "stable", facts(done), flush=True)
         if method is None and region == CAR:
             draw(done, folder)
     print("relative to the passive car:", everywhere(plant).bounds[0])

@@ -93,7 +93,7 @@ def rows():
     [
         (("quadratic", "stable"), 0),
         (("scheduled(1, 0, box)", "stable"), 1),
-        (("scheduled(1, 0, box)", "half_plane(1) & sector(0.15)"), 2),
+        (("default", CAR), 2),
     ],
 )
 def test_the_table_states_what_the_commands_print(said, key, number):
@@ -112,9 +112,9 @@ def test_the_prose_states_what_is_measured(said):
     least, _ = load_specifications(said[0] / "ride.toml")
     alpha = seeded(plant)
     own, bare = (sampled(plant, law, least, alpha).values for law in (design, None))
-    share = [float(n) for n in rows()["scheduled(1, 0, box)", CAR][2].split(" to ")]
+    share = [float(n) for n in rows()["default", CAR][2].split(" to ")]
     assert share == pytest.approx([(own / bare).min(), (own / bare).max()], rel=FREE)
-    assert "between 0.75 and 1.00 times" in TEXT
+    assert "between 0.75 and 1.06 times" in TEXT
     poles = close(plant, None, np.vstack([alpha, points(plant)])).poles()
     assert f"slowest pole is at −{-poles.real.max():.2f} 1/s" in TEXT
     assert f"least damping ratio is {(-poles.real / np.abs(poles)).min():.3f}" in TEXT
@@ -124,7 +124,7 @@ def test_the_prose_states_what_is_measured(said):
     assert [float(n) for n in worst] == pytest.approx([felt.worst, passive.worst], rel=FREE)
     best = re.search(r"worst case, ([.\d]+) against ([.\d]+) in the best", TEXT).groups()
     assert [float(n) for n in best] == pytest.approx([felt.best, passive.best], rel=FREE)
-    assert 49 < found.row("law", "mean power drawn").worst <= 51  # up to 51 W
+    assert 50 < found.row("law", "mean power drawn").worst <= 52  # up to 52 W
     tyre = compare(plant, {"law": design}).row("law", "tyre deflection").worst
     assert tyre <= 0.00472
     # the sample's rms by another computation, at the worst
@@ -132,7 +132,7 @@ def test_the_prose_states_what_is_measured(said):
     A = A + B @ design.law.gain(alpha[own.argmax()])
     X = lyapunov(A[None], least.density / 2 * np.diag([0.0, 1.0, 0.0, 0.0])[None])[0]
     assert np.sqrt(A[2] @ X @ A[2]) == pytest.approx(own.max(), rel=1e-9)
-    assert own.max() == pytest.approx(1.02142, rel=OPTIMAL)
+    assert own.max() == pytest.approx(1.02121, rel=OPTIMAL)
 
 
 def minimised(said, command):
@@ -142,7 +142,7 @@ def minimised(said, command):
 
 
 def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
-    """The law for the decay alone keeps the damping too: so both cost no more."""
+    """The law for the decay alone keeps the damping too: so both cost no more than a thousandth."""
     spec, damped = said[0] / "level.toml", Sector(0.15)
     plant, (least, limits) = load(spec), load_specifications(spec)
     decay = Design.load(said[0] / "level")
@@ -153,7 +153,7 @@ def test_a_part_of_the_region_that_a_law_keeps_anyway_costs_nothing(said):
     least_level = minimised(said, "polefence optimise level.toml -o level")
     # either may be a smaller gain that is as good to NEAR
     assert both.bounds[0].level <= least_level * (1 + NEAR) * (1 + OPTIMAL)
-    shown = re.search(r"smaller gain: ([.\d]+) with ([.\d]+) mm and (\d+) N", TEXT).groups()
+    shown = re.search(r"another law: ([.\d]+) with ([.\d]+) mm and (\d+) N", TEXT).groups()
     assert both.bounds[0].level == pytest.approx(float(shown[0]), rel=OPTIMAL)
     _, travel, force = (sampled(plant, both.design, own, seeded(plant)).values for own in limits)
     used = [1e3 * travel.max(), force.max()]

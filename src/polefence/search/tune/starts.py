@@ -18,6 +18,7 @@ from polefence.response.stationary import growth
 
 EFFORTS = (1.0, 1e-3, 1e3)  # what inputs cost beside states
 FASTER = 1.2  # than the region asks for
+ROUNDED = 1e-6  # of a matrix: poles of integrators in a row, as doubles have them
 FLOOR = 1e-3  # of a size, beside the largest in balanced units
 FLOOR_NOISE = 1e-2  # on every state, beside the plant's own noise
 
@@ -62,7 +63,10 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
     d = _even(A, B, measured)
     A, B, E = A / d[:, None] * d, B / d[:, None], E / d[:, None]
     moved = A.any(axis=0) | A.any(axis=1) | ~A.any()  # a law's own states have no rate yet
-    poles = np.abs(np.linalg.eigvals(A[moved][:, moved]))
+    own = A[moved][:, moved]
+    poles = np.abs(np.linalg.eigvals(own))
+    if poles.max(initial=0.0) < ROUNDED * np.abs(own).max(initial=0.0):  # integrators alone
+        poles = np.array([np.abs(own).max()])
     rate = float(np.exp(np.log(np.maximum(poles, 1e-3 * max(poles.max(), 1e-30))).mean()))
     rate = rate if rate > 1e-20 else 1.0
     pushes = np.linalg.norm(B, axis=0)

@@ -72,10 +72,6 @@ class RelativeRms(Rms):
         """Return one: the ratio is the same with any."""
         return 1.0
 
-    def absolute(self) -> Rms:
-        """Return the rms itself."""
-        return Rms(self.signal, None, self.density, self.weight, disturbances=self.disturbances)
-
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return none: it is a ratio."""
         return ""

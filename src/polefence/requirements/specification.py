@@ -199,10 +199,6 @@ class Specification(Short):
         """Return it for a plant with more states behind its n, which are at rest at first."""
         return self
 
-    def absolute(self) -> Specification:
-        """Return what it bounds without comparison with another law."""
-        return self
-
     def level(self, r: float) -> float:
         """Return the bound that a condition's r is, where it has no limit."""
         return float(r if self.power == 1 else math.sqrt(r))

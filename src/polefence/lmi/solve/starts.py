@@ -106,20 +106,18 @@ def _reach(S: Array, B: Array, W: Array, K: Array) -> float:
     return float(np.linalg.svd(closed, compute_uv=False).max())
 
 
-def regulators(
-    problem: Problem, scaling: Scaling, halvings: int = HALVINGS
-) -> Iterator[dict[str, Array]]:
+def regulators(problem: Problem, scaling: Scaling) -> Iterator[dict[str, Array]]:
     """Yield W and Z of regulators of the plant in the middle, in the original coordinates.
 
-    First one that weighs the limits alike, and what is minimised as much as they allow, found in so
-    many halvings; where the region asks for decay, or the law is to be small, ones that reach it
+    First one that weighs the limits alike, and what is minimised as much as they allow, found by
+    halving; where the region asks for decay, or the law is to be small, ones that reach it
     with little effort.
     """
     A, B = (X.mean(axis=0) for X in scaling.apply(problem.A, problem.B))
     inverse = scaling.inverse
     moved = {s.name: inverse @ s.intensity(problem.domain) @ inverse.T for s in problem.sources}
     decay, step = decay_of(problem.region) / scaling.rate, problem.step * scaling.rate
-    gains = [_balanced(problem.outputs, scaling, (A, B, step), moved, halvings)]
+    gains = [_balanced(problem.outputs, scaling, (A, B, step), moved)]
     if decay > 0 or problem.norms:
         gains += [_small(problem.norms, scaling, A, B, step, shift * decay) for shift in SHIFTS]
     M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
@@ -142,7 +140,6 @@ def _balanced(
     scaling: Scaling,
     plant: tuple[Array, Array, float],
     moved: dict[str, Array],
-    halvings: int,
 ) -> Array | None:
     """Return the gain that weighs what is minimised as much as the limits allow.
 
@@ -161,7 +158,7 @@ def _balanced(
         return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)), step)
     least, most = POWERS
     best: Array | None = None
-    for _ in range(halvings):
+    for _ in range(HALVINGS):
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
         K = _regulator(A, B, _weighted(rows, weights), step)

@@ -147,10 +147,8 @@ class Search:
         found = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
         return found + f", nor in {self.most} parts of the box" * self.halved
 
-    def proof(
-        self, ladder: Sequence[tuple[int, int]], halved: bool = True
-    ) -> dict[str, Any] | None:
-        """Return evidence of a form of the whole box, else, with ``halved``, in parts of it."""
+    def proof(self, ladder: Sequence[tuple[int, int]]) -> dict[str, Any] | None:
+        """Return evidence of a form of the whole box, else in parts of it."""
         for form in ladder:
             if self._late():
                 return None
@@ -169,7 +167,7 @@ class Search:
             evidence = evidence_at(self.plant, self.law, self.part, form, pieces)
             if evidence is not None:
                 return evidence
-        return self.in_parts() if halved else None
+        return self.in_parts()
 
     def in_parts(self) -> dict[str, Any] | None:
         """Return evidence in parts of the box, None where they would be too many."""

@@ -279,30 +279,20 @@ def verify(
     return analyse(plant, law, region, budget, limits=limits, lyapunov=lyapunov)
 
 
-def analysed(
-    plant: UncertainPlant,
-    law: Law,
-    region: Region,
-    deadline: Deadline,
-    halved: bool = True,
-    looked: bool = False,
-) -> Analysis:
-    """Return what is proved of one law; with ``halved`` in parts of the box too.
-
-    ``looked`` says that a counterexample was looked for, and none found.
-    """
+def analysed(plant: UncertainPlant, law: Law, region: Region, deadline: Deadline) -> Analysis:
+    """Return what is proved of one law."""
     ladder = list(forms(plant, law, len(region.parts)))
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
     parts = list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
     found = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
-    if None in found and not looked:
+    if None in found:
         alpha = counterexample(claim.claim())
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
     for part, evidence in zip(region.parts, found, strict=True):
         search = Search(plant, law, part, deadline, len(region.parts))
-        proof = evidence or search.proof(ladder[1:], halved)
+        proof = evidence or search.proof(ladder[1:])
         if search.alpha is not None:
             return _refuted(plant, law, region, search.alpha)
         if proof is None:

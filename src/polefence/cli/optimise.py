@@ -65,7 +65,6 @@ from polefence.requirements.text import (
     RoadSpectrum,
 )
 from polefence.search.optimise import Optimised, optimise
-from polefence.search.retreat import Retreat
 from polefence.search.rows import plant_summary
 from polefence.vehicle.rest import Rest, held_words, rests
 
@@ -166,10 +165,9 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
         write_figure(options.plot, figure_of(done, rows))
     say(*lines_of(done, rows, label), verdict="proved")
     # of one vertex one gain is every law
-    if method is not None and label != method_label(method) and len(done.plant.vertices) > 1:
+    scheduled = method not in (None, "quadratic") and len(done.plant.vertices) > 1
+    if method is not None and scheduled and done.law.K is not None:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
-    if method is not None:
-        say("  by this method alone: the default tunes a law too, which may be better")
 
 
 def road_of(options: Any) -> RoadSpectrum | None:
@@ -369,8 +367,6 @@ def _design_lines(done: Optimised) -> list[str]:
         lines.append(
             f"  designed for {designed}; the whole region was proved of the law afterwards"
         )
-    if done.retreat is not None:
-        lines.append(f"  {_retreat_line(done.retreat)}")
     return lines + list(_closer_lines(done))
 
 
@@ -392,20 +388,6 @@ def _designed_words(done: Optimised) -> str:
     if T is not None and isinstance(designed, Disk) and not designed.centre:
         return f"a decay rate of {digits_down(-math.log(designed.radius) / float(T), 4)} 1/s"
     return str(designed)
-
-
-def _retreat_line(retreat: Retreat) -> str:
-    """Say how far the law stands from an infimum that none attains."""
-    where = "inside the region"
-    if np.isfinite(retreat.speed):
-        where = f"to poles of at most {digits_up(retreat.speed, 3)} 1/s"
-    if not retreat.least > 0:
-        return f"stepped back {where}: no faster law was proved"
-    return (
-        f"stepped back {where}: one Lyapunov matrix for everything then gives "
-        f"{digits_up(100 * retreat.share, 3)} % more in floats than for faster poles, whose law "
-        "could not be proved or built"
-    )
 
 
 def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
@@ -503,16 +485,10 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             for rest in _rests(done, rows)
         ],
         "shared": done.shared if np.isfinite(done.shared) else None,
-        "designed": None if done.designed is None else str(done.designed),
-        "stepped back": None if done.retreat is None else _retreat_document(done.retreat),
+        "designed": str(done.designed),
         "gains": gains_of(done.law),
         **words_of(done.law),
     }
-
-
-def _retreat_document(retreat: Retreat) -> dict[str, Any]:
-    speed = retreat.speed if np.isfinite(retreat.speed) else None
-    return {"fastest pole allowed": speed, "found": retreat.level, "least found": retreat.least}
 
 
 def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:

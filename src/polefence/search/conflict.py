@@ -14,7 +14,7 @@ from polefence.requirements.specification import Specification, limit_text
 from polefence.search.task import Task
 
 
-def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
+def refusal(task: Task, reason: str) -> NotProvedError:
     """Return why there is no design: refuted limits, a smallest set in conflict, or a reason."""
     label = method_label(task.method)
     conflict = _conflict(task)
@@ -27,9 +27,7 @@ def refusal(task: Task, reasons: Sequence[str]) -> NotProvedError:
         if len(named) > 1:
             these = "all of these limits, but does if any one is dropped"
         return NotProvedError(f"not proved: {label} finds no law for {these}: {'; '.join(named)}")
-    why = (
-        reasons[0] if reasons else "a bound or the region was not proved of the law that was found"
-    )
+    why = reason or "a bound or the region was not proved of the law that was found"
     named = [limit_text(s) for s in task.limits if s.at_most]
     return NotProvedError(
         f"not proved: {label}, {' & '.join(task.parts.values())}, "

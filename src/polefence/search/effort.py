@@ -8,28 +8,22 @@ where it falls by a fifth, in units in which states and inputs have typical size
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, SolverError
 from polefence.law.laws import Law
-from polefence.lmi.solve.search import Reached, singular_is_failure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.proof.short import Short
-from polefence.region.regions import Region
 from polefence.requirements.gain_norm import GainNorm
-from polefence.requirements.specification import Specification
-from polefence.search.retreat import GAP
-from polefence.search.task import Candidate, Origin, Task, candidate, level_of
+from polefence.response.closed import close
 from polefence.search.tune.starts import typical
-from polefence.search.tune.worth import NEAR, SMALLER, taken
+from polefence.search.tune.worth import NEAR, taken
 
-SHARES = (8e-4, 3e-4, 1e-4)  # of the level that a smaller law may cost, one after the other
 SAMPLES = 50
+FASTEST = 1e5  # times the plant's own fastest pole: a law of faster ones is none to be built
 
 
 @dataclass(frozen=True)
@@ -81,54 +75,13 @@ def least(
     return k, replace(best, own=own.gain) if best.level < own.level else None
 
 
-def smaller(
-    task: Task, origin: Origin, designed: Region | None, law: Law, estimate: float
-) -> Candidate | None:
-    """Return a law of a smaller gain for nearly the same level of the LMI, proved, if there is one.
+def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
+    """Whether poles at the vertices are so fast that nothing but floats bounded them.
 
-    Parameters
-    ----------
-    origin, designed
-        Of the law that is to have a smaller gain: its task and point, and what of the region was
-        asked of it.
-    estimate : float
-        Its worst sample of what is minimised.
+    Those of a stable loop at samples are bounded by its step.
     """
-    minimised, first = task.minimise, origin.task.minimise
-    if minimised is None or first is None or not minimised.of_signal:
-        return None
-    if not np.isfinite(origin.found.r):
-        return None
-    most = SMALLER * gain_of(task.plant, law)
-    level, norm = level_of(origin.task, origin.found), gain_norm(task.plant)
-    methods = list(dict.fromkeys(("quadratic", origin.task.method)))
-    for share in SHARES:
-        near = replace(first, at_most=level * (1 + share))
-        asked = replace(origin.task, minimise=norm, limits=(*origin.task.limits, near))
-        for method in tuple(methods):
-            found = _found(replace(asked, method=method), designed, most, minimised)
-            if found is None:  # nor within a smaller share
-                methods.remove(method)
-                continue
-            own, reached, worst = found
-            if worst <= estimate * (1 + NEAR):
-                proved = candidate(task, own, designed, Origin(asked, reached), worst)
-                if proved is not None:
-                    return proved
-    return None
-
-
-def _found(
-    asked: Task, designed: Region | None, most: float, minimised: Specification
-) -> tuple[Law, Reached, float] | None:
-    """Return the law of the least gain within a level, its point and its worst sample.
-
-    None where there is none, or its gain is above a size.
-    """
-    with suppress(SolverError, InputError, np.linalg.LinAlgError), singular_is_failure():
-        found = asked.reached(designed, GAP)
-        law = asked.law(found)
-        if gain_of(asked.plant, law) <= most:
-            alpha = seeded(asked.plant, SAMPLES)
-            return law, found, float(minimised.values(asked.plant, law, alpha).max())
-    return None
+    if plant.step:
+        return False
+    poles = close(plant, law, np.eye(len(plant.vertices)), disturbed=False).poles()
+    fastest = float(np.abs(np.linalg.eigvals(plant.A)).max()) or 1.0
+    return bool(np.abs(poles).max() > FASTEST * fastest)

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
+from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.certify.bounds import (
     Bound,
-    Known,
     agreed_bound,
     best_bound,
     kept_bound,
@@ -105,8 +104,6 @@ class Task:
         self,
         region: Region | None,
         tolerance: float = TOLERANCE,
-        near: Reached | None = None,
-        sure: bool = True,
     ) -> Reached:
         """Search for the law.
 
@@ -119,10 +116,6 @@ class Task:
         region : Region, optional
         tolerance : float
             Of the gap at which the search ends, relative to what is minimised.
-        near : Reached, optional
-            A point of this method and a narrower region, to start from.
-        sure : bool
-            Whether an end whose duals say nothing is compared with another.
 
         Raises
         ------
@@ -134,10 +127,7 @@ class Task:
         best: Reached | None = None
         held, ends = False, 0
         failure = SolverError("nowhere to start from")
-        starts = self._starts(question, region, scaling)
-        if near is not None:
-            starts = chain([(near.values, near.t)], starts)
-        for start, t in starts:
+        for start, t in self._starts(question, region, scaling):
             try:
                 found = least(question, start, scaling, tolerance, t)
             except SolverError as error:
@@ -151,7 +141,7 @@ class Task:
                 continue
             ends += 1
             ended = found.converged and not question.norms
-            loose = not sure or tolerance > AGREED
+            loose = tolerance > AGREED
             ended = ended and (again or loose or found.residual() <= AGREED)
             if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
@@ -237,109 +227,33 @@ def level_of(task: Task, found: Reached) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Origin:
-    """Origin of a law: the task of its design, and the point that was found."""
-
-    task: Task
-    found: Reached
-
-    def known(self, law: Law, own: Specification) -> Known | None:
-        """Return what the design itself says of a signal; None where that is nothing."""
-        if not own.of_signal or any(own.filters):
-            return None
-        source = own.condition(self.task.plant, self.task.domain, 1.0)[0]
-        t = self.found.t.get(f"t {source.name}", 0.0)
-        if not t > 0 or (own.at_most is None and self.task.minimise is not own):
-            return None
-        W = coefficients(self.found.values, "W")
-        evidence, prefix = own_evidence(law, W, t), held_name(own.title)
-        if any(name.startswith(prefix) for name in self.found.values):
-            held = coefficients(self.found.values, prefix)
-            evidence = with_held(evidence, held / t, int(options(self.task.method).degree))
-        return evidence, own.at_most or level_of(self.task, self.found)
-
-
-@dataclass(frozen=True, eq=False)
 class Candidate:
-    """A law with proofs of the region and of all limits.
-
-    Attributes
-    ----------
-    certificate : Certificate
-    limits : tuple of Bound
-    designed : Region, optional
-        What of the region was asked of the design; None where stability alone was.
-    estimate : float
-        The worst sampled value of what is minimised; zero where nothing is.
-    origin : Origin, optional
-        Of a law that was found, not given.
-    """
+    """A law with proofs of the region and of all limits."""
 
     certificate: Certificate
     limits: tuple[Bound, ...]
-    designed: Region | None
-    estimate: float
-    origin: Origin | None = None
-
-    def known(self, own: Specification) -> Known | None:
-        """Return what the law's own design says of a signal, if anything."""
-        return None if self.origin is None else self.origin.known(self.certificate.law, own)
 
 
-def candidate(
-    task: Task,
-    law: Law,
-    designed: Region | None,
-    origin: Origin | None = None,
-    estimate: float = 0.0,
-    halved: bool = True,
-) -> Candidate | None:
-    """Return proofs of the region and of the limits of a task; None where there is not each.
-
-    With ``halved`` the region is proved in parts of the box too, where it is not on the whole.
-    """
+def candidate(task: Task, law: Law) -> Candidate | None:
+    """Return proofs of the region and of the limits of a task; None where there is not each."""
     limits: list[Bound] = []
     with suppress(SolverError), singular_is_failure():
-        certificate = _region(task, law, designed, origin, halved)
+        certificate = analysed(task.plant, law, task.region, Deadline(None)).certificate
         if certificate is None:
             return None
-        own = Candidate(certificate, (), designed, estimate, origin)
         for limit in task.limits:
             # of the certificate's law: its alpha may live on another domain than the search's
-            bound = kept_bound(task.plant, certificate.law, limit, own.known(limit))
+            bound = kept_bound(task.plant, certificate.law, limit)
             # of a law that doubles cannot evaluate a proof is of no use
             if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
                 return None
             limits.append(bound)
-        return replace(own, limits=tuple(limits))
+        return Candidate(certificate, tuple(limits))
     return None
 
 
-def _region(
-    task: Task, law: Law, designed: Region | None, origin: Origin | None, halved: bool
-) -> Certificate | None:
-    """Prove the region with the law's own W where it was asked of it, else as of a given law."""
-    if designed == task.region and origin is not None:
-        own = _own_region(task, law, origin)
-        if own is not None:
-            return own
-    looked = origin is not None and designed != task.region
-    answer = analysed(task.plant, law, task.region, Deadline(None), halved, looked)
-    return answer.certificate if answer.proved else None
-
-
-def _own_region(task: Task, law: Law, origin: Origin) -> Certificate | None:
-    """Prove the region with the law's own W; None where that is no proof."""
-    elevation = options(origin.task.method).elevation
-    name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
-    if law.W is None:
-        name, evidence = "quadratic", {"W": origin.found.values["W1"]}
-    own = Certificate(task.plant, task.region, name, law, evidence)
-    return own if own.holds() else None
-
-
-def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[Bound, ...]] | None:
-    """Prove region, what is minimised and all limits with the law's own W alone.
+def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[Bound, ...]] | None:
+    """Prove region, what is minimised and all limits with the one W of the law's point.
 
     Returns
     -------
@@ -347,25 +261,36 @@ def together(task: Task, law: Law, origin: Origin) -> tuple[Certificate, tuple[B
         What is minimised comes first; None where the one W does not prove each of them.
     """
     asked = () if task.minimise is None else (task.minimise,)
-    found: list[Bound] = []
+    bounds: list[Bound] = []
     with suppress(SolverError), singular_is_failure():
-        certificate = _own_region(task, law, origin)
-        if certificate is None:
+        name = "quadratic"
+        evidence: dict[str, Any] = {"W": found.values["W1"]}
+        if law.W is not None:
+            elevation = options(task.method).elevation
+            name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
+        certificate = Certificate(task.plant, task.region, name, law, evidence)
+        if not certificate.holds():
             return None
-        for own in (*asked, *task.limits):
-            bound = _alone(task, law, own, origin)
+        for specification in (*asked, *task.limits):
+            bound = _bound(task, law, specification, found)
             agreed = None if bound is None else agreed_bound(task.plant, law, bound)
             if agreed is None:
                 return None
-            found.append(agreed)
-        return certificate, tuple(found)
+            bounds.append(agreed)
+        return certificate, tuple(bounds)
     return None
 
 
-def _alone(task: Task, law: Law, own: Specification, origin: Origin) -> Bound | None:
-    """Prove one specification with the law's own W; a bound on the law itself needs none."""
-    if not own.of_signal:
-        prove = best_bound if own.at_most is None else kept_bound
-        return prove(task.plant, law, own)
-    known = origin.known(law, own)
-    return None if known is None else known_bound(task.plant, law, own, known)
+def _bound(task: Task, law: Law, asked: Specification, found: Reached) -> Bound | None:
+    """Prove one specification with the point's W; a bound on the law itself needs none."""
+    if not asked.of_signal:
+        prove = best_bound if asked.at_most is None else kept_bound
+        return prove(task.plant, law, asked)
+    t = found.t.get(f"t {asked.condition(task.plant, task.domain, 1.0)[0].name}", 0.0)
+    if any(asked.filters) or not t > 0:
+        return None
+    evidence, prefix = own_evidence(law, coefficients(found.values, "W"), t), held_name(asked.title)
+    if any(name.startswith(prefix) for name in found.values):
+        held = coefficients(found.values, prefix)
+        evidence = with_held(evidence, held / t, int(options(task.method).degree))
+    return known_bound(task.plant, law, asked, (evidence, asked.at_most or level_of(task, found)))

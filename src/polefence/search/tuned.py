@@ -74,7 +74,7 @@ def tuned_candidates(
                 if number or cut_off:
                     break
                 return  # nor is one for tighter limits
-            law = candidate(task, own.law, task.region, estimate=own.level)
+            law = candidate(task, own.law)
             if law is not None:
                 some = True
                 yield law, own, found[0].level

@@ -39,7 +39,7 @@ def driven(plant, law):
     """Both loads over the bump, the rear wheel later; time [s] and the drive."""
     road = pf.vehicle.bump(HEIGHT, LENGTH, before=1.0, after=SPEED * 3)
     places = pf.vehicle.load_car(SPEC).places
-    ride = pf.vehicle.on_wheels(plant, places, road, SPEED, step=1e-3, duration=2.0)
+    ride = pf.vehicle.on_wheels(plant, places, road, SPEED, step=5e-4, duration=2.0)
     return ride.times, pf.vehicle.drive(plant, law, ride, list(LOADS.values()))
 
 

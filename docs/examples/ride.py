@@ -18,14 +18,15 @@ from polefence.response.closed import close
 
 SPEC = spec_path("quarter-car-ride")
 CAR = pf.HalfPlane(1) & pf.Sector(0.15)  # about what the passive car has
+SERVO = pf.HalfPlane(2) & pf.Sector(0.3)
 ROWS = (
     ("quadratic", None),
     ("quadratic", CAR),
-    ("scheduled", None),
-    ("scheduled", CAR),
+    ("quadratic", SERVO),
+    (None, None),
     (None, CAR),
     (None, pf.HalfPlane(1.5) & pf.Sector(0.2)),
-    (None, pf.HalfPlane(2) & pf.Sector(0.3)),
+    (None, SERVO),
 )
 
 

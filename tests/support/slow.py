@@ -40,7 +40,7 @@ SLOW = (
     "export/test_export.py",
     "certify/test_table.py",
     "export/test_polynomial_code.py",
-    "search/test_retreat.py",
+    "search/test_unattained.py",
     "faults/test_hostile_names.py",
     "docs/test_sample_time_page.py",
     "theory/test_moving_parameters.py",

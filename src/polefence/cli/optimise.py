@@ -116,7 +116,7 @@ def specification_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         choices=METHODS,
-        help="a law that an LMI gives; default: the better of scheduled and one that is tuned",
+        help="how free the law is: quadratic is one gain; default: scheduled",
     )
     parser.add_argument(
         "--degree",

@@ -8,21 +8,26 @@ where it falls by a fifth, in units in which states and inputs have typical size
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError, SolverError
 from polefence.law.laws import Law
+from polefence.lmi.solve.search import Reached
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.proof.short import Short
 from polefence.requirements.gain_norm import GainNorm
 from polefence.response.closed import close
+from polefence.search.task import Task, level_of
 from polefence.search.tune.starts import typical
 from polefence.search.tune.worth import NEAR, taken
 
 SAMPLES = 50
+NEARLY, GAP = 8e-4, 1e-3  # of the LMI's level: what a calmer law may cost; where its search ends
 FASTEST = 1e5  # times the plant's own fastest pole: a law of faster ones is none to be built
 
 
@@ -85,3 +90,18 @@ def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
     poles = close(plant, law, np.eye(len(plant.vertices)), disturbed=False).poles()
     fastest = float(np.abs(np.linalg.eigvals(plant.A)).max()) or 1.0
     return bool(np.abs(poles).max() > FASTEST * fastest)
+
+
+def calmer(task: Task, found: Reached) -> Law | None:
+    """Return the LMI's law of the least gain for nearly the level of a point, if it can be built.
+
+    Near its least a level bounds some directions of a gain by nothing but floats.
+    """
+    if task.minimise is None or not task.minimise.of_signal:
+        return None
+    near = replace(task.minimise, at_most=level_of(task, found) * (1 + NEARLY))
+    asked = replace(task, minimise=gain_norm(task.plant), limits=(*task.limits, near))
+    with suppress(SolverError, InputError):
+        law = asked.law(asked.reached(task.region, GAP))
+        return None if is_too_fast(task.plant, law) else law
+    return None

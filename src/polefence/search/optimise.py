@@ -1,8 +1,9 @@
 """A law for specifications: one signal small, others within limits, all poles in a region; proved.
 
-One W(alpha) for everything is conservative. So laws are designed with one, for a region that may
-be relaxed; what they keep is then proved of each law as it is, each bound with a Lyapunov
-polynomial of its own, and the region with one for each of its parts.
+One W(alpha) for everything is conservative: it pays for the region and for each limit, whether that
+bounds the law or not. So its law is one start of a search in the numbers of laws as free; what that
+ends at is proved as it is, each bound and each part of the region with a Lyapunov polynomial of its
+own.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification
 from polefence.search import nearby
 from polefence.search.conflict import refusal, refuted
-from polefence.search.effort import Closer, gain_of, is_too_fast, least
+from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
 from polefence.search.placed import as_sampled
-from polefence.search.task import Candidate, Task, candidate, together
+from polefence.search.task import Candidate, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
 from polefence.search.tuned import Orders, orders_below, tuned_candidates
@@ -168,10 +169,10 @@ def optimise(
     region : Region, optional
         For the poles; stability by default.
     method : str or Scheduled, optional
-        Of a law that an LMI gives: "quadratic" (one gain), "scheduled" (degree 1, elevation 0, on
-        the box where the plant has parameters) or `Scheduled`. By default the better of this last
-        one and a law that is tuned, polynomial of degree 1 in the parameters; the tuned one alone
-        where the LMI is too large.
+        How free the law is: "quadratic" is one gain, "scheduled" is `Scheduled` of degree 1 and
+        elevation 0, on the box where the plant has parameters. The answer is the better of the law
+        of that method's LMI and a polynomial of its degree in the parameters, which is tuned.
+        "scheduled" by default; the tuned one alone where its LMI is too large.
     budget : float, optional
         Time after which no further law is looked for [s]; the answer then says so in its ``cut``.
         Without one the same question has the same answer on every machine, however slow.
@@ -192,8 +193,7 @@ def optimise(
     NotProvedError
         If the limits or the region are not proved. The message names the specifications that are in
         conflict for this method; where it says "refuted" no law keeps them, and the error's
-        ``refutation`` is the proof; where it says "unbounded" what is minimised falls without end
-        as the law grows.
+        ``refutation`` is the proof.
     InputError
         If a specification does not fit the plant.
     """
@@ -358,18 +358,14 @@ def _of_a_kind(task: Task, deadline: Deadline) -> Optimised:
         If there is none: what is refuted, or in conflict.
     """
     with stage("law by an LMI"):
-        law, shared, reason = _of_lmi(task)
-    if shared is not None and (task.minimise is None or deadline.passed):
-        return replace(shared, cut=_cut(deadline))
-    laws = [] if law is None else [law]
+        law, given, reason = _of_lmi(task)
+    if given is not None and (task.minimise is None or deadline.passed):
+        return replace(given, cut=_cut(deadline))
     tuned: Optimised | None = None
     with suppress(InputError), bounded(MOST_WORK) as effort:
-        starts = [*laws, *_of_stability(task)]
+        starts = [*([] if law is None else [law]), *_of_stability(task)]
         tuned = _best_tuned(*structured(task, structure_of(task.method)), starts)
-    every = [own for own in (shared, tuned) if own is not None]
-    if not every:
-        proofs = (_bounded(task, candidate(task, own)) for own in laws)
-        every = [own for own in proofs if own is not None]
+    every = [own for own in (given, tuned) if own is not None]
     if not every:
         raise refusal(task, reason)
     cut = str(effort) if effort.ended else ""
@@ -377,9 +373,9 @@ def _of_a_kind(task: Task, deadline: Deadline) -> Optimised:
 
 
 def _of_lmi(task: Task) -> tuple[Law | None, Optimised | None, str]:
-    """Return the law that one Lyapunov matrix for everything gives; with its proofs by that one.
+    """Return the law that one Lyapunov matrix for everything gives, and with its proofs.
 
-    Where there is no such law, why. One that is too fast to be built is only begun at.
+    In place of one too fast to be built one of a smaller gain. Where there is none, why.
     """
     try:
         found = task.reached(task.region)
@@ -387,9 +383,16 @@ def _of_lmi(task: Task) -> tuple[Law | None, Optimised | None, str]:
     except SolverError as error:
         _refute(task)
         return None, None, str(error)
-    proofs = None if is_too_fast(task.plant, law) else together(task, law, found)
+    if is_too_fast(task.plant, law):
+        calm = calmer(task, found)
+        given = None if calm is None else _bounded(task, candidate(task, calm))
+        if calm is None or given is None:
+            return None, None, ""
+        gain, own = (gain_of(task.plant, each) for each in (law, calm))
+        return calm, replace(given, closer=Closer(level_of(task, found), gain, own)), ""
+    proofs = together(task, law, found)
     if proofs is None:
-        return law, None, ""
+        return law, _bounded(task, candidate(task, law)), ""
     certificate, bounds = proofs
     shared = 0.0 if task.minimise is None else bounds[0].level
     return law, Optimised(Design(certificate), bounds, shared, task.region), ""

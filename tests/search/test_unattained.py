@@ -1,4 +1,4 @@
-"""Infima that no law attains: a law close by is proved, or it is said that there is none."""
+"""Infima that no law attains: a law close by is proved, and what else would go further is said."""
 
 from dataclasses import replace
 
@@ -38,9 +38,10 @@ def servo():
 
 @pytest.mark.parametrize("own", [Gain("x1"), Rms("x1", density=1e-6)])
 @pytest.mark.parametrize("method", ["quadratic", "scheduled"])
-def test_what_falls_without_end_is_unbounded(own, method):
-    with pytest.raises(NotProvedError, match=r"^unbounded: .* of x1 falls without end .* limit"):
-        optimise(servo(), own, method=method)
+def test_what_falls_without_end_stops_at_a_bound_of_the_search(own, method):
+    done = optimise(servo(), own, method=method)
+    assert "poles of at most" in done.bounded_by
+    assert done.bounds[0].level >= sampled(done.plant, done.law, own).worst * (1 - 1e-9)
 
 
 def test_a_limit_makes_it_bounded():
@@ -48,27 +49,18 @@ def test_a_limit_makes_it_bounded():
     # at rest the spring of the law holds the load: 1 / k, and |u| <= 2 |w| leaves k finite
     worst = sampled(done.plant, done.law, Gain("x1")).worst
     assert worst <= done.bounds[0].level * (1 + 1e-9)
-    assert done.retreat is None or done.retreat.share < 1
 
 
-def test_the_command_says_what_to_limit(tmp_path, capsys):
+@pytest.mark.parametrize("method", [[], ["--method", "scheduled"]])
+def test_a_law_that_stops_at_a_bound_says_what_to_limit(method, tmp_path, capsys):
     (tmp_path / "servo.toml").write_text(SERVO)
     words = ["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]
-    assert main([*words, "--method", "scheduled"]) == 1
-    said = capsys.readouterr()
-    assert "unbounded: gain of angle falls without end" in said.out + said.err
-    assert "limit the gain, the input or the actuator" in said.out + said.err
-
-
-def test_a_tuned_law_stops_at_a_bound_and_says_so(tmp_path, capsys):
-    (tmp_path / "servo.toml").write_text(SERVO)
-    words = ["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]
-    assert main(words) == 0
+    assert main([*words, *method]) == 0
     said = capsys.readouterr().out
     assert "stopped the gain from growing: limit an input or the gain" in said
 
 
-def test_a_nearly_optimal_law_is_proved_and_says_how_near():
+def test_a_law_near_an_infimum_is_proved():
     # x1' = x2 + w, x2' = u and y = x1 - x2 give y = (1 - s) x1 + w: at s = 1 that is w, whatever
     # the law, so that 1 is the infimum (maximum principle); only faster and faster laws come near.
     A, B, E = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0], [0.0]]
@@ -79,8 +71,6 @@ def test_a_nearly_optimal_law_is_proved_and_says_how_near():
     assert done.bounds[0].level <= 1.02
     worst = sampled(plant, done.law, Gain(y)).worst
     assert worst <= done.bounds[0].level * (1 + 1e-6)
-    if done.retreat is not None:
-        assert 0.99 <= done.retreat.least <= done.retreat.level
 
 
 def test_a_bound_is_never_below_what_is_sampled():

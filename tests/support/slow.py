@@ -15,6 +15,7 @@ SLOW = (
     "fleet/test_cluster.py",
     "theory/test_discrete_signals.py",
     "docs/test_input_limits_page.py",
+    "requirements/test_every_kind.py",
     "studio/test_costs.py",
     "requirements/test_vectors_of_outputs.py",
     "fleet/test_studies.py",

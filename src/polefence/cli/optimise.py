@@ -205,7 +205,7 @@ def region_of_options(options: Any) -> Region | None:
 
 def label_of(done: Optimised, method: Method | None) -> str:
     """Return the form of a law: of one that an LMI gave the method."""
-    if done.structure is not None:
+    if done.structure is not None and done.law.W is None:
         return done.structure.words(done.plant)
     if done.law.K is not None:
         return "quadratic"

@@ -18,7 +18,8 @@ from polefence.base.files import read_bytes, write_bytes
 from polefence.certify.certificate import file_plant, plant_of, sampling_of
 from polefence.certify.design import check_document, is_proof_file, read_document
 from polefence.certify.measured import read_measured
-from polefence.cli.common import NOT_PROVED, PROVED, write_json
+from polefence.cli.options import result_arguments
+from polefence.cli.output import NOT_PROVED, PROVED, write_json
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
 from polefence.law.structure import load_structure
@@ -80,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a file of claims that a command wrote, or the folder with it",
     )
     parser.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer; -: stdout")
+    result_arguments(parser, json="write the answer; -: stdout")
     parser.add_argument(
         "--standalone",
         type=Path,

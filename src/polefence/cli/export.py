@@ -9,7 +9,8 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.certify.design import Design, is_proof_file, read_document
-from polefence.cli.common import NOT_PROVED, PROVED, saved
+from polefence.cli.options import design_argument
+from polefence.cli.output import NOT_PROVED, PROVED, saved
 from polefence.cli.terminal import say
 from polefence.export import export_c99, with_fmus
 from polefence.export.damper import damper_sources
@@ -29,12 +30,7 @@ OF_CODE = ("given", "limit", "sample_time", "observer")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `export`."""
-    parser.add_argument(
-        "design",
-        type=Path,
-        metavar="DESIGN",
-        help="design.json, or the folder with it; or law.json of semi-active",
-    )
+    design_argument(parser, "; or law.json of semi-active")
     parser.add_argument(
         "--lang",
         choices=LANGUAGES,

@@ -12,7 +12,7 @@ from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME, is_proof_file, require_kind
-from polefence.cli.common import at_samples
+from polefence.cli.options import at_samples
 from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays

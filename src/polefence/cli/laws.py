@@ -13,8 +13,8 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.certify.certificate import file_plant
 from polefence.certify.design import FILE_NAME, Design, is_proof_file, read_document
-from polefence.cli.common import structure_of_options
 from polefence.cli.given import read_gain
+from polefence.cli.options import structure_of
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
@@ -77,7 +77,7 @@ def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named
     from polefence.vehicle.compare import NoLaw
 
     (least, limits), region = load_specifications(spec), load_region(spec)
-    structure = structure_of_options(plant, argparse.Namespace(spec=spec))
+    structure = structure_of(plant, argparse.Namespace(spec=spec))
     try:
         if least is not None or limits:
             least, limits = wanted(plant, spec)

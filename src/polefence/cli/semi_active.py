@@ -5,23 +5,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import write_documents
 from polefence.certify.refutation import FILE_NAME as LIMIT
 from polefence.certify.refutation import Refutation, lowest
-from polefence.cli.common import (
-    NOT_PROVED,
-    PROVED,
-    check_targets,
-    matrix_text,
-    saved,
+from polefence.cli.lines import matrix_text
+from polefence.cli.optimise import asked
+from polefence.cli.options import (
+    minimise_argument,
+    result_arguments,
+    road_arguments,
+    road_of,
     spec_argument,
-    write_json,
 )
-from polefence.cli.optimise import asked, road_of
+from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
 from polefence.cli.terminal import say
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
@@ -54,23 +53,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="2, 4, 6 or 8, of the polynomial that proves the bound; default: the highest up to "
         f"{max(DEGREES)} that is quick",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help=f"write the proofs, {LAW} and {LIMIT}"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    result_arguments(parser, f"write the proofs, {LAW} and {LIMIT}")
 
 
 def add_question(parser: argparse.ArgumentParser) -> None:
     """Declare what is minimised of controllable dampers, and on which road."""
     spec_argument(parser)
-    parser.add_argument(
-        "--minimise",
-        metavar="TEXT",
-        help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
-    )
+    minimise_argument(parser, "'rms of [NAME, NAME]'")
     parser.set_defaults(limit=[])  # a damper's bounds are its only limits
-    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
-    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+    road_arguments(parser)
 
 
 def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
@@ -123,7 +114,7 @@ class Answer:
 def semi_active_command(options: Any) -> int:
     """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
     plant, dampers, least = question(options)
-    check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
+    check_results(options, LAW, LIMIT)
     others, law, reason = unproved(plant, least, dampers), None, ""
     try:
         law = semi_active(plant, least, dampers, options.degree)

@@ -15,14 +15,6 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, shown, suggest
 from polefence.base.progress import counted
 from polefence.certify.margins import estimation_error, parameter_rate
-from polefence.cli.common import (
-    PROVED,
-    check_figure,
-    check_targets,
-    saved,
-    write_figure,
-    write_json,
-)
 from polefence.cli.laws import (
     Named,
     at_samples_of,
@@ -30,6 +22,14 @@ from polefence.cli.laws import (
     of_design,
     read_law,
     read_subject,
+)
+from polefence.cli.options import result_arguments
+from polefence.cli.output import (
+    PROVED,
+    check_results,
+    saved,
+    write_figure,
+    write_json,
 )
 from polefence.cli.terminal import say
 from polefence.plant.family import UncertainPlant
@@ -80,14 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_excitation_arguments(parser)
     add_car_arguments(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write all signals (.csv, .parquet)"
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw four signals (.png, .svg, .pdf)"
-    )
     parser.add_argument("--signals", metavar="NAMES", help='which to draw: "NAME, NAME", or all')
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary; -: stdout")
+    result_arguments(parser, "write all signals (.csv, .parquet)", "four signals", into="FILE")
 
 
 def simulate_command(options: Any) -> int:
@@ -95,10 +89,9 @@ def simulate_command(options: Any) -> int:
     from polefence.response.columns import check_format
     from polefence.vehicle.driving.drive import run
 
-    check_figure(options.plot)
     if options.output is not None:
         check_format(options.output)
-    check_targets(options.output, options.plot, options.json)
+    check_results(options)
     plant, own = read_subject(options.subject)
     held, sampling = None if own else _held(plant, options), None
     if held is not None:

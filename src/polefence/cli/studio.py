@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, MissingExtraError
 from polefence.base.files import check_target
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import is_proof_file
-from polefence.cli.common import PROVED
+from polefence.cli.output import PROVED
 from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import dumps, loads

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from polefence.certify.given import Analysis, WorstCase, analyse, worst_case
 from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
-from polefence.cli.given import NONE, SPEC, Given, is_design, read_given
+from polefence.cli.given import NONE, SPEC, Given, is_written, read_given
 from polefence.cli.lines import every_alpha, image_text, samples_text
 from polefence.cli.options import (
     budget_argument,
@@ -38,6 +39,7 @@ from polefence.cli.output import (
     write_json,
     write_poles,
 )
+from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.law.laws import GainTable
 from polefence.plant.family import UncertainPlant
@@ -287,7 +289,9 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
     The sign of a design's own file is known.
     """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or law.K is None or is_design(gain):
+    if analysis.answer != "refuted" or law.K is None:
+        return
+    if gain is not None and not is_written(gain) and claims_file(Path(gain)) is not None:
         return
     alpha = seeded(plant, len(plant.vertices) + BETWEEN)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))

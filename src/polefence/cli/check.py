@@ -100,7 +100,7 @@ def check_command(options: Any) -> int:
     if options.file is None:
         raise InputError("check: name a FILE, or a folder with one")
     plant = None if options.spec is None else load(options.spec)
-    documents = {path: _read(path) for path in _files(options.file)}
+    documents = {path: read_document(path) for path in _files(options.file)}
     alone, rows = len(documents) == 1, list[dict[str, Any]]()
     for path, document in documents.items():
         name = options.file if alone else path
@@ -128,14 +128,6 @@ def _files(path: Path) -> list[Path]:
             f"{path}: has no file of claims; name the folder that `polefence design -o` wrote{has}"
         )
     return found
-
-
-def _read(path: Path) -> Document:
-    if path.suffix == ".toml" and path.is_file():
-        raise DesignFileError(
-            f"{path}: a spec, but a design is needed: `polefence design -o DIR` writes one"
-        )
-    return read_document(path)
 
 
 def _row(

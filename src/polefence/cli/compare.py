@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from polefence.cli.laws import WORDS, Named, distinct, law_of_spec, read_law, read_subject
+from polefence.cli.laws import WORDS, Named, distinct, law_of, law_of_spec, read_law
 from polefence.cli.options import result_arguments, road_arguments
 from polefence.cli.output import (
     PROVED,
@@ -14,6 +14,7 @@ from polefence.cli.output import (
     write_figure,
     write_json,
 )
+from polefence.cli.subjects import read_subject
 from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
@@ -57,7 +58,9 @@ def compare_command(options: Any) -> int:
     from polefence.vehicle.compare import compare
     from polefence.vehicle.vehicle import require_ride
 
-    plant, own = read_subject(options.subject)
+    subject = read_subject(options.subject)
+    subject.require_one_suspension("compare")
+    plant, own = subject.plant, law_of(subject)
     given = _given(plant, options.law or ())
     require_ride(plant)
     check_results(options)

@@ -7,7 +7,6 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from polefence.base.errors import InputError
 from polefence.cli.options import result_arguments
 from polefence.cli.output import (
     PROVED,
@@ -17,7 +16,6 @@ from polefence.cli.output import (
 )
 from polefence.cli.semi_active import add_question, question
 from polefence.cli.terminal import say
-from polefence.plant.spec import load_car
 from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
 
@@ -46,17 +44,12 @@ def concepts_command(options: Any) -> int:
     from polefence.vehicle.concepts import concepts
 
     check_results(options)
-    plant, dampers, least = question(options)
-    car = load_car(options.spec)
-    if car is not None:
-        raise InputError(
-            f"{options.spec}: a car on {len(car.wheels)} wheels is not described as a quarter car, "
-            "and concepts compares suspensions of these; ask semi-active, optimise and simulate"
-        )
+    subject, least = question(options)
+    subject.require_one_suspension("concepts")
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))
-    found = concepts(plant, least, dampers, measured)
+    found = concepts(subject.plant, least, subject.dampers, measured)
     if options.plot is not None:
         from polefence.show.plots import concepts_figure
 

@@ -21,10 +21,9 @@ from polefence.cli.options import (
     spec_argument,
 )
 from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
+from polefence.cli.subjects import Subject, read_spec
 from polefence.cli.terminal import say
-from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import load, load_dampers
 from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
 from polefence.requirements.rms import Rms
@@ -64,16 +63,17 @@ def add_question(parser: argparse.ArgumentParser) -> None:
     road_arguments(parser)
 
 
-def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
-    """Return a spec's plant and dampers, and the rms that is minimised.
+def question(options: Any) -> tuple[Subject, Rms]:
+    """Read a spec with controllable dampers, and the rms that is minimised.
 
     Raises
     ------
     InputError
         Naming what a law of dampers cannot be designed for.
     """
-    plant, dampers = load(options.spec), load_dampers(options.spec)
-    if not dampers:
+    subject = read_spec(options.spec)
+    plant = subject.plant
+    if not subject.dampers:
         raise InputError(
             f'{options.spec}: has no controllable damper; write [damper."FORCE"] with deflection '
             "and range"
@@ -83,12 +83,12 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
             f"{options.spec}: road.tracks: laws of controllable dampers use all states, but "
             "those of tracks cannot be measured; name independent roads by under"
         )
-    for own in dampers:
+    for damper in subject.dampers:
         try:
-            own.of(plant)
+            damper.of(plant)
         except InputError as error:
-            where = f"{options.spec}: damper.{own.force!r}: "
-            raise InputError(where + str(error).removeprefix(f"damper {own.force}: ")) from error
+            where = f"{options.spec}: damper.{damper.force!r}: "
+            raise InputError(where + str(error).removeprefix(f"damper {damper.force}: ")) from error
     least, _ = asked(plant, options, road_of(options))
     if not isinstance(least, Rms) or not least.limits_rms:
         raise InputError(
@@ -96,7 +96,7 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
             "controllable dampers minimise an rms: "
             "--minimise 'rms of SIGNAL'"
         )
-    return plant, dampers, least
+    return subject, least
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,8 @@ class Answer:
 
 def semi_active_command(options: Any) -> int:
     """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
-    plant, dampers, least = question(options)
+    subject, least = question(options)
+    plant, dampers = subject.plant, subject.dampers
     check_results(options, LAW, LIMIT)
     others, law, reason = unproved(plant, least, dampers), None, ""
     try:

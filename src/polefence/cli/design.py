@@ -30,7 +30,6 @@ from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.parameters import exact
 from polefence.plant.spec import load
 from polefence.proof.text import digits_down, exactly
-from polefence.region.regions import Disk, HalfPlane
 from polefence.search.placed import place
 from polefence.search.rows import plant_summary
 
@@ -70,7 +69,7 @@ def design_command(options: Any) -> int:
         method = _method(options)
     else:
         refuse_method_options(options)
-    if options.right_hand_sides and not isinstance(region, Disk):
+    if options.right_hand_sides and not region.circle:
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
     check_results(options, FILE_NAME)
     errors = errors_of(options.error)
@@ -85,13 +84,13 @@ def design_command(options: Any) -> int:
         *samples_text(plant),
     ]
     if not implies_stability(plant, design.region):
-        shape = "disk" if isinstance(region, Disk) else "region"
+        shape = "disk" if region.circle else "region"
         lines.append(
             f"note: this {shape} reaches into the right half-plane; it does not imply stability"
         )
         for part in region.parts:
-            if isinstance(part, HalfPlane) and part.decay < 0:
-                own = exactly(-part.decay)
+            if part.decay_rate() < 0:
+                own = exactly(-part.decay_rate())
                 lines.append(
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )

@@ -66,7 +66,6 @@ from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
 from polefence.plant.system import Array
-from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up
 from polefence.requirements.asked import wanted
 from polefence.requirements.rms import PLAIN
@@ -331,8 +330,8 @@ def _designed_words(done: Optimised) -> str:
     designed, T = done.designed, done.plant.sample_time
     if designed is None or is_stability(done.plant, designed):
         return "stability"
-    if T is not None and isinstance(designed, Disk) and not designed.centre:
-        return f"a decay rate of {digits_down(-math.log(designed.radius) / float(T), 4)} 1/s"
+    if T is not None and designed.circle and not designed.circle[0]:
+        return f"a decay rate of {digits_down(-math.log(designed.size) / float(T), 4)} 1/s"
     return str(designed)
 
 

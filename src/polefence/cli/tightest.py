@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
 from polefence.base.errors import InputError
@@ -83,9 +82,9 @@ def tightest_command(options: Any) -> int:
         and plant.sample_time is None
         and (within is None or within.parts != design.region.parts[1:])
     ):
-        disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
-        half = float(f"{disk.radius / 2:.2g}")
-        own = replace(disk, centre=-half, radius=half)
+        disk = next(part for part in design.region.parts[::-1] if part.circle)
+        half = float(f"{disk.size / 2:.2g}")
+        own = Disk(-half, half)
         lines.append(
             "note: a disk was added, or the gain would grow without bound; choose your own by "
             f"--within, for example '{short_text(own)}'"

@@ -444,8 +444,8 @@ class Poles(Short, Claim):
         N, P, G = (each.raised(degrees) for each in (N, P, G))
         for part in parts:
             for L, M in part.pairs:
-                if isinstance(part, Disk):
-                    centre, r = part.numbers
+                if part.circle is not None:
+                    centre, r = part.circle
                     upper = N.times(-1) + G.times(centre)
                     rows = [[P.times(r), upper], [(G + G.T - P).times(r)]]
                 else:

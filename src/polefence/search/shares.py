@@ -56,7 +56,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.region.regions import HalfPlane, Region, Sector, bounded, stable
-from polefence.requirements.gain_norm import GainNorm, as_norms
+from polefence.requirements.gain_norm import as_norms
 from polefence.requirements.specification import Specification
 from polefence.response.closed import close
 
@@ -444,7 +444,7 @@ class Search:
     def _slow(self) -> None:
         """Begin the search of a small gain where poles are slow: from fast ones it stays large."""
         task = self.task
-        if not isinstance(task.minimise, GainNorm) or task.region.bounds_speed:
+        if task.minimise is None or task.minimise.of_signal or task.region.bounds_speed:
             return
         own = max(own_speed(task.plant), task.region.scale)
         for times in SLOW:

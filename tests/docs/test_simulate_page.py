@@ -97,7 +97,7 @@ def test_the_prose_states_what_is_measured(physical):
     taken = [
         -getattr(found.row(law, "mean power"), of) for law in proved for of in ("best", "worst")
     ]
-    assert f"by taking {min(taken):.0f} to {max(taken):.0f} W out" in text
+    assert f"take {min(taken):.0f} to {max(taken):.0f} W out" in text
     assert 0.25 < max(found.row(law, "mean power drawn").worst for law in proved) < 0.3
     skyhook, lqr = (f"{found.row(law).worst:.2f}" for law in ("skyhook", "lqr"))
     assert f"for comfort, have {skyhook} and {lqr} m/s²" in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import sys
@@ -25,6 +26,10 @@ from support.slow import SLOW
 for _own in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):  # of a make that runs the tests, not of theirs
     os.environ.pop(_own, None)
 
+# Beside all modules of tests a search for cycles takes long: 8 % of the time with Python's own
+# thresholds, 3 % with these and without what is there before the first test.
+gc.set_threshold(10_000, 20, 20)
+
 # Machines that test are shared: time says nothing there. The same examples in every run.
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
@@ -38,6 +43,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if item.path in rank:
             item.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from polefence import InputError, Parameter, PlantError, UncertainPlant, load
-from polefence.cli.common import MOST_GAINS, gain_lines, matrix_text
 from polefence.cli.given import read_gain
+from polefence.cli.lines import MOST_GAINS, gain_lines, matrix_text
 from polefence.cli.main import main
 
 SPEC = """

@@ -7,8 +7,8 @@ import argparse
 import pytest
 
 from polefence import InputError, Structure
-from polefence.cli.common import add_structure_options, structure_of_options
 from polefence.cli.main import main
+from polefence.cli.options import method_arguments, structure_arguments, structure_of
 from polefence.examples import spec_text
 from polefence.plant.spec import load
 from support.memories import design, exported
@@ -26,10 +26,11 @@ def spec(tmp_path):
 
 def asked(spec, *words, method=None):
     parser = argparse.ArgumentParser()
-    add_structure_options(parser)
+    method_arguments(parser)
+    structure_arguments(parser)
     options = parser.parse_args(words)
     options.spec, options.method = spec, method
-    return structure_of_options(load(spec), options)
+    return structure_of(load(spec), options)
 
 
 def test_where_nothing_is_asked_there_is_none(spec):

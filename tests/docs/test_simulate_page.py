@@ -97,17 +97,17 @@ def test_the_prose_states_what_is_measured(physical):
     taken = [
         -getattr(found.row(law, "mean power"), of) for law in proved for of in ("best", "worst")
     ]
-    assert f"by taking {min(taken):.0f} to {max(taken):.0f} W out" in text
+    assert f"take {min(taken):.0f} to {max(taken):.0f} W out" in text
     assert 0.25 < max(found.row(law, "mean power drawn").worst for law in proved) < 0.3
     skyhook, lqr = (f"{found.row(law).worst:.2f}" for law in ("skyhook", "lqr"))
-    assert f"come to {skyhook} and {lqr} m/s²" in text
+    assert f"for comfort, have {skyhook} and {lqr} m/s²" in text
 
 
 def test_the_passive_body_is_as_slow_as_stated(physical):
     poles = close(physical, None, points(physical)).poles()
     moving = np.where(np.abs(poles) > 1e-6, poles.real, -np.inf)  # without the integral
     slowest = -moving.max(axis=1)
-    assert f"where the passive body does at {slowest.min():.1f} to {slowest.max():.1f} 1/s" in (
+    assert f"that of the passive body decays at {slowest.min():.1f} to {slowest.max():.1f} 1/s" in (
         re.sub(r"\s+", " ", PAGE)
     )
 

@@ -29,6 +29,7 @@ from polefence.region.regions import (
     region_of,
     require_left,
 )
+from support.changes import entries, least_eigenvalue, scaled
 from support.files import first, poles_in
 
 CHANGES = 20
@@ -92,37 +93,6 @@ def document(plant, kind):
     return json.loads(certificate.dumps())
 
 
-def entries(found):
-    """Paths of every number that the claim rests on; degrees are for the other file."""
-    paths = []
-
-    def walk(value, path):
-        if isinstance(value, dict):
-            for key, item in value.items():
-                walk(item, (*path, key))
-        elif isinstance(value, list):
-            for index, item in enumerate(value):
-                walk(item, (*path, index))
-        elif type(value) in (int, float) and path[-1] not in ("degree", "elevation"):
-            paths.append(path)
-
-    walk(found["law"], ("law",))
-    for section in ("region", "evidence"):
-        walk(first(found)[section], ("claims", 0, section))
-    for j, vertex in enumerate(found["plant"]["vertices"]):
-        walk({k: vertex[k] for k in "AB"}, ("plant", "vertices", j))
-    return paths
-
-
-def changed(found, path, factor, shift):
-    found = copy.deepcopy(found)
-    place_ = found
-    for key in path[:-1]:
-        place_ = place_[key]
-    place_[path[-1]] = place_[path[-1]] * factor + shift
-    return found
-
-
 def is_proved(found):
     """What the checker says; where it refuses the claim as inconsistent, it is not proved."""
     try:
@@ -154,16 +124,7 @@ def truth(found):
     symmetric = [X for e in claim.evidence for X in e.X] + list(claim.law.W or [])
     if any([list(row) for row in zip(*X, strict=True)] != X for X in symmetric):
         return -1.0
-    least = np.inf
-    for _, block in claim.blocks():
-        top = max(abs(e) for row in block for e in row)
-        M = np.array([[e / top for e in row] for row in block])
-        diagonal = np.diag(M)
-        if np.any(diagonal <= 0):
-            return -1.0
-        scale = 1 / np.sqrt(diagonal)
-        least = min(least, np.linalg.eigvalsh(M * np.outer(scale, scale))[0])
-    return least
+    return least_eigenvalue(claim)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -172,7 +133,7 @@ def test_seeded_changes(documents, kind):
     places, answers = entries(original), {True: 0, False: 0}
     for _ in range(CHANGES):
         size = 10.0 ** dice.uniform(-5, 2) * dice.choice([-1, 1])
-        tried = changed(original, dice.choice(places), 1 + size, dice.choice([0, size]))
+        tried = scaled(original, dice.choice(places), 1 + size, dice.choice([0, size]))
         least = truth(tried)
         if abs(least) < 1e-9:
             continue
@@ -190,7 +151,7 @@ def test_every_number_matters(documents, kind):
     few = [path for path in places if path[2] == "region" or len(path) < 5]
     for path in few + random.Random(kind).sample(places, ENTRIES):
         for factor, shift in ((1, 1e4), (1, -1e4), (0, -50), (-1, 0)):
-            tried = changed(original, path, factor, shift)
+            tried = scaled(original, path, factor, shift)
             if truth(tried) < -1e-9:
                 assert not is_proved(tried), path
                 break

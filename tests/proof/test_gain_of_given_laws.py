@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from dataclasses import replace
 from fractions import Fraction
@@ -36,7 +35,8 @@ from polefence.proof.claims.margins import Subject
 from polefence.proof.matrices import least_work
 from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
-from support.files import only_claim_in
+from support.changes import changed
+from support.files import is_proved, only_claim_in
 
 REGION = HalfPlane(0.5) & Sector(0.2) & VerticalStrip(-12, -0.4) & Ellipse(-4, 5, 4)
 
@@ -302,7 +302,7 @@ def test_any_matrix_may_stand_on_the_right(claims, name):
     document = json.loads(claimed_design(design).certificate.file([claim]).dumps())
     assert only_claim_in(json.dumps(document)) == claim
     larger = [[1.1 * value for value in row] for row in T.tolist()]
-    assert not answer(changed(document, "claims", 0, "columns", value=larger))
+    assert not is_proved(changed(document, "claims", 0, "columns", value=larger))
 
 
 def test_slack_designs_are_proved_anew(designs):
@@ -321,20 +321,6 @@ def test_slack_designs_are_proved_anew(designs):
 # --- faults --------------------------------------------------------------------------------------
 
 
-def answer(document):
-    claim = only_claim_in(json.dumps(document))
-    return prove(claim).proved
-
-
-def changed(document, *keys, value):
-    document = copy.deepcopy(document)
-    place_ = document
-    for key in keys[:-1]:
-        place_ = place_[key]
-    place_[keys[-1]] = value(place_[keys[-1]]) if callable(value) else value
-    return document
-
-
 def document_of(claims, name):
     design, _, _, claim = claims[name]
     return json.loads(claimed_design(design).certificate.file([claim]).dumps())
@@ -346,32 +332,32 @@ EVIDENCE = ("claims", 0, "evidence", "parts", 0)
 @pytest.mark.parametrize("name", GIVEN)
 def test_one_fault_at_a_time(claims, name):
     document = document_of(claims, name)
-    assert answer(document)
-    assert not answer(changed(document, "claims", 0, "error", value=lambda v: v * 1.05))
+    assert is_proved(document)
+    assert not is_proved(changed(document, "claims", 0, "error", value=lambda v: v * 1.05))
     for key in ("rows", "columns"):
         wider = changed(document, "claims", 0, key, value=lambda v: [x * 1.1 for x in v])
-        assert not answer(wider)
+        assert not is_proved(wider)
     for factor in (0.01, 100):
         worse = changed(document, "claims", 0, "mu", value=lambda v, f=factor: [x * f for x in v])
-        assert not answer(worse)
+        assert not is_proved(worse)
     tilted = changed(document, *EVIDENCE, "X", 0, 0, 1, value=lambda v: v * (1 + 1e-12) + 1e-300)
-    assert not answer(tilted)  # not symmetric
+    assert not is_proved(tilted)  # not symmetric
     faults = []
     for factor in (-1e9, 1e9):
         other = changed(document, *EVIDENCE, "X", 0, 0, 0, value=lambda v, f=factor: v * f)
-        faults.append(not answer(other))
+        faults.append(not is_proved(other))
     assert any(faults)
     vertex = ("plant", "vertices", 1)
     for place_ in ((*vertex, "A", 1, 1), (*vertex, "B", 1, 0)):
         faults = [
-            not answer(changed(document, *place_, value=lambda v, f=f: float(Fraction(v)) * f))
+            not is_proved(changed(document, *place_, value=lambda v, f=f: float(Fraction(v)) * f))
             for f in (-40, 40)
         ]
         assert any(faults), place_
     for index in range(len(document["claims"][0]["mu"])):
         fewer = changed(document, "claims", 0, "mu", value=lambda v, i=index: v[:i] + v[i + 1 :])
         with pytest.raises(FormatError, match="mu must"):
-            answer(fewer)
+            is_proved(fewer)
 
 
 @pytest.mark.parametrize("name", GIVEN[:3])
@@ -379,16 +365,17 @@ def test_faults_of_scheduled_laws(claims, name):
     document = document_of(claims, name)
     for keys in (("law", "W", 0, 0, 0), ("law", "Z", 1, 0, 1)):
         faults = [
-            not answer(changed(document, *keys, value=lambda v, f=f: v * f)) for f in (-30, 0.1, 30)
+            not is_proved(changed(document, *keys, value=lambda v, f=f: v * f))
+            for f in (-30, 0.1, 30)
         ]
         assert any(faults), keys
     for factor in (-1, 0):
         none = changed(
             document, *EVIDENCE, "multiple", value=lambda v, f=factor: [f * x for x in v]
         )
-        assert not answer(none)
+        assert not is_proved(none)
     asymmetric = changed(document, "law", "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
-    assert not answer(asymmetric)
+    assert not is_proved(asymmetric)
 
 
 SHAPES = {
@@ -421,7 +408,7 @@ def test_shapes_are_refused(claims, fault):
         ),
     )
     with pytest.raises(FormatError, match=message):
-        answer(document)
+        is_proved(document)
 
 
 def test_the_elevation_counts():
@@ -436,9 +423,9 @@ def test_the_elevation_counts():
     document = json.loads(design.certificate.file([claim]).dumps())
     own = document["claims"][0]["elevation"]
     assert own > 0
-    assert answer(document)
-    assert answer(changed(document, "claims", 0, "elevation", value=own + 1))
-    assert not answer(changed(document, "claims", 0, "elevation", value=0))
+    assert is_proved(document)
+    assert is_proved(changed(document, "claims", 0, "elevation", value=own + 1))
+    assert not is_proved(changed(document, "claims", 0, "elevation", value=0))
 
 
 def test_weights_and_tables_are_refused(claims):
@@ -458,7 +445,7 @@ def test_a_region_kept_may_be_another(claims):
     for radius, proved in ((2.4, True), (2.2, False)):
         region = {"kind": "disk", "centre": -3, "radius": radius}
         kept = changed(document, "claims", 0, value=lambda t, r=region: t | {"region": r})
-        assert answer(kept) is proved
+        assert is_proved(kept) is proved
 
 
 @pytest.mark.parametrize("name", [*GIVEN, "slack"])

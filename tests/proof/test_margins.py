@@ -24,7 +24,8 @@ from polefence.proof.document import loads
 from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
-from support.files import only_claim_in
+from support.changes import changed
+from support.files import is_proved
 
 REGIONS = {
     "disk": Disk(-3, 2),
@@ -300,30 +301,16 @@ def proved():
 NAMES = ["estimate-m", "estimate-k", "estimate", "gain", "rate-m", "rate-k", "rate"]
 
 
-def answer(document):
-    claim = only_claim_in(json.dumps(document))
-    return prove(claim).proved
-
-
-def changed(document, *keys, value):
-    document = copy.deepcopy(document)
-    place_ = document
-    for key in keys[:-1]:
-        place_ = place_[key]
-    place_[keys[-1]] = value(place_[keys[-1]]) if callable(value) else value
-    return document
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_proved_is_nearly_all_that_is(proved, name):
     document = proved[name]
-    assert answer(document)
+    assert is_proved(document)
     table = document["claims"][0]
     key = {"estimate": "errors", "error of each gain": "error", "rate": "rates"}[table["kind"]]
     more = (lambda v: v * 1.01) if key == "error" else (lambda v: [x * 1.01 for x in v])
     less = (lambda v: v * 0.5) if key == "error" else (lambda v: [x * 0.5 for x in v])
-    assert not answer(changed(document, "claims", 0, key, value=more))
-    assert answer(changed(document, "claims", 0, key, value=less))
+    assert not is_proved(changed(document, "claims", 0, key, value=more))
+    assert is_proved(changed(document, "claims", 0, key, value=less))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -331,7 +318,7 @@ def test_one_fault_in_the_design_at_a_time(proved, name):
     document = proved[name]
     law, vertex = ("law",), ("plant", "vertices", 3)
     tilted = changed(document, *law, "W", 0, 0, 1, value=lambda v: v * (1 + 1e-12))
-    assert not answer(tilted)  # W is not symmetric
+    assert not is_proved(tilted)  # W is not symmetric
     for place_ in (
         (*law, "W", 0, 0, 0),
         (*law, "Z", 3, 0, 1),
@@ -339,7 +326,7 @@ def test_one_fault_in_the_design_at_a_time(proved, name):
         (*vertex, "B", 1, 0),
     ):
         refused = [
-            not answer(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
+            not is_proved(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
             for f in (-40, 0.2, 0.8, 1.25, 5, 40)
         ]
         assert any(refused), place_
@@ -355,44 +342,46 @@ def test_the_ranges_are_part_of_the_claim(proved, name):
     number, through = (0, "m") if name.endswith("m") else (1, "1/k")
     flipped = changed(document, *parameters, number, "through", value=through)
     if kind == "error of each gain":  # which is about alpha alone
-        assert answer(narrow)
-        assert answer(flipped)
+        assert is_proved(narrow)
+        assert is_proved(flipped)
         return
     # a given error or rate is a larger share of a narrower range
-    assert not answer(narrow)
+    assert not is_proved(narrow)
     if name in ("estimate-m", "rate-k"):
-        assert not answer(flipped)
+        assert not is_proved(flipped)
 
 
 def test_faults_of_single_claims(proved):
     gain, rate, estimate = proved["gain"], proved["rate"], proved["estimate"]
     for factor in (0.01, 100):
         mu = changed(gain, "claims", 0, "mu", value=lambda v, f=factor: (np.array(v) * f).tolist())
-        assert not answer(mu)
+        assert not is_proved(mu)
     for j in range(2):
         wider = changed(gain, "claims", 0, "sizes", 0, j, value=lambda v: v * 1.5)
-        assert not answer(wider)
+        assert not is_proved(wider)
         narrower = changed(gain, "claims", 0, "sizes", 0, j, value=0)  # one that is not off
-        assert answer(narrower)
-    assert not answer(changed(rate, "claims", 0, "decay", value=3))
-    assert not answer(changed(gain, "claims", 0, "region", "radius", value=2.0))
-    assert not answer(changed(estimate, "claims", 0, "region", "radius", value=2.0))
+        assert is_proved(narrower)
+    assert not is_proved(changed(rate, "claims", 0, "decay", value=3))
+    assert not is_proved(changed(gain, "claims", 0, "region", "radius", value=2.0))
+    assert not is_proved(changed(estimate, "claims", 0, "region", "radius", value=2.0))
     with pytest.raises(FormatError, match="radius"):
-        answer(changed(estimate, "claims", 0, "region", "radius", value=-1))
-    assert answer(changed(rate, "claims", 0, "region", "radius", value=2.0))  # rates are of motion
+        is_proved(changed(estimate, "claims", 0, "region", "radius", value=-1))
+    assert is_proved(
+        changed(rate, "claims", 0, "region", "radius", value=2.0)
+    )  # rates are of motion
     wide, narrow = ({"kind": "disk", "centre": -3, "radius": r} for r in (2.5, 2.0))
     for document in (gain, estimate):
-        assert answer(changed(document, "claims", 0, value=lambda t: t | {"region": wide}))
-        assert not answer(changed(document, "claims", 0, value=lambda t: t | {"region": narrow}))
+        assert is_proved(changed(document, "claims", 0, value=lambda t: t | {"region": wide}))
+        assert not is_proved(changed(document, "claims", 0, value=lambda t: t | {"region": narrow}))
 
 
 def test_a_sector_is_what_its_damping_says(proved):
     sector = Sector(0.05).document()
     claimed = changed(proved["estimate"], "claims", 0, value=lambda t: t | {"region": sector})
-    assert answer(claimed)
+    assert is_proved(claimed)
     for damping in (0.01, 0.99):
         with pytest.raises(FormatError, match="slope"):
-            answer(changed(claimed, "claims", 0, "region", "damping", value=damping))
+            is_proved(changed(claimed, "claims", 0, "region", "damping", value=damping))
 
 
 def test_finer_proofs_prove_more():
@@ -455,26 +444,26 @@ def test_a_malformed_file_is_named(proved, fault):
         place_[keys[-1]] = value
         document = holder
     with pytest.raises(FormatError, match=message):
-        answer(document)
+        is_proved(document)
 
 
 def test_claims_that_do_not_fit_together(proved):
     rate, gain = proved["rate"], proved["gain"]
     with pytest.raises(FormatError, match="only one W"):
-        answer(changed(rate, "claims", 0, "rates", value="any"))
+        is_proved(changed(rate, "claims", 0, "rates", value="any"))
     for value, message in (
         ([[1, 1], [1, 1]], "sizes is 2 x 2, not 1 x 2"),
         ([[0, 0]], "not all zero"),
         ([[1, -1]], "zero or more"),
     ):
         with pytest.raises(FormatError, match=message):
-            answer(changed(gain, "claims", 0, "sizes", value=value))
+            is_proved(changed(gain, "claims", 0, "sizes", value=value))
     with pytest.raises(FormatError, match="mu must be positive"):
-        answer(changed(gain, "claims", 0, "mu", 0, 0, 0, value=0))
+        is_proved(changed(gain, "claims", 0, "mu", 0, 0, 0, value=0))
     with pytest.raises(FormatError, match="mu must hold 1 matrices"):
-        answer(changed(gain, "claims", 0, "mu", value=lambda v: v * 2))
+        is_proved(changed(gain, "claims", 0, "mu", value=lambda v: v * 2))
     with pytest.raises(FormatError, match="continuous time"):
-        answer(changed(rate, "plant", value=lambda t: t | {"sample_time": 0.1}))
+        is_proved(changed(rate, "plant", value=lambda t: t | {"sample_time": 0.1}))
     with pytest.raises(FormatError, match="margins are not proved for"):
         slack, _ = random_claim(plant_of(), 0, "fixed", REGIONS["disk"])
         claim = replace(slack.claim(), method="slack")

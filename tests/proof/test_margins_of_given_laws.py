@@ -12,9 +12,7 @@ import pytest
 from test_margins import (
     ENDS_OF_TAU,
     REGIONS,
-    answer,
     bare,
-    changed,
     estimate_pairs,
     plant_of,
     region_blocks,
@@ -35,7 +33,8 @@ from polefence.proof.claims.margins import cells
 from polefence.proof.claims.rate import Rate
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
-from support.files import first
+from support.changes import changed
+from support.files import first, is_proved
 
 # law's degree (None: one gain), domain, degrees of the parts' own polynomials
 GIVEN = [
@@ -190,10 +189,10 @@ NAMES = ["estimate-m", "estimate-k", "estimate", "rate-m", "rate-k", "rate"]
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_proved_is_nearly_all_that_is(proved, name):
     document = proved[name]
-    assert answer(document)
+    assert is_proved(document)
     key = {"estimate": "errors", "rate": "rates"}[document["claims"][0]["kind"]]
-    assert not answer(changed(document, "claims", 0, key, value=lambda v: [x * 1.01 for x in v]))
-    assert answer(changed(document, "claims", 0, key, value=lambda v: [x * 0.5 for x in v]))
+    assert not is_proved(changed(document, "claims", 0, key, value=lambda v: [x * 1.01 for x in v]))
+    assert is_proved(changed(document, "claims", 0, key, value=lambda v: [x * 0.5 for x in v]))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -202,7 +201,7 @@ def test_one_fault_in_the_design_at_a_time(proved, name):
     law, own = ("law",), ("claims", 0, "evidence", "parts", 0)
     for tilted in ((*law, "W", 0, 0, 1), (*own, "X", 0, 0, 1)):
         # no longer symmetric
-        assert not answer(changed(document, *tilted, value=lambda v: v * (1 + 1e-9) + 1e-12))
+        assert not is_proved(changed(document, *tilted, value=lambda v: v * (1 + 1e-9) + 1e-12))
     for place_ in (
         (*law, "W", 0, 0, 0),
         (*law, "Z", 3, 0, 1),
@@ -210,14 +209,14 @@ def test_one_fault_in_the_design_at_a_time(proved, name):
         ("plant", "vertices", 3, "B", 1, 0),
     ):
         refused = [
-            not answer(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
+            not is_proved(changed(document, *place_, value=lambda v, f=f: eval(str(v)) * f))
             for f in (-40, 0.2, 0.8, 1.25, 5, 40)
         ]
         assert any(refused), place_
     # the evidence itself: large where it is added to W, negative where it leads
     for key, factors in (("X", (-1e9, 1e9)), ("multiple", (-40.0, -1.0))):
         refused = [
-            not answer(changed(document, *own, key, 0, value=lambda v, f=f: scaled(v, f)))
+            not is_proved(changed(document, *own, key, 0, value=lambda v, f=f: scaled(v, f)))
             for f in factors
         ]
         assert any(refused), key
@@ -231,15 +230,15 @@ def scaled(value, factor):
 
 def test_decays_and_parts_belong_to_the_claim(proved):
     document = proved["rate-m"]
-    assert not answer(changed(document, "claims", 0, "decay", value=1.5))
+    assert not is_proved(changed(document, "claims", 0, "decay", value=1.5))
     for part in (0, 2, "1", 1.0, True):
         with pytest.raises(FormatError, match="part must be"):
-            answer(changed(document, "claims", 0, value=lambda t, p=part: t | {"part": p}))
+            is_proved(changed(document, "claims", 0, value=lambda t, p=part: t | {"part": p}))
     # no constant Lyapunov matrix: not any rate
     with pytest.raises(FormatError, match="any rate"):
-        answer(changed(document, "claims", 0, "rates", value="any"))
+        is_proved(changed(document, "claims", 0, "rates", value="any"))
     with pytest.raises(FormatError, match="unknown key"):
-        answer(changed(proved["estimate"], "claims", 0, value=lambda t: t | {"part": 1}))
+        is_proved(changed(proved["estimate"], "claims", 0, value=lambda t: t | {"part": 1}))
 
 
 def test_a_part_is_taken_of_the_region_that_is_kept(proved):
@@ -248,10 +247,10 @@ def test_a_part_is_taken_of_the_region_that_is_kept(proved):
     for radius, holds in ((2.3, True), (2.0, False)):
         region = {"kind": "disk", "centre": -3, "radius": radius}
         kept = changed(document, "claims", 0, value=lambda t, r=region: t | {"region": r})
-        assert answer(kept) is holds
+        assert is_proved(kept) is holds
     two = {"kind": "intersection", "parts": [region, {"kind": "half_plane", "decay": 0.1}]}
     with pytest.raises(FormatError, match="law and evidence"):
-        answer(changed(document, "claims", 0, value=lambda t: t | {"region": two}))
+        is_proved(changed(document, "claims", 0, value=lambda t: t | {"region": two}))
 
 
 def test_slack_itself_has_no_proofs(proved):

@@ -6,7 +6,6 @@ floats, from numpy eigenvalues of the blocks, leaving out changes too close to c
 
 from __future__ import annotations
 
-import copy
 import json
 import random
 
@@ -18,42 +17,10 @@ from polefence.cli.main import main
 from polefence.proof import work
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads
+from support.changes import entries, least_eigenvalue, scaled
 from support.files import first, poles_in
 
 CHANGES = 120
-
-
-def entries(document):
-    """Paths of every number that the claim rests on."""
-    found = []
-
-    def walk(value, path):
-        if isinstance(value, dict):
-            for key, item in value.items():
-                walk(item, (*path, key))
-        elif isinstance(value, list):
-            for index, item in enumerate(value):
-                walk(item, (*path, index))
-        elif isinstance(value, int | float) or (isinstance(value, str) and "/" in value):
-            found.append(path)
-
-    walk(document["law"], ("law",))
-    for section in ("region", "evidence"):
-        walk(first(document)[section], ("claims", 0, section))
-    for j, vertex in enumerate(document["plant"]["vertices"]):
-        walk({k: vertex[k] for k in "AB"}, ("plant", "vertices", j))
-    return found
-
-
-def changed(document, path, factor, shift):
-    document = copy.deepcopy(document)
-    place = document
-    for key in path[:-1]:
-        place = place[key]
-    old = place[path[-1]]
-    number = eval(old) if isinstance(old, str) else old  # a "p/q" of our own
-    place[path[-1]] = number * factor + shift
-    return document
 
 
 def is_disk(document):
@@ -71,21 +38,7 @@ def truth(document):
     matrices = evidence.X or claim.law.W
     if any(X[i][j] != X[j][i] for X in matrices for i in range(len(X)) for j in range(i)):
         return -1.0
-    least = np.inf
-    for _, block in claim.blocks():
-        top = max(abs(e) for row in block for e in row)
-        M = np.array(
-            [
-                [float(e / top) if top < 2**900 else e // (top >> 60) / 2**60 for e in row]
-                for row in block
-            ]
-        )
-        diagonal = np.diag(M)
-        if np.any(diagonal <= 0):
-            return -1.0
-        scale = 1 / np.sqrt(diagonal)
-        least = min(least, np.linalg.eigvalsh(M * np.outer(scale, scale))[0])
-    return least
+    return least_eigenvalue(claim)
 
 
 @pytest.mark.parametrize("method", ["quadratic", "slack", "scheduled", "right-hand sides"])
@@ -96,7 +49,7 @@ def test_seeded_changes(small_designs, method):
     answers = {True: 0, False: 0}
     for _ in range(CHANGES):
         size = 10.0 ** dice.uniform(-12, 1) * dice.choice([-1, 1])
-        tried = changed(original, dice.choice(places), 1 + size, dice.choice([0, size]))
+        tried = scaled(original, dice.choice(places), 1 + size, dice.choice([0, size]))
         if not is_disk(tried):
             with pytest.raises(work.FormatError, match="region"):
                 loads(json.dumps(tried))
@@ -116,7 +69,7 @@ def test_every_single_number_matters(small_designs, method):
     original = json.loads(small_designs[method].certificate.dumps())
     for path in entries(original):
         for factor, shift in ((1, 1e4), (1, -1e4), (0, -50), (0.1, 0)):
-            tried = changed(original, path, factor, shift)
+            tried = scaled(original, path, factor, shift)
             if not is_disk(tried):
                 continue
             if truth(tried) < -1e-9:
@@ -137,7 +90,7 @@ def test_the_paper_design_with_changes_through_the_command_line(placed, tmp_path
     broken = harmless = 0
     while broken < 12 or harmless < 6:
         size = 10.0 ** dice.uniform(-15, 0) * dice.choice([-1, 1])
-        tried = changed(original, dice.choice(entries(original)), 1 + size, 0)
+        tried = scaled(original, dice.choice(entries(original)), 1 + size, 0)
         if not is_disk(tried):
             path.write_text(json.dumps(tried))
             assert main(["check", str(path)]) == 2

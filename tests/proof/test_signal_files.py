@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from fractions import Fraction
 
@@ -13,6 +12,7 @@ from polefence import Disk, Parameter, Scheduled, UncertainPlant, place
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads
 from polefence.proof.work import FormatError
+from support.changes import changed
 from support.files import bounds_in
 
 
@@ -159,16 +159,6 @@ def weaker(evidence):
     if "own" in evidence:
         return evidence | {"scale": evidence["scale"] / 1.5}
     return evidence | {"X": [[[x / 1.5 for x in row] for row in X] for X in evidence["X"]]}
-
-
-def changed(document, *keys, value):
-    document = copy.deepcopy(document)
-    place_ = document
-    for key in keys[:-1]:
-        place_ = place_[key]
-    last = keys[-1]
-    place_[last] = value(place_[last]) if callable(value) else value
-    return document
 
 
 # what makes each claim more than is proved

@@ -189,7 +189,7 @@ def test_a_disk_prints_as_it_is(radius):
     assert float(str(Disk(-40, radius)).rstrip(")").split(",")[1]) == radius
 
 
-@pytest.mark.parametrize(("radius", "stable"), [(3.99, True), (4.0, False), (5.0, False)])
+@pytest.mark.parametrize(("radius", "stable"), [(3.99, True), (4.0, True), (4.01, False)])
 def test_a_disk_is_stable_if_it_stays_in_the_open_left_half_plane(radius, stable):
     assert Disk(-4, radius).stable is stable
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 from polefence.proof.claims import BoundClaim, Poles
-from polefence.proof.claims.base import Claim
+from polefence.proof.claims.base import Claim, prove
 from polefence.proof.document import loads
 
 
@@ -24,6 +25,11 @@ def only_claim_in(text: str) -> Claim:
     """The one claim of a file."""
     (claim,) = loads(text).claims
     return claim
+
+
+def is_proved(document: dict[str, Any]) -> bool:
+    """Whether the one claim of a file is proved."""
+    return prove(only_claim_in(json.dumps(document))).proved
 
 
 def first(document: dict[str, Any]) -> dict[str, Any]:

@@ -527,19 +527,31 @@ def false_rounding(plant, law, claim):
             own.terms = [(e, K) for (e, _), K in zip(law.terms, gains, strict=True)]
         else:
             own.fixed, own.K = True, gains[0]
-        return false_poles_of(plant, own.gain, claim["gain"]["region"])
-    T = array(code["T"])
-    table = {"kind": "scheduled", "W": code["W"], "Z": code["Z"]}
-    table |= {"degree": law.degree, "on": law.on}
-    own = Law(table, len(plant.A))
-    return false_poles_of(plant, lambda a: own.gain(a) @ T, claim["gain"]["region"])
+        T = np.eye(plant.A.shape[1])
+    else:
+        T, table = array(code["T"]), {"kind": "scheduled", "W": code["W"], "Z": code["Z"]}
+        own = Law(table | {"degree": law.degree, "on": law.on}, len(plant.A))
+    for alpha, told in told_by(plant, code.get("shares", [])):
+        A, B, _ = plant.at(alpha)
+        loop = A + B @ own.gain(told) @ T
+        if outside(claim["gain"]["region"], np.linalg.eigvals(loop)) > 1e-4:
+            return True
+    return False
 
 
-def false_poles_of(plant, gain, region):
-    return any(
-        outside(region, np.linalg.eigvals(mix(a, plant.A) + mix(a, plant.B) @ gain(a))) > 1e-4
-        for a in plant.alphas("box" if plant.ranges else "simplex")
-    )
+def told_by(plant, shares):
+    """Yield alpha, and the alpha that the code computes of the same parameters."""
+    if not shares:
+        yield from ((a, a) for a in plant.alphas("box" if plant.ranges else "simplex"))
+        return
+    for values in plant.values():
+        pairs = []
+        for p, (_, _, inverted), share in zip(values, plant.ranges, shares, strict=True):
+            low, high, scale = (number(share[key]) for key in ("low", "high", "scale"))
+            p = np.clip(p, low, high)
+            weight = scale * (p - low) / (p if inverted else 1)
+            pairs.append((1 - weight, weight))
+        yield plant.alpha(values), np.array([prod(choice) for choice in product(*pairs)])
 
 
 def false_cells(plant, table, claim):

@@ -587,7 +587,7 @@ def _proved(
     if not verdict.proved:
         return None
     degree = evidence.highest
-    if isinstance(specification, GainNorm):
+    if not specification.of_signal:
         degree = law.degree
     return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 

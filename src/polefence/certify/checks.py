@@ -110,7 +110,7 @@ def _remedy(plant: UncertainPlant, method: Method) -> str:
 
 def require_region(plant: UncertainPlant, region: Region, method: Method | None = None) -> None:
     """Refuse regions of the other kind of time, or that the method does not take."""
-    if getattr(method, "right_hand_sides", False) and not isinstance(region, Disk):
+    if getattr(method, "right_hand_sides", False) and not region.circle:
         raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
     if plant.moving and decays(plant, region) and method is not None:
         own = options(method)
@@ -121,12 +121,12 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             )
         if int(own.degree if own.degree != "auto" else 1) and own.on != "box":
             Motion.of(plant).require(Domain.of(own.on, len(plant.vertices)))
-    disks = [part for part in region.parts if isinstance(part, Disk)]
+    disks = [part for part in region.parts if part.circle]
     if plant.sample_time is None:
         part = astray(region)
         if part is not None:
             raise RegionError(
-                f"{part}: centre = {part.centre:g} is not in the left half-plane, and "
+                f"{part}: centre = {part.numbers['centre']:g} is not in the left half-plane, and "
                 f"{plant.name} is in continuous time; give a negative centre (-40), or add "
                 "& half_plane(0)"
             )
@@ -144,7 +144,7 @@ def decays(plant: UncertainPlant, region: Region) -> list[float]:
     """
     if plant.sample_time is None:
         return [part.decay for part in region.parts if isinstance(part, HalfPlane)]
-    return [p.radius for p in region.parts if isinstance(p, Disk) and not p.centre]
+    return [p.size for p in region.parts if p.circle and not p.circle[0]]
 
 
 def in_time_of(plant: UncertainPlant, region: Region) -> Region:

@@ -320,6 +320,10 @@ def read_document(path: Path) -> Document:
     DesignFileError
         If it cannot be read as one.
     """
+    if path.suffix == ".toml" and path.is_file():
+        raise DesignFileError(
+            f"{path}: a spec, but a design is needed: `polefence design -o DIR` writes one"
+        )
     text = read_text(path, MAX_BYTES, DesignFileError)
     try:
         return loads(text)
@@ -416,10 +420,6 @@ def is_proof_file(path: Path) -> bool:
 def _design_path(path: str | Path) -> Path:
     """A design file, or the folder that `Design.save` wrote it into."""
     where = Path(path)
-    if where.suffix == ".toml" and where.is_file():
-        raise DesignFileError(
-            f"{where}: a spec, but a design is needed: `polefence design -o DIR` writes one"
-        )
     if not where.is_dir():
         return where
     if not (where / FILE_NAME).is_file():

@@ -22,7 +22,7 @@ from polefence.proof.matrices import least_work
 from polefence.proof.reading import LARGEST, is_double
 from polefence.proof.regions import KINDS, MAX_PARTS, parts_of
 from polefence.proof.work import MAX_WORK, FormatError
-from polefence.region.regions import Disk, Region
+from polefence.region.regions import Region
 
 if TYPE_CHECKING:
     from polefence.certify.certificate import Certificate
@@ -80,7 +80,7 @@ def _scheduled(own: Any, certificate: Certificate) -> bool | None:
     elevation, tau = _whole(evidence.get("elevation", 1)), np.asarray(evidence["tau"])
     _require(tau.dtype == np.float64 and not tau.shape)
     theorem = _whole(law.degree) == elevation == 1 == len(law.domain.sizes)
-    if tau and not (theorem and isinstance(certificate.region, Disk)):
+    if tau and not (theorem and certificate.region.circle):
         return None
     form = _polynomial(law.domain, law.degree, law.form)
     parts = certificate.region.parts
@@ -105,7 +105,7 @@ def _given(own: Any, certificate: Certificate) -> bool | None:
 
 def _slack(own: Any, certificate: Certificate) -> bool | None:
     evidence, region = certificate.evidence, certificate.region
-    if not isinstance(region, Disk):
+    if region.circle is None:
         return None
     domain = Domain.of(str(evidence.get("on", "simplex")), len(certificate.plant.vertices))
     degree = _whole(evidence.get("degree", 1))
@@ -118,7 +118,7 @@ def _slack(own: Any, certificate: Certificate) -> bool | None:
     count = domain.count(highest)
     if not _usual(certificate, count, forms):
         return None
-    plant, ends = _plant(certificate, domain), (float(region.centre), float(region.radius))
+    plant, ends = _plant(certificate, domain), region.circle
     raises = highest - degree, highest - 1
     return _ANSWERS.get(own.slack(domain.sizes, plant, *forms, *ends, *raises, count))
 

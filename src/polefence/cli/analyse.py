@@ -20,22 +20,27 @@ from polefence.certify.given import Analysis, WorstCase, analyse, worst_case
 from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
-from polefence.cli.common import (
+from polefence.cli.given import NONE, SPEC, Given, is_written, read_given
+from polefence.cli.lines import every_alpha, image_text, samples_text
+from polefence.cli.options import (
+    budget_argument,
+    centre_argument,
+    kind_argument,
+    limit_argument,
+    result_arguments,
+    sampling_arguments,
+)
+from polefence.cli.output import (
     NOT_PROVED,
     PROVED,
-    check_figure,
-    check_targets,
-    every_alpha,
-    image_text,
-    samples_text,
-    sampling_arguments,
+    check_results,
     saved,
     write_figure,
     write_json,
+    write_poles,
 )
-from polefence.cli.given import NONE, SPEC, Given, is_design, read_given
+from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
-from polefence.cli.tightest import KINDS
 from polefence.law.laws import GainTable
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded, values_text, where_text
@@ -86,28 +91,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TEXT",
         help="'disk(-40, 31) & sector(0.3)'; default: the spec's, else stability",
     )
-    where.add_argument(
-        "--of",
-        type=lambda word: word.lower().replace("-", "_"),
-        choices=KINDS,
-        help="instead: the smallest disk about --centre, or the largest decay rate or damping "
-        "ratio, that the gain keeps",
-    )
-    parser.add_argument("--centre", "--center", type=float, metavar="CENTRE", help="--of disk")
-    parser.add_argument(
-        "--limit",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
+    kind_argument(where, instead="instead, what the gain keeps; ")
+    centre_argument(parser, "--of disk")
+    limit_argument(
+        parser,
+        "a bound that is promised: 'gain of y1 <= 2', or 'gain of y1' for the least that can "
         "be proved; repeat for more; none: the poles alone; spec: all that the spec asks for. "
         "Default: analyse none, verify spec",
     )
-    parser.add_argument(
-        "--budget",
-        type=float,
-        metavar="SECONDS",
-        help="begin no harder step after this time; the answer then depends on the machine. "
+    budget_argument(
+        parser,
+        "begin no harder step after this time; the answer then depends on the machine. "
         "Default: no limit in seconds, only in counted work",
     )
     parser.add_argument(
@@ -118,12 +112,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="halve a cell of a table up to N times; default: 4",
     )
     sampling_arguments(parser, "analyse the loop of a")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json, or DIR/table.json"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the poles, or the table's cells (.png, ...)"
+    result_arguments(
+        parser, "write DIR/design.json, or DIR/table.json", "the poles, or the table's cells"
     )
 
 
@@ -147,10 +137,8 @@ def _command(options: Any, limits: str) -> int:
         raise InputError(
             f"--of disk needs --centre CENTRE (--centre {centre}, say); other --of take none"
         )
-    check_figure(options.plot)
     table = law if isinstance(law, GainTable) else None
-    name = FILE_NAME if table is None else TABLE_NAME
-    check_targets(options.json, options.plot, folder=options.output, names=(name,))
+    check_results(options, FILE_NAME if table is None else TABLE_NAME)
     if options.of is None:
         return _kept(given, options.limit or [limits], options)
     if table is not None:
@@ -291,14 +279,7 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     if options.plot is not None and design is None:
         say("not drawn: nothing was proved")
     elif options.plot is not None and design is not None:
-        from polefence.show.plots import poles_figure, sampled
-
-        write_figure(
-            options.plot,
-            poles_figure(
-                {plant.name: sampled(design)}, design.region, discrete=plant.sample_time is not None
-            ),
-        )
+        write_poles(options.plot, design)
     return NOT_PROVED if value is None else PROVED
 
 
@@ -308,7 +289,9 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
     The sign of a design's own file is known.
     """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or law.K is None or is_design(gain):
+    if analysis.answer != "refuted" or law.K is None:
+        return
+    if gain is not None and not is_written(gain) and claims_file(Path(gain)) is not None:
         return
     alpha = seeded(plant, len(plant.vertices) + BETWEEN)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))

@@ -18,7 +18,8 @@ from polefence.base.files import read_bytes, write_bytes
 from polefence.certify.certificate import file_plant, plant_of, sampling_of
 from polefence.certify.design import check_document, is_proof_file, read_document
 from polefence.certify.measured import read_measured
-from polefence.cli.common import NOT_PROVED, PROVED, write_json
+from polefence.cli.options import result_arguments
+from polefence.cli.output import NOT_PROVED, PROVED, write_json
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
 from polefence.law.structure import load_structure
@@ -80,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a file of claims that a command wrote, or the folder with it",
     )
     parser.add_argument("--spec", metavar="SPEC", help="also require that it is about this plant")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the answer; -: stdout")
+    result_arguments(parser, json="write the answer; -: stdout")
     parser.add_argument(
         "--standalone",
         type=Path,
@@ -99,7 +100,7 @@ def check_command(options: Any) -> int:
     if options.file is None:
         raise InputError("check: name a FILE, or a folder with one")
     plant = None if options.spec is None else load(options.spec)
-    documents = {path: _read(path) for path in _files(options.file)}
+    documents = {path: read_document(path) for path in _files(options.file)}
     alone, rows = len(documents) == 1, list[dict[str, Any]]()
     for path, document in documents.items():
         name = options.file if alone else path
@@ -127,14 +128,6 @@ def _files(path: Path) -> list[Path]:
             f"{path}: has no file of claims; name the folder that `polefence design -o` wrote{has}"
         )
     return found
-
-
-def _read(path: Path) -> Document:
-    if path.suffix == ".toml" and path.is_file():
-        raise DesignFileError(
-            f"{path}: a spec, but a design is needed: `polefence design -o DIR` writes one"
-        )
-    return read_document(path)
 
 
 def _row(

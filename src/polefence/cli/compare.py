@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from polefence.cli.common import (
+from polefence.cli.laws import WORDS, Named, distinct, law_of, law_of_spec, read_law
+from polefence.cli.options import result_arguments, road_arguments
+from polefence.cli.output import (
     PROVED,
-    check_figure,
-    check_targets,
+    check_results,
     write_figure,
     write_json,
 )
-from polefence.cli.laws import WORDS, Named, distinct, law_of_spec, read_law, read_subject
+from polefence.cli.subjects import read_subject
 from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
@@ -49,17 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="quadratic, slack and scheduled are designed for it, and compared too; named by --law "
         "without it, for -40 36",
     )
-    parser.add_argument("--road", default="C", metavar="CLASS", help="ISO 8608, A to H; default: C")
-    parser.add_argument(
-        "--speed", type=float, default=20.0, metavar="SPEED", help="[m/s]; default: 20"
-    )
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        metavar="FILE",
-        help="draw comfort, grip, travel and force (.png, .svg, .pdf)",
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows")
+    road_arguments(parser, "C", 20.0)
+    result_arguments(parser, plot="comfort, grip, travel and force", json="write all rows")
 
 
 def compare_command(options: Any) -> int:
@@ -67,11 +58,12 @@ def compare_command(options: Any) -> int:
     from polefence.vehicle.compare import compare
     from polefence.vehicle.vehicle import require_ride
 
-    plant, own = read_subject(options.subject)
+    subject = read_subject(options.subject)
+    subject.require_one_suspension("compare")
+    plant, own = subject.plant, law_of(subject)
     given = _given(plant, options.law or ())
     require_ride(plant)
-    check_figure(options.plot)
-    check_targets(options.json, options.plot)
+    check_results(options)
     notes = list[str]()
     if own is None and options.law is None:
         plant, own = law_of_spec(plant, options.subject)

@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import Any
 
-from polefence.cli.common import PROVED
+from polefence.cli.output import PROVED
 
 SHELLS = ("bash", "zsh", "fish")
 ASKED = "_ARGCOMPLETE"  # set where a shell asks what may follow

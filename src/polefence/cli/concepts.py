@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import math
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from polefence.base.errors import InputError
-from polefence.cli.common import PROVED, check_figure, check_targets, write_figure, write_json
+from polefence.cli.options import result_arguments
+from polefence.cli.output import (
+    PROVED,
+    check_results,
+    write_figure,
+    write_json,
+)
 from polefence.cli.semi_active import add_question, question
 from polefence.cli.terminal import say
-from polefence.plant.spec import load_car
 from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
 
@@ -33,27 +36,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="'A, B': states or outputs, for LQG and one active law; default: suspension "
         "deflection and sprung-mass velocity",
     )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw them (.png, .svg, .pdf)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows; -: stdout")
+    result_arguments(parser, plot="them", json="write all rows; -: stdout")
 
 
 def concepts_command(options: Any) -> int:
     """Compare suspension concepts: passive, skyhook, ADD, semi-active, LQG, active; and limits."""
     from polefence.vehicle.concepts import concepts
 
-    check_figure(options.plot)
-    check_targets(options.json, options.plot)
-    plant, dampers, least = question(options)
-    car = load_car(options.spec)
-    if car is not None:
-        raise InputError(
-            f"{options.spec}: a car on {len(car.wheels)} wheels is not described as a quarter car, "
-            "and concepts compares suspensions of these; ask semi-active, optimise and simulate"
-        )
+    check_results(options)
+    subject, least = question(options)
+    subject.require_one_suspension("concepts")
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))
-    found = concepts(plant, least, dampers, measured)
+    found = concepts(subject.plant, least, subject.dampers, measured)
     if options.plot is not None:
         from polefence.show.plots import concepts_figure
 

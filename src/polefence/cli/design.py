@@ -8,32 +8,28 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError
-from polefence.certify.checks import example_region, implies_stability
-from polefence.cli.common import (
-    PROVED,
-    add_structure_options,
+from polefence.certify.checks import implies_stability
+from polefence.certify.design import FILE_NAME
+from polefence.cli.lines import every_alpha, image_text, motion_lines, samples_text
+from polefence.cli.options import (
     at_samples,
-    check_results,
-    every_alpha,
-    image_text,
+    budget_argument,
     method_arguments,
     method_of,
-    motion_lines,
     refuse_method_options,
-    report,
+    region_arguments,
+    required_region,
     result_arguments,
-    samples_text,
     sampling_arguments,
     spec_argument,
-    structure_of_options,
+    structure_arguments,
+    structure_of,
 )
+from polefence.cli.output import PROVED, check_results, report
 from polefence.lmi.conditions.methods import Method, Scheduled
-from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import exact
 from polefence.plant.spec import load
 from polefence.proof.text import digits_down, exactly
-from polefence.region.regions import Disk, HalfPlane, Region
-from polefence.region.text import load_region, parse_region
 from polefence.search.placed import place
 from polefence.search.rows import plant_summary
 
@@ -41,21 +37,11 @@ from polefence.search.rows import plant_summary
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `design`."""
     spec_argument(parser)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--disk",
-        type=float,
-        nargs=2,
-        metavar=("CENTRE", "RADIUS"),
-        help="the region is this disk; default: the region that the spec names",
-    )
-    where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-40, 31) & sector(0.3)'")
+    region_arguments(parser, "disk(-40, 31) & sector(0.3)")
     method_arguments(parser, auto=True)
-    parser.add_argument(
-        "--budget",
-        type=float,
-        metavar="SECONDS",
-        help="--degree auto: begin no higher degree after this time; default: no limit in seconds",
+    budget_argument(
+        parser,
+        "--degree auto: begin no higher degree after this time; default: no limit in seconds",
     )
     parser.add_argument(
         "--right-hand-sides",
@@ -70,22 +56,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the law's estimate of this parameter may be off by up to SIZE; repeat",
     )
     sampling_arguments(parser)
-    add_structure_options(parser, degree=False)
-    result_arguments(parser)
+    structure_arguments(parser)
+    result_arguments(parser, "write DIR/design.json", "poles over the family, and the region")
 
 
 def design_command(options: Any) -> int:
     """Design a law for a region, prove it, and save it."""
     plant = at_samples(load(options.spec), options)
-    region, structure = _region(plant, options), structure_of_options(plant, options)
+    region, structure = required_region(plant, options), structure_of(plant, options)
     method = None
     if structure is None:
         method = _method(options)
     else:
         refuse_method_options(options)
-    if options.right_hand_sides and not isinstance(region, Disk):
+    if options.right_hand_sides and not region.circle:
         raise InputError(f"--right-hand-sides is for a single disk, not {region}")
-    check_results(options)
+    check_results(options, FILE_NAME)
     errors = errors_of(options.error)
     design = place(plant, region, method, structure=structure, errors=errors)
     if structure is not None and design.law.fixed:
@@ -98,13 +84,13 @@ def design_command(options: Any) -> int:
         *samples_text(plant),
     ]
     if not implies_stability(plant, design.region):
-        shape = "disk" if isinstance(region, Disk) else "region"
+        shape = "disk" if region.circle else "region"
         lines.append(
             f"note: this {shape} reaches into the right half-plane; it does not imply stability"
         )
         for part in region.parts:
-            if isinstance(part, HalfPlane) and part.decay < 0:
-                own = exactly(-part.decay)
+            if part.decay_rate() < 0:
+                own = exactly(-part.decay_rate())
                 lines.append(
                     f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
                 )
@@ -144,18 +130,6 @@ def errors_of(texts: list[str]) -> dict[str, Fraction]:
             raise InputError(f"--error {name.strip()} is given twice; give it once")
         found[name.strip()] = value
     return found
-
-
-def _region(plant: UncertainPlant, options: Any) -> Region:
-    if options.disk is not None:
-        return Disk(*options.disk)
-    region = load_region(options.spec) if options.region is None else parse_region(options.region)
-    if region is None:
-        raise InputError(
-            f"{options.spec}: names no region; give --disk CENTRE RADIUS or --region TEXT, or "
-            f"write region = '{example_region(plant)}' in the spec"
-        )
-    return region
 
 
 def _method(options: Any) -> Method:

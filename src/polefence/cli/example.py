@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from polefence.cli.common import PROVED
+from polefence.cli.output import PROVED
 from polefence.cli.terminal import say
 from polefence.examples import SPECS, STUDIES, spec_text
 

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
-from polefence.certify.design import Design, is_proof_file, read_document
-from polefence.cli.common import NOT_PROVED, PROVED, saved
+from polefence.certify.design import Design, read_document
+from polefence.cli.options import design_argument
+from polefence.cli.output import NOT_PROVED, PROVED, saved
+from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.export import export_c99, with_fmus
 from polefence.export.damper import damper_sources
@@ -29,12 +31,7 @@ OF_CODE = ("given", "limit", "sample_time", "observer")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `export`."""
-    parser.add_argument(
-        "design",
-        type=Path,
-        metavar="DESIGN",
-        help="design.json, or the folder with it; or law.json of semi-active",
-    )
+    design_argument(parser, "; or law.json of semi-active")
     parser.add_argument(
         "--lang",
         choices=LANGUAGES,
@@ -100,10 +97,10 @@ def export_command(options: Any) -> int:
     if options.lang == "mat":
         return _matlab(options)
     check_folder(options.output, marks(options.name))
-    if options.design.is_file() and is_proof_file(options.design):
-        document = read_document(options.design)
-        if document.first(Clipped) is not None:
-            return _dampers(document, options)
+    claims = claims_file(options.design)
+    document = None if claims is None else read_document(claims)
+    if document is not None and document.first(Clipped) is not None:
+        return _dampers(document, options)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
     found = export_c99(

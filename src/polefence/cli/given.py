@@ -11,8 +11,9 @@ from typing import Any
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.certify.certificate import Certificate
-from polefence.certify.design import FILE_NAME, is_proof_file, require_kind
-from polefence.cli.common import at_samples
+from polefence.certify.design import FILE_NAME, require_kind
+from polefence.cli.options import at_samples
+from polefence.cli.subjects import claims_file
 from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays
@@ -115,7 +116,7 @@ def read_given(options: Any) -> Given:
 
 def _plant(what: str, names: dict[str, str]) -> tuple[UncertainPlant, Arrays | None]:
     path = Path(what)
-    if (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path)):
+    if claims_file(path) is not None:
         raise InputError(f"{path}: a file of claims; polefence check proves it afresh")
     if path.is_dir() or path.suffix.lower() in (*OTHERS, ".json"):
         arrays = read_arrays(what, names)
@@ -194,7 +195,7 @@ def read_gain(
     InputError
         If it cannot be read, or does not fit the plant; the file is named.
     """
-    if what.lstrip().startswith(("[", "{")):
+    if is_written(what):
         name, text = option, what
         if len(text) > MOST_TEXT:
             raise InputError(f"{option} has {len(text)} characters; write a file")
@@ -233,9 +234,6 @@ def _as_json(text: str) -> str:
     return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
 
 
-def is_design(gain: str | None) -> bool:
-    """Whether a gain is a file of claims, or a folder with one."""
-    if gain is None or gain.lstrip().startswith(("[", "{")):
-        return False
-    path = Path(gain)
-    return (path / FILE_NAME).is_file() or (path.is_file() and is_proof_file(path))
+def is_written(what: str) -> bool:
+    """Whether a word of the command line is a matrix or a table itself, not a file's name."""
+    return what.lstrip().startswith(("[", "{"))

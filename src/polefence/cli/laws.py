@@ -12,12 +12,12 @@ import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.certify.certificate import file_plant
-from polefence.certify.design import FILE_NAME, Design, is_proof_file, read_document
-from polefence.cli.common import structure_of_options
-from polefence.cli.given import read_gain
+from polefence.certify.design import FILE_NAME, Design, read_document
+from polefence.cli.given import is_written, read_gain
+from polefence.cli.options import structure_of
+from polefence.cli.subjects import Subject, claims_file, is_design
 from polefence.law.laws import given_law
 from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import load
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.samples import Samples
@@ -51,19 +51,11 @@ class Named:
     proved: str = "nothing"
 
 
-def read_subject(what: str) -> tuple[UncertainPlant, Named | None]:
-    """Read a spec, or a design with its plant.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    path = Path(what)
-    if not (path.is_dir() or path.suffix == ".json"):
-        return load(what), None
-    design = Design.load(path, allow_unproved=True)
-    return design.plant, of_design(design.plant, design, path)
+def law_of(subject: Subject) -> Named | None:
+    """Return the law of a subject that is a design."""
+    if subject.design is None:
+        return None
+    return of_design(subject.plant, subject.design, Path(subject.source))
 
 
 def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named | None]:
@@ -77,7 +69,7 @@ def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named
     from polefence.vehicle.compare import NoLaw
 
     (least, limits), region = load_specifications(spec), load_region(spec)
-    structure = structure_of_options(plant, argparse.Namespace(spec=spec))
+    structure = structure_of(plant, argparse.Namespace(spec=spec))
     try:
         if least is not None or limits:
             least, limits = wanted(plant, spec)
@@ -103,16 +95,16 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
         from polefence.vehicle.compare import standard_laws
 
         return Named(what, standard_laws(plant, names=(what,))[what])
-    if what.lstrip().startswith(("[", "{")):
+    if is_written(what):
         return Named("gain", read_gain(plant, what, option="--law"))
     path = Path(what)
     if not path.exists():
         raise InputError(f"no law and no file {what!r}; {suggest(what, WORDS)}")
-    if not path.is_dir() and is_proof_file(path):
-        clipped = read_document(path).first(Clipped)
-        if clipped is not None:
-            return _of_dampers(plant, clipped, path)
-    if path.is_dir() or is_proof_file(path):
+    claims = claims_file(path)
+    clipped = None if claims is None else read_document(claims).first(Clipped)
+    if clipped is not None:
+        return _of_dampers(plant, clipped, path)
+    if is_design(path):
         design = Design.load(path, allow_unproved=True)
         given_law(plant, design)
         return of_design(plant, design, path)
@@ -121,13 +113,10 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
 
 def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
     """Return a design at a sample time, where the plant is in continuous time; else None."""
-    path = Path(what)
-    if what in WORDS or plant.sample_time is not None or not path.exists():
+    if what in WORDS or plant.sample_time is not None or is_written(what):
         return None
-    if not (path.is_dir() or is_proof_file(path)):
-        return None
-    document = read_document(path / FILE_NAME if path.is_dir() else path)
-    if document.first(Samples) is None:
+    path = claims_file(Path(what))
+    if path is None or read_document(path).first(Samples) is None:
         return None
     return Design.load(path, allow_unproved=True)
 

@@ -7,27 +7,31 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.workers import processes
 from polefence.certify.checks import example_centre, is_checkable, usable_centre
-from polefence.cli.common import (
-    NOT_PROVED,
-    PROVED,
-    STANDARD,
-    check_figure,
-    check_targets,
-    finished_rows,
+from polefence.cli.options import (
+    centre_argument,
     jobs_of,
     method_arguments,
+    method_of,
     methods_of,
+    result_arguments,
     rows_file,
-    saved,
     spaced,
     spec_argument,
     sweep_arguments,
+)
+from polefence.cli.output import (
+    NOT_PROVED,
+    PROVED,
+    STANDARD,
+    check_results,
+    finished_rows,
+    saved,
     write_figure,
     write_json,
 )
@@ -44,14 +48,8 @@ from polefence.search.rows import plant_summary
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `limits`."""
     spec_argument(parser)
-    parser.add_argument(
-        "--centre",
-        "--center",
-        type=float,
-        action="append",
-        default=[],
-        metavar="CENTRE",
-        help="real coordinate of the disk's centre; repeat for more",
+    centre_argument(
+        parser, "real coordinate of the disk's centre; repeat for more", action="append", default=[]
     )
     parser.add_argument(
         "--centres",
@@ -62,10 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="evenly spaced centres, for example -5 -100 60",
     )
     method_arguments(parser, several=True)
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
-    )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw d/sigma (.png, .svg, .pdf)")
+    result_arguments(parser, plot="d/sigma", json="write the rows, kept up to date; -: stdout")
     parser.add_argument("--gain", action="store_true", help="put each row's law into the JSON")
     sweep_arguments(parser)
 
@@ -74,13 +69,12 @@ def limits_command(options: Any) -> int:
     """Find the smallest proved disk for each centre and method."""
     plant = load(options.spec)
     centres = _centres(plant, options)
-    methods = methods_of(options.method or list(METHODS), options)
+    methods = methods_of(options.method or METHODS, partial(method_of, options=options))
     methods = _fitted(plant, methods, chosen=bool(options.method))
     if options.plot is not None and plant.sample_time is not None:
         raise InputError(f"{options.plot}: d/sigma has no meaning for a discrete-time plant")
-    check_figure(options.plot)
     path = rows_file(options)
-    check_targets(options.json, options.plot)
+    check_results(options)
     order = [(centre, method_label(method)) for centre in centres for method in methods]
     table = _Table(plant, order)
     jobs = jobs_of(options, len(centres) * len(methods))

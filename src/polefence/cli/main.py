@@ -44,9 +44,9 @@ from polefence.cli import (
     tightest,
     tradeoff,
 )
-from polefence.cli.common import streams
 from polefence.cli.help import Formatter, examples, listing
 from polefence.cli.interrupt import cut_off
+from polefence.cli.output import streams
 from polefence.cli.terminal import say, shown_progress
 from polefence.lmi.solve.engine import engine
 

@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from polefence.certify.checks import implies_stability
 from polefence.certify.design import FILE_NAME
-from polefence.cli.common import (
-    PROVED,
+from polefence.cli.lines import gain_lines, image_text, samples_text
+from polefence.cli.options import (
     at_samples,
-    check_figure,
-    check_targets,
-    gain_lines,
-    image_text,
     method_arguments,
     method_of,
-    samples_text,
+    region_arguments,
+    required_region,
+    result_arguments,
     sampling_arguments,
-    saved,
     spec_argument,
-    write_figure,
+)
+from polefence.cli.output import (
+    PROVED,
+    check_results,
+    saved,
     write_json,
+    write_poles,
 )
 from polefence.cli.terminal import say
 from polefence.plant.spec import load
-from polefence.region.regions import Disk
-from polefence.region.text import parse_region
 from polefence.requirements.text import parse_names
 from polefence.search.observer import Observer, observe
 from polefence.search.rows import plant_summary
@@ -46,27 +45,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="name of a measured state or output, with or without its unit, or more with commas "
         "between; repeat for more",
     )
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument(
-        "--disk", type=float, nargs=2, metavar=("CENTRE", "RADIUS"), help="the region is this disk"
-    )
-    where.add_argument("--region", metavar="TEXT", help="any region: 'disk(-80, 60) & sector(0.5)'")
+    region_arguments(parser, "disk(-80, 60) & sector(0.5)", required=True)
     method_arguments(parser)
     sampling_arguments(parser)
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write DIR/design.json")
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the poles of the error (.png, .svg, .pdf)"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    result_arguments(parser, "write DIR/design.json", "the poles of the error")
 
 
 def observe_command(options: Any) -> int:
     """Design an observer, prove where the poles of its error lie, and save it."""
     plant = at_samples(load(options.spec), options)
-    region = Disk(*options.disk) if options.region is None else parse_region(options.region)
+    region = required_region(plant, options)
     method = method_of(options.method or "scheduled", options)
-    check_figure(options.plot)
-    check_targets(options.json, options.plot, folder=options.output, names=(FILE_NAME,))
+    check_results(options, FILE_NAME)
     known = {name for own in plant.signals for name in (own.name, own.label)}
     measured = [
         name
@@ -92,15 +82,7 @@ def observe_command(options: Any) -> int:
     if options.output is not None:
         saved(observer.save(options.output))
     if options.plot is not None:
-        from polefence.show.plots import poles_figure, sampled
-
-        name = f"{plant.name}: error of the observer"
-        write_figure(
-            options.plot,
-            poles_figure(
-                {name: sampled(observer.design)}, region, discrete=plant.sample_time is not None
-            ),
-        )
+        write_poles(options.plot, observer.design, f"{plant.name}: error of the observer")
     if options.json is not None:
         summary = {
             "plant": plant_summary(plant),

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,27 +23,38 @@ from polefence.certify.bounds import (
 )
 from polefence.certify.checks import is_stability
 from polefence.certify.design import FILE_NAME
-from polefence.cli.common import (
-    PROVED,
-    ROUNDING,
-    TOO_LARGE,
-    add_structure_options,
-    at_samples,
-    check_results,
-    check_targets,
+from polefence.cli.lines import (
     every_alpha,
     gains_of,
     law_lines,
-    method_of,
     motion_lines,
     order_lines,
-    refuse_method_options,
     samples_text,
-    sampling_arguments,
-    saved,
-    spec_argument,
-    structure_of_options,
     words_of,
+)
+from polefence.cli.options import (
+    SIGNAL_METHODS,
+    at_samples,
+    given_options,
+    limit_argument,
+    method_arguments,
+    minimise_argument,
+    poles_argument,
+    refuse_method_options,
+    region_of,
+    result_arguments,
+    road_arguments,
+    road_of,
+    sampling_arguments,
+    signal_method_of,
+    spec_argument,
+    structure_arguments,
+    structure_of,
+)
+from polefence.cli.output import (
+    PROVED,
+    check_results,
+    saved,
     write_figure,
     write_json,
 )
@@ -56,8 +66,7 @@ from polefence.plant.outputs import split
 from polefence.plant.points import seeded, values_at
 from polefence.plant.spec import load
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region
-from polefence.region.text import digits_down, digits_up, load_region, parse_region
+from polefence.region.text import digits_down, digits_up
 from polefence.requirements.asked import wanted
 from polefence.requirements.rms import PLAIN
 from polefence.requirements.specification import Specification
@@ -68,73 +77,38 @@ from polefence.search.optimise import Optimised, optimise
 from polefence.search.rows import plant_summary
 from polefence.vehicle.rest import Rest, held_words, rests
 
-METHODS = ("quadratic", "scheduled")
+# Poles computed in doubles may lie outside by so much of the region's size.
+ROUNDING = 1e-6
+TOO_LARGE = (
+    "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
+    "ask for a region that bounds the poles' speed, such as a disk"
+)
 TOLD = 1.2  # times as large: what gains would have to be at least, for a line that says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `optimise`."""
     spec_argument(parser)
-    specification_arguments(parser)
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="DIR",
-        help="write DIR/design.json: the law with its region and bounds",
+    minimise_argument(
+        parser,
+        "'rms of sprung-mass acceleration'; of a vector 'rms of [NAME, NAME]', of chosen "
+        "disturbances 'rms of NAME from [NAME * 0.5]'",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        metavar="FILE",
-        help="draw bounds and sampled values (.png, .svg, .pdf)",
+    limit_argument(
+        parser,
+        "'rms of actuator force <= 700'; repeat for more; takes the place of the spec's of this "
+        "kind and signal",
     )
-
-
-def specification_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what is asked, and by which method."""
-    parser.add_argument(
-        "--minimise",
-        metavar="TEXT",
-        help="'rms of sprung-mass acceleration'; of a vector 'rms of [NAME, NAME]', of chosen "
-        "disturbances 'rms of NAME from [NAME * 0.5]'; default: the spec's with minimise = true",
-    )
-    parser.add_argument(
-        "--limit",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="'rms of actuator force <= 700'; repeat for more; takes the place of the spec's of "
-        "this kind and signal",
-    )
-    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
-    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
-    parser.add_argument(
-        "--region", metavar="TEXT", help="for the poles; default: the spec's, else stability"
-    )
-    parser.add_argument(
-        "--method",
-        choices=METHODS,
-        help="how free the law is: quadratic is one gain; default: scheduled",
-    )
-    parser.add_argument(
-        "--degree",
-        type=int,
-        metavar="N",
-        help="of W and Z in alpha; of a structure: of the law in the parameters; default: 1",
-    )
-    parser.add_argument(
-        "--elevation", type=int, metavar="N", help="scheduled: of the design's inequalities; "
-        "default: 0",
-    )  # fmt: skip
-    parser.add_argument(
-        "--on",
-        choices=("simplex", "box"),
-        help="scheduled; default: box, simplex for a plant without parameters",
-    )
+    road_arguments(parser)
+    poles_argument(parser)
+    method_arguments(parser, SIGNAL_METHODS)
     sampling_arguments(parser)
-    add_structure_options(parser, degree=False)
+    structure_arguments(parser)
+    result_arguments(
+        parser,
+        "write DIR/design.json: the law with its region and bounds",
+        "bounds and sampled values",
+    )
 
 
 def optimise_command(options: Any) -> int:
@@ -142,10 +116,9 @@ def optimise_command(options: Any) -> int:
     plant = at_samples(load(options.spec), options)
     road = road_of(options)
     least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
-    region, structure = region_of_options(options), structure_of_options(plant, options)
+    region, structure = region_of(options), structure_of(plant, options)
     method = _method_if_given(plant, options, structure)
-    check_results(options)
-    check_targets(folder=options.output, names=(FILE_NAME,))
+    check_results(options, FILE_NAME)
     done = optimise(plant, least, limits, region, method, structure=structure)
     rows = rows_of(done)
     require_agreement(rows)
@@ -170,21 +143,6 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
         say(f"  one gain: no law of {method_label(method)} that was found is better")
 
 
-def road_of(options: Any) -> RoadSpectrum | None:
-    """Return the road that the options name, None where they do not."""
-    if (options.road is None) != (options.speed is None):
-        there, missing = ("road", "speed V") if options.speed is None else ("speed", "road CLASS")
-        raise InputError(f"--{there} needs --{missing} too, as in --road C --speed 20")
-    if options.road is None:
-        return None
-    road = RoadSpectrum(options.road, options.speed)
-    try:
-        _ = road.density
-    except InputError as error:
-        raise InputError(f"--road {options.road} --speed {options.speed:g}: {error}") from error
-    return road
-
-
 def asked(
     plant: UncertainPlant, options: Any, road: RoadSpectrum | None
 ) -> tuple[Specification, tuple[Specification, ...]]:
@@ -196,11 +154,6 @@ def asked(
             "write minimise = true in one [[specification]]"
         )
     return least, limits
-
-
-def region_of_options(options: Any) -> Region | None:
-    """Return the region of the options, else the spec's, else None."""
-    return load_region(options.spec) if options.region is None else parse_region(options.region)
 
 
 def label_of(done: Optimised, method: Method | None) -> str:
@@ -217,24 +170,12 @@ def _method_if_given(
     plant: UncertainPlant, options: Any, structure: Structure | None
 ) -> Method | None:
     """Return the method that the options ask for, by name or by an option of it."""
-    asked = [key for key in ("elevation", "on", "degree") if getattr(options, key) is not None]
     if structure is not None:
         refuse_method_options(options)
         return None
-    if options.method is None and not asked:
+    if options.method is None and not given_options(options):
         return None
-    named = argparse.Namespace(**vars(options) | {"method": options.method or "scheduled"})
-    return method_of_options(plant, named)
-
-
-def method_of_options(plant: UncertainPlant, options: Any) -> Method:
-    """Return the method; degree 1, elevation 0, the box of the parameters unless told otherwise."""
-    method = method_of(options.method, options)
-    if method == "quadratic":
-        return method
-    on = options.on or ("box" if plant.parameters else "simplex")
-    degree = 1 if options.degree is None else options.degree
-    return Scheduled(degree, options.elevation or 0, on)
+    return signal_method_of(plant, options.method or "scheduled", options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,8 +326,8 @@ def _designed_words(done: Optimised) -> str:
     designed, T = done.designed, done.plant.sample_time
     if designed is None or is_stability(done.plant, designed):
         return "stability"
-    if T is not None and isinstance(designed, Disk) and not designed.centre:
-        return f"a decay rate of {digits_down(-math.log(designed.radius) / float(T), 4)} 1/s"
+    if T is not None and designed.circle and not designed.circle[0]:
+        return f"a decay rate of {digits_down(-math.log(designed.size) / float(T), 4)} 1/s"
     return str(designed)
 
 

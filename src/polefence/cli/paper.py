@@ -8,7 +8,8 @@ from typing import Any
 
 from polefence.base.files import make_folder
 from polefence.base.workers import processes
-from polefence.cli.common import NOT_PROVED, PROVED, finished_rows, jobs_of, saved, sweep_arguments
+from polefence.cli.options import jobs_of, sweep_arguments
+from polefence.cli.output import NOT_PROVED, PROVED, finished_rows, saved
 from polefence.cli.terminal import say
 from polefence.region.text import digits_up
 

@@ -11,20 +11,16 @@ from typing import Any
 from polefence.base.errors import InputError, shown
 from polefence.base.files import make_folder, write_text
 from polefence.certify.design import Design, proved_document
-from polefence.cli.common import PROVED, saved
+from polefence.cli.options import design_argument, road_arguments
+from polefence.cli.output import PROVED, saved
 
 MAX_BYTES = 20_000_000  # of a figure
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `report`."""
-    parser.add_argument(
-        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
-    )
-    parser.add_argument("--road", default="C", metavar="CLASS", help="ISO 8608, A to H; default: C")
-    parser.add_argument(
-        "--speed", type=float, default=20.0, metavar="SPEED", help="[m/s]; default: 20"
-    )
+    design_argument(parser)
+    road_arguments(parser, "C", 20.0)
     parser.add_argument(
         "--front",
         type=Path,

@@ -5,27 +5,25 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import write_documents
 from polefence.certify.refutation import FILE_NAME as LIMIT
 from polefence.certify.refutation import Refutation, lowest
-from polefence.cli.common import (
-    NOT_PROVED,
-    PROVED,
-    check_targets,
-    matrix_text,
-    saved,
+from polefence.cli.lines import matrix_text
+from polefence.cli.optimise import asked
+from polefence.cli.options import (
+    minimise_argument,
+    result_arguments,
+    road_arguments,
+    road_of,
     spec_argument,
-    write_json,
 )
-from polefence.cli.optimise import asked, road_of
+from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
+from polefence.cli.subjects import Subject, read_spec
 from polefence.cli.terminal import say
-from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import load, load_dampers
 from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
 from polefence.requirements.rms import Rms
@@ -54,35 +52,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="2, 4, 6 or 8, of the polynomial that proves the bound; default: the highest up to "
         f"{max(DEGREES)} that is quick",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help=f"write the proofs, {LAW} and {LIMIT}"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    result_arguments(parser, f"write the proofs, {LAW} and {LIMIT}")
 
 
 def add_question(parser: argparse.ArgumentParser) -> None:
     """Declare what is minimised of controllable dampers, and on which road."""
     spec_argument(parser)
-    parser.add_argument(
-        "--minimise",
-        metavar="TEXT",
-        help="'rms of [NAME, NAME]'; default: the spec's with minimise = true",
-    )
+    minimise_argument(parser, "'rms of [NAME, NAME]'")
     parser.set_defaults(limit=[])  # a damper's bounds are its only limits
-    parser.add_argument("--road", metavar="CLASS", help="A to H of ISO 8608; default: the spec's")
-    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
+    road_arguments(parser)
 
 
-def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
-    """Return a spec's plant and dampers, and the rms that is minimised.
+def question(options: Any) -> tuple[Subject, Rms]:
+    """Read a spec with controllable dampers, and the rms that is minimised.
 
     Raises
     ------
     InputError
         Naming what a law of dampers cannot be designed for.
     """
-    plant, dampers = load(options.spec), load_dampers(options.spec)
-    if not dampers:
+    subject = read_spec(options.spec)
+    plant = subject.plant
+    if not subject.dampers:
         raise InputError(
             f'{options.spec}: has no controllable damper; write [damper."FORCE"] with deflection '
             "and range"
@@ -92,12 +83,12 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
             f"{options.spec}: road.tracks: laws of controllable dampers use all states, but "
             "those of tracks cannot be measured; name independent roads by under"
         )
-    for own in dampers:
+    for damper in subject.dampers:
         try:
-            own.of(plant)
+            damper.of(plant)
         except InputError as error:
-            where = f"{options.spec}: damper.{own.force!r}: "
-            raise InputError(where + str(error).removeprefix(f"damper {own.force}: ")) from error
+            where = f"{options.spec}: damper.{damper.force!r}: "
+            raise InputError(where + str(error).removeprefix(f"damper {damper.force}: ")) from error
     least, _ = asked(plant, options, road_of(options))
     if not isinstance(least, Rms) or not least.limits_rms:
         raise InputError(
@@ -105,7 +96,7 @@ def question(options: Any) -> tuple[UncertainPlant, tuple[Damper, ...], Rms]:
             "controllable dampers minimise an rms: "
             "--minimise 'rms of SIGNAL'"
         )
-    return plant, dampers, least
+    return subject, least
 
 
 @dataclass(frozen=True)
@@ -122,8 +113,9 @@ class Answer:
 
 def semi_active_command(options: Any) -> int:
     """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
-    plant, dampers, least = question(options)
-    check_targets(options.json, folder=options.output, names=(LAW, LIMIT))
+    subject, least = question(options)
+    plant, dampers = subject.plant, subject.dampers
+    check_results(options, LAW, LIMIT)
     others, law, reason = unproved(plant, least, dampers), None, ""
     try:
         law = semi_active(plant, least, dampers, options.degree)

@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from polefence.certify.design import Design
 from polefence.certify.given import analyse
 from polefence.certify.margins import Margin, Margins, in_service
-from polefence.cli.common import (
+from polefence.cli.options import design_argument, result_arguments
+from polefence.cli.output import (
     NOT_PROVED,
     PROVED,
-    check_figure,
-    check_targets,
+    check_results,
     saved,
     write_figure,
     write_json,
@@ -29,9 +28,7 @@ EDGE = 1e-9  # of an interval: a margin so near to its width is all of it
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `service`."""
-    parser.add_argument(
-        "design", type=Path, metavar="DESIGN", help="design.json, or the folder with it"
-    )
+    design_argument(parser)
     parser.add_argument(
         "--decay",
         type=float,
@@ -44,20 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TEXT",
         help="what is to be kept: 'half_plane(0)' asks for stability; default: the design's region",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write one file per margin"
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the margins (.png, .svg, .pdf)"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write a summary; -: stdout")
+    result_arguments(parser, "write one file per margin", "the margins")
 
 
 def service_command(options: Any) -> int:
     """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
     region = None if options.region is None else parse_region(options.region)
-    check_figure(options.plot)
-    check_targets(options.json, options.plot, folder=options.output, names=("gain.json",))
+    check_results(options, "gain.json")
     design = Design.load(options.design)
     service = in_service(design, options.decay, region=region)
     say(f"{design.plant.name}: all poles in {service.region}")

@@ -15,22 +15,23 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, ParameterValueError, shown, suggest
 from polefence.base.progress import counted
 from polefence.certify.margins import estimation_error, parameter_rate
-from polefence.cli.common import (
-    PROVED,
-    check_figure,
-    check_targets,
-    saved,
-    write_figure,
-    write_json,
-)
 from polefence.cli.laws import (
     Named,
     at_samples_of,
     distinct,
+    law_of,
     of_design,
     read_law,
-    read_subject,
 )
+from polefence.cli.options import result_arguments
+from polefence.cli.output import (
+    PROVED,
+    check_results,
+    saved,
+    write_figure,
+    write_json,
+)
+from polefence.cli.subjects import Subject, read_subject
 from polefence.cli.terminal import say
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, split
@@ -39,7 +40,6 @@ from polefence.search.rows import plant_summary
 
 if TYPE_CHECKING:  # imported where used: with scipy behind them
     from polefence.plant.cars import Car
-    from polefence.plant.dampers import Damper
     from polefence.response.columns import Table
     from polefence.response.discrete import Sampling
     from polefence.show.plots import Panel
@@ -80,14 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_excitation_arguments(parser)
     add_car_arguments(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write all signals (.csv, .parquet)"
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw four signals (.png, .svg, .pdf)"
-    )
     parser.add_argument("--signals", metavar="NAMES", help='which to draw: "NAME, NAME", or all')
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary; -: stdout")
+    result_arguments(parser, "write all signals (.csv, .parquet)", "four signals", into="FILE")
 
 
 def simulate_command(options: Any) -> int:
@@ -95,22 +89,22 @@ def simulate_command(options: Any) -> int:
     from polefence.response.columns import check_format
     from polefence.vehicle.driving.drive import run
 
-    check_figure(options.plot)
     if options.output is not None:
         check_format(options.output)
-    check_targets(options.output, options.plot, options.json)
-    plant, own = read_subject(options.subject)
-    held, sampling = None if own else _held(plant, options), None
-    if held is not None:
-        plant, law, sampling = held
+    check_results(options)
+    subject, sampling = read_subject(options.subject), None
+    designed = law_of(subject)
+    sampled = None if designed else _at_samples(subject, options)
+    if sampled is not None:
+        subject, law, sampling = sampled
         options = argparse.Namespace(**{**vars(options), "sampling": sampling.period})
         laws = [law]
     else:
-        words = options.law if options.law or own else ["passive"]
-        laws = distinct([*([own] if own else []), *(read_law(plant, word) for word in words)])
-    setup = setup_of(plant, options, laws[0].law, sampling)
-    each = counted(laws, "law")
-    runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in each}
+        words = options.law if options.law or designed else ["passive"]
+        given = [read_law(subject.plant, word) for word in words]
+        laws = distinct([*([designed] if designed else []), *given])
+    setup = setup_of(subject, options, laws[0].law, sampling)
+    runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in counted(laws, "law")}
     summaries = [summary_of(law, runs[law.name]) for law in laws]
     _write(setup, runs, summaries, options)
     say(_head(setup))
@@ -120,10 +114,10 @@ def simulate_command(options: Any) -> int:
     return PROVED
 
 
-def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, Sampling] | None:
-    """Return the plant with what the computer of a design at a sample time keeps, law and times.
+def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Sampling] | None:
+    """Return plant, law and sampling where --law is a design at a sample time; else None.
 
-    None where no law is one.
+    The plant then has the states that the law's computer keeps.
 
     Raises
     ------
@@ -132,8 +126,9 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, S
     """
     from polefence.certify.running import running
 
+    plant = subject.plant
     designs = [at_samples_of(plant, word) for word in options.law]
-    design = next((own for own in designs if own is not None), None)
+    design = next(filter(None, designs), None)
     if design is None:
         return None
     if len(designs) > 1:
@@ -145,7 +140,8 @@ def _held(plant: UncertainPlant, options: Any) -> tuple[UncertainPlant, Named, S
     period = found.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design has {period:g} s; leave it out")
-    return found.plant, replace(named, law=found.law, design=None), found.sampling
+    law = replace(named, law=found.law, design=None)
+    return replace(subject, plant=found.plant), law, found.sampling
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:
@@ -311,9 +307,7 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(name, type=float, metavar=metavar, help=text)
 
 
-def setup_of(
-    plant: UncertainPlant, options: Any, law: Any, sampling: Sampling | None = None
-) -> Setup:
+def setup_of(subject: Subject, options: Any, law: Any, sampling: Sampling | None = None) -> Setup:
     """Return what the options ask to be followed.
 
     Parameters
@@ -335,20 +329,19 @@ def setup_of(
     stops = None
     if options.travel_limit is not None:
         stops = BumpStops(options.travel_limit, options.travel_limit)
-    car = None if plant.vehicle is not None else _car(options.subject)
     setup = Setup(
-        plant,
-        _excitation(plant, options, law, car),
-        _parameters(plant, options),
+        subject.plant,
+        _excitation(subject, options, law),
+        _parameters(subject.plant, options),
         options.outside,
         Hardware(
             Estimated() if options.estimate else None,
             sampling if sampling or options.sampling is None else Sampling(options.sampling),
             Actuator(options.bandwidth, options.force_limit),
             stops,
-            dampers=_dampers(options.subject),
+            dampers=subject.dampers,
         ),
-        car,
+        subject.car,
     )
     try:
         setup.trajectories.check(setup.time, options.outside)
@@ -357,28 +350,16 @@ def setup_of(
     return setup
 
 
-def _dampers(subject: str) -> tuple[Damper, ...]:
-    """Return the controllable dampers of a spec; a design has none."""
-    from polefence.plant.spec import load_dampers
-
-    path = Path(subject)
-    return () if path.is_dir() or path.suffix == ".json" else load_dampers(subject)
-
-
-def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) -> Excitation:
+def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
     """Return what moves the plant."""
     from polefence.vehicle import excitation
 
+    plant, car = subject.plant, subject.car
     roads = [getattr(options, key) for key in ROADS]
     others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
     if any(road is not None for road in roads):
         turns = _manoeuvres(car, options)
-        if plant.vehicle is None and car is None:
-            raise InputError(
-                f"{plant.name} is not described as a vehicle, and a road needs one; add a table "
-                "[vehicle] or [car] to its spec (of a design name the spec, and the design as "
-                "--law), or use --step-in, --impulse-in, --initial or --input"
-            )
+        subject.require_road()
         if options.speed is None:
             raise InputError("--speed is missing: a road needs it [m/s]")
         road, duration = _road(options)
@@ -400,14 +381,6 @@ def _excitation(plant: UncertainPlant, options: Any, law: Any, car: Car | None) 
     duration, step = _time(plant, options, law)
     steps, impulses, start = (_sizes(own, key) for key, own in others.items())
     return excitation.excited(plant, duration, step, steps, impulses, start)
-
-
-def _car(subject: str) -> Car | None:
-    """Return the car of a spec, None of a design or another plant."""
-    from polefence.plant.spec import load_car
-
-    path = Path(subject)
-    return None if path.is_dir() or path.suffix == ".json" else load_car(subject)
 
 
 def _manoeuvres(car: Car | None, options: Any) -> dict[str, float]:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from polefence.base.errors import InputError, MissingExtraError
 from polefence.base.files import check_target
 from polefence.certify.checks import in_time_of, require_region
-from polefence.certify.design import is_proof_file
-from polefence.cli.common import PROVED
+from polefence.cli.output import PROVED
+from polefence.cli.subjects import is_design
 from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.spec import dumps, loads
@@ -83,7 +83,7 @@ def _opened(options: Any) -> tuple[Subject, State]:
 
     path = options.subject
     region = None if options.region is None else parse_region(options.region)
-    if path.is_dir() or is_proof_file(path):
+    if is_design(path):
         subject, state = _design(path, options.output)
     elif is_session(path):
         session = Session.read(path)

@@ -12,7 +12,8 @@ from typing import Any
 from polefence.base.errors import InputError, suggest
 from polefence.base.files import check_target, write_text
 from polefence.base.progress import stage
-from polefence.cli.common import NOT_PROVED, PROVED, saved
+from polefence.cli.options import jobs_of, sweep_arguments
+from polefence.cli.output import NOT_PROVED, PROVED, saved
 from polefence.cli.terminal import say
 from polefence.fleet.checked import judged
 from polefence.fleet.cluster import dask
@@ -34,10 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "study", metavar="STUDY", type=Path, help="a TOML file, or a folder of results"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="RESULTS", help="a folder for results")
-    parser.add_argument("--resume", action="store_true", help="go on with what RESULTS has")
-    parser.add_argument(
-        "--jobs", type=int, metavar="N", help="processes; default: one per processor"
-    )
+    sweep_arguments(parser, "go on with what RESULTS has")
     parser.add_argument(
         "--cluster",
         metavar="ADDRESS",
@@ -60,8 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def study_command(options: Any) -> int:
     """Ask questions about many variants of a plant; keep every row with its proof."""
-    if options.jobs is not None and options.jobs < 1:
-        raise InputError(f"--jobs = {options.jobs} must be at least 1")
+    jobs_of(options)
     if options.study.is_dir():
         return _of_results(Store(options.study), options)
     for key in ("check", "best", "html"):

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.certify.checks import example_centre
-from polefence.certify.design import Design
-from polefence.cli.common import (
-    PROVED,
-    add_structure_options,
+from polefence.certify.design import FILE_NAME, Design
+from polefence.cli.lines import every_alpha, motion_lines, order_lines, samples_text
+from polefence.cli.options import (
     at_samples,
-    check_results,
-    every_alpha,
+    centre_argument,
+    kind_argument,
     method_arguments,
     method_of,
-    motion_lines,
-    order_lines,
     refuse_method_options,
-    report,
     result_arguments,
-    samples_text,
     sampling_arguments,
     spec_argument,
-    structure_of_options,
+    structure_arguments,
+    structure_of,
 )
+from polefence.cli.output import PROVED, check_results, report
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk
@@ -34,27 +30,12 @@ from polefence.region.text import digits_down, digits_up, parse_region, short_te
 from polefence.search.placed import tightest
 from polefence.search.rows import plant_summary
 
-KINDS = ("disk", "half_plane", "sector")
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tightest`."""
     spec_argument(parser)
-    parser.add_argument(
-        "--of",
-        type=lambda word: word.lower().replace("-", "_"),
-        choices=KINDS,
-        required=True,
-        help="disk: the smallest radius about --centre; half_plane: the largest decay rate; "
-        "sector: the largest damping ratio",
-    )
-    parser.add_argument(
-        "--centre",
-        "--center",
-        type=float,
-        metavar="CENTRE",
-        help="disk: its centre, for example -40",
-    )
+    kind_argument(parser, required=True)
+    centre_argument(parser, "disk: its centre, for example -40")
     parser.add_argument(
         "--within",
         metavar="REGION",
@@ -62,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     method_arguments(parser)
     sampling_arguments(parser)
-    add_structure_options(parser, degree=False)
-    result_arguments(parser)
+    structure_arguments(parser)
+    result_arguments(parser, "write DIR/design.json", "poles over the family, and the region")
 
 
 def tightest_command(options: Any) -> int:
@@ -79,12 +60,12 @@ def tightest_command(options: Any) -> int:
     if options.of == "disk" and options.centre is None:
         raise InputError(f"--of disk needs {centre}")
     within = None if options.within is None else parse_region(options.within, alone=False)
-    structure, method = structure_of_options(plant, options), None
+    structure, method = structure_of(plant, options), None
     if structure is None:
         method = method_of(options.method or "scheduled", options)
     else:
         refuse_method_options(options)
-    check_results(options)
+    check_results(options, FILE_NAME)
     design = tightest(
         plant, options.centre, method, of=options.of, within=within, structure=structure
     )
@@ -101,9 +82,9 @@ def tightest_command(options: Any) -> int:
         and plant.sample_time is None
         and (within is None or within.parts != design.region.parts[1:])
     ):
-        disk = next(part for part in design.region.parts[::-1] if isinstance(part, Disk))
-        half = float(f"{disk.radius / 2:.2g}")
-        own = replace(disk, centre=-half, radius=half)
+        disk = next(part for part in design.region.parts[::-1] if part.circle)
+        half = float(f"{disk.size / 2:.2g}")
+        own = Disk(-half, half)
         lines.append(
             "note: a disk was added, or the gain would grow without bound; choose your own by "
             f"--within, for example '{short_text(own)}'"

@@ -5,40 +5,47 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.workers import processes
 from polefence.certify.checks import is_optimisable
-from polefence.cli.common import (
+from polefence.cli.lines import samples_text
+from polefence.cli.optimise import (
+    asked,
+)
+from polefence.cli.options import (
+    SIGNAL_METHODS,
+    at_samples,
+    jobs_of,
+    limit_argument,
+    method_arguments,
+    methods_of,
+    minimise_argument,
+    poles_argument,
+    refuse_method_options,
+    region_of,
+    result_arguments,
+    road_arguments,
+    road_of,
+    rows_file,
+    sampling_arguments,
+    signal_method_of,
+    spaced,
+    spec_argument,
+    structure_arguments,
+    structure_of,
+    sweep_arguments,
+)
+from polefence.cli.output import (
     NOT_PROVED,
     PROVED,
     STANDARD,
-    add_structure_options,
-    at_samples,
-    check_figure,
-    check_targets,
+    check_results,
     finished_rows,
-    jobs_of,
-    refuse_method_options,
-    rows_file,
-    samples_text,
-    sampling_arguments,
     saved,
-    spaced,
-    spec_argument,
-    structure_of_options,
-    sweep_arguments,
     write_figure,
     write_json,
-)
-from polefence.cli.optimise import (
-    METHODS,
-    asked,
-    method_of_options,
-    region_of_options,
-    road_of,
 )
 from polefence.cli.terminal import say
 from polefence.law.structure import Structure
@@ -73,50 +80,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("FROM", "TO", "COUNT"),
         help="evenly spaced limits, for example 50 300 6",
     )
-    for option, metavar, text in (
-        (
-            "--minimise",
-            "TEXT",
-            f"default: the spec's with minimise = true, else of a quarter car '{COMFORT}'",
-        ),
-        ("--road", "CLASS", "A to H of ISO 8608; default: the spec's"),
-        ("--region", "TEXT", "for the poles; default: the spec's, else stability"),
-    ):
-        parser.add_argument(option, metavar=metavar, help=text)
-    parser.add_argument("--speed", type=float, metavar="V", help="over that road [m/s]")
-    parser.add_argument(
-        "--limit",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="kept everywhere: 'rms of tyre deflection <= 0.0048'; repeat for more",
-    )
-    parser.add_argument(
-        "--method", action="append", choices=METHODS, help="repeat for more; default: both"
-    )
-    parser.add_argument(
-        "--degree",
-        type=int,
-        metavar="N",
-        help="scheduled: of W and Z in alpha; of a structure: of the law in the parameters; "
-        "default: 1",
-    )
-    parser.add_argument(
-        "--elevation", type=int, metavar="N", help="scheduled: of the inequalities; default: 0"
-    )
-    parser.add_argument(
-        "--on",
-        choices=("simplex", "box"),
-        help="scheduled; default: box, simplex for a plant without parameters",
-    )
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write the rows, kept up to date; -: stdout"
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the curves (.png, .svg, .pdf)"
-    )
+    minimise_argument(parser, "'rms of SIGNAL'", f", else of a quarter car '{COMFORT}'")
+    road_arguments(parser)
+    poles_argument(parser)
+    limit_argument(parser, "kept everywhere: 'rms of tyre deflection <= 0.0048'; repeat for more")
+    method_arguments(parser, SIGNAL_METHODS, several=True)
+    result_arguments(parser, plot="the curves", json="write the rows, kept up to date; -: stdout")
     sweep_arguments(parser)
-    add_structure_options(parser, degree=False)
+    structure_arguments(parser)
     sampling_arguments(parser)
 
 
@@ -124,14 +95,13 @@ def tradeoff_command(options: Any) -> int:
     """Find the least proved bound on one signal for each limit on another."""
     plant = at_samples(load(options.spec), options)
     minimise, over, limits = _specifications(plant, options)
-    values, structure = _values(options), structure_of_options(plant, options)
+    values, structure = _values(options), structure_of(plant, options)
     methods = _methods(plant, options, structure)
     if methods is not None and not options.method:
         methods = _fitted(plant, methods, 2 + len(limits))
-    region = region_of_options(options)
-    check_figure(options.plot)
+    region = region_of(options)
     path = rows_file(options)
-    check_targets(options.json, options.plot)
+    check_results(options)
     rows = len(values) * len(methods or [TUNED])
     jobs = jobs_of(options, rows)
     with processes(jobs) as executor, _finished(rows) as finished:
@@ -181,17 +151,8 @@ def _methods(
     if structure is not None:
         refuse_method_options(options)
         return None
-    names = list(dict.fromkeys(options.method or METHODS))
-    given = [key for key in ("degree", "elevation", "on") if getattr(options, key) is not None]
-    if given and names == ["quadratic"]:
-        raise InputError(f"--{given[0]} belongs to scheduled, not to quadratic")
-    methods = list[Method]()
-    for name in names:
-        own = vars(options) | {"method": name}
-        if name == "quadratic":
-            own |= dict.fromkeys(("degree", "elevation", "on"))
-        methods.append(method_of_options(plant, argparse.Namespace(**own)))
-    return methods
+    names = list(dict.fromkeys(options.method or SIGNAL_METHODS))
+    return methods_of(names, lambda name: signal_method_of(plant, name, options))
 
 
 def _fitted(plant: UncertainPlant, methods: list[Method], count: int) -> list[Method]:

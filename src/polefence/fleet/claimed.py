@@ -10,7 +10,7 @@ from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence
-from polefence.proof.regions import Disk, Part, parts_of, write_region
+from polefence.proof.regions import Part, parts_of, write_region
 from polefence.region.regions import Region
 from polefence.requirements.specification import Specification, claim_of
 
@@ -41,8 +41,8 @@ def is_inside(parts: Sequence[Part], region: Region) -> bool:
     """Whether each part of a region is one of these, or a disk that has one of these inside."""
 
     def covers(whole: Part, own: Part) -> bool:
-        if isinstance(own, Disk) and isinstance(whole, Disk):
-            return own.centre == whole.centre and own.radius <= whole.radius
+        if own.circle is not None and whole.circle is not None:
+            return own.circle[0] == whole.circle[0] and own.circle[1] <= whole.circle[1]
         return own == whole
 
     return all(any(covers(whole, own) for own in parts) for whole in parts_of(region.document()))

@@ -47,7 +47,7 @@ from polefence.proof.claims.margins import MarginClaim
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
-from polefence.proof.regions import Disk, Part, parts_of, write_region
+from polefence.proof.regions import Part, parts_of, write_region
 from polefence.proof.short import Short
 from polefence.proof.text import unit_text
 from polefence.region.regions import HalfPlane, Region, Sector
@@ -337,7 +337,7 @@ class Tightest(_OfMethod):
         return [
             part
             for part in (() if own is None else own.region)
-            if part.kind == self.of and (not isinstance(part, Disk) or part.centre == self.centre)
+            if part.kind == self.of and (part.circle is None or part.circle[0] == self.centre)
         ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002

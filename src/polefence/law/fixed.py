@@ -100,6 +100,10 @@ class FixedGain(Law):
         """Return it for a plant with more states behind its n, which are not fed back."""
         return FixedGain(more_columns(self.K, more))
 
+    def late(self, n: int, more: int) -> FixedGain:
+        """Return it with zeros for them."""
+        return FixedGain(np.insert(self.K, [n] * more, 0.0, axis=1))
+
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> FixedGain:
         """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
         K = self.K @ np.linalg.inv(T) / scale[:, None]

@@ -229,6 +229,10 @@ class Law(Short):
         """Return it for a plant with more states behind its n, which are not fed back."""
         raise NotImplementedError
 
+    def late(self, n: int, more: int) -> Self:
+        """Return it with no gain of more states, inputs on their way, which are behind n states."""
+        raise NotImplementedError
+
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> Self:
         """Return it in coordinates y = T x, u = diag(scale) v.
 

@@ -205,6 +205,14 @@ class PolynomialGain(Law):
             return replace(self, gains=more_columns(self.gains, more))
         return replace(self, measured=tuple(padded(y, more) for y in self.measured))
 
+    def late(self, n: int, more: int) -> PolynomialGain:
+        """Return it with zeros for them, in the rows of what is measured if it is given that."""
+        if not self.measured:
+            return replace(self, gains=np.insert(self.gains, [n] * more, 0.0, axis=2))
+        none = (0,) * more
+        wider = (replace(y, C=[(*row[:n], *none, *row[n:]) for row in y.C]) for y in self.measured)
+        return replace(self, measured=tuple(wider))
+
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> PolynomialGain:
         """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
         C = more_columns(self.C @ np.linalg.inv(T), states)

@@ -153,6 +153,17 @@ class ScheduledGain(Law):
         W[:, range(n, n + more), range(n, n + more)] = self.W[0, 0, 0]
         return replace(self, W=W, Z=more_columns(self.Z, more))
 
+    def late(self, n: int, more: int) -> ScheduledGain:
+        """Return it with a diagonal of W in the inputs' own units, Z W^-1 Z' in the middle."""
+        middle, Z = self.W.mean(axis=0), self.Z.mean(axis=0)
+        size = np.diag(Z @ np.linalg.solve(middle, Z.T))
+        size = 2.0 ** np.round(np.log2(np.where(size > 0, size, 1.0)))  # short numbers
+        W = np.zeros((len(self.W), n + more, n + more))
+        W[:, :n, :n] = self.W
+        added = np.arange(n, n + more)
+        W[:, added, added] = np.tile(size, more // len(size))
+        return replace(self, W=W, Z=np.insert(self.Z, [n] * more, 0.0, axis=2))
+
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> ScheduledGain:
         """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
         n = len(T)

@@ -165,11 +165,11 @@ class Body(Short):
     @property
     def inverse(self) -> Rows:
         """M^-1, by the formula of Sherman and Morrison: M is that of the empty body plus l g g'."""
-        own = self._unloaded
-        rows = [[a if i == j else 0 for j in range(len(own))] for i, a in enumerate(own)]
+        inertia = self._unloaded
+        rows = [[a if i == j else 0 for j in range(len(inertia))] for i, a in enumerate(inertia)]
         if self.load is None:
             return rows
-        h = [a * b for a, b in zip(self.corner(*self.load), own, strict=True)]
+        h = [a * b for a, b in zip(self.corner(*self.load), inertia, strict=True)]
         share = self.empty * (1 - self.empty / self.felt)
         return [[e - share * h[i] * h[j] for j, e in enumerate(row)] for i, row in enumerate(rows)]
 
@@ -285,26 +285,26 @@ class Car(Short):
         motions, wheels = self.body.motions, [wheel.name for wheel in self.wheels]
         return {
             "states": (
-                *(f"{own} over the road [{MOTIONS[own][0]}]" for own in motions),
-                *(f"{own} tyre deflection [m]" for own in wheels),
-                *(f"{own} rate [{MOTIONS[own][1]}]" for own in motions),
-                *(f"{own} wheel velocity [m/s]" for own in wheels),
+                *(f"{name} over the road [{MOTIONS[name][0]}]" for name in motions),
+                *(f"{name} tyre deflection [m]" for name in wheels),
+                *(f"{name} rate [{MOTIONS[name][1]}]" for name in motions),
+                *(f"{name} wheel velocity [m/s]" for name in wheels),
             ),
-            "inputs": tuple(f"{own} force [N]" for own in wheels),
-            "disturbances": (*(f"{own} [m/s]" for own in self.places), *self.manoeuvres),
+            "inputs": tuple(f"{name} force [N]" for name in wheels),
+            "disturbances": (*(f"{name} [m/s]" for name in self.places), *self.manoeuvres),
         }
 
     @property
     def places(self) -> dict[str, tuple[Any, Any]]:
         """Where each road is, by the name of the disturbance: of its wheel, (x, y) [m]."""
-        return {f"{own.name} road velocity": (own.x, own.y) for own in self.wheels}
+        return {f"{wheel.name} road velocity": (wheel.x, wheel.y) for wheel in self.wheels}
 
     @property
     def manoeuvres(self) -> tuple[str, ...]:
         """Disturbances that push the body: deceleration, and acceleration to the left."""
         if self.body.height is None:
             return ()
-        return tuple(MANOEUVRES[own] for own in self.body.motions[1:])
+        return tuple(MANOEUVRES[motion] for motion in self.body.motions[1:])
 
     @property
     def matrices(self) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
@@ -341,40 +341,40 @@ class Car(Short):
 
     def _forces(self, deflection: Rows) -> Rows:
         """F without the inputs, by the states: ds/dt = (wheel's velocity) - G v."""
-        k, m, found = len(self.body.motions), len(self.wheels), []
+        k, m, forces = len(self.body.motions), len(self.wheels), []
         for i, (wheel, row) in enumerate(zip(self.wheels, self.G, strict=True)):
             rate = [0] * (k + m) + [-g for g in row] + [int(j == i) for j in range(m)]
             pairs = zip(deflection[i], rate, strict=True)
-            found.append([wheel.spring * s + wheel.damper * r for s, r in pairs])
+            forces.append([wheel.spring * s + wheel.damper * r for s, r in pairs])
         names = [wheel.name for wheel in self.wheels]
         for bar in self.bars:
             one, other = (names.index(name) for name in bar.between)
             apart = [a - b for a, b in zip(deflection[one], deflection[other], strict=True)]
             for i, sign in ((one, 1), (other, -1)):
-                pairs = zip(found[i], apart, strict=True)
-                found[i] = [f + sign * bar.stiffness * s for f, s in pairs]
-        return found
+                pairs = zip(forces[i], apart, strict=True)
+                forces[i] = [f + sign * bar.stiffness * s for f, s in pairs]
+        return forces
 
     def _moved(self, force: Rows) -> Rows:
         """dv/dt = M^-1 G' F."""
         return _product(self.body.inverse, _product(transposed(self.G), force))
 
     def _outputs(self, deflection: Rows, moved: Rows, pushed: Rows) -> dict[str, dict[str, Any]]:
-        k, found = len(self.body.motions), dict[str, dict[str, Any]]()
+        k, outputs = len(self.body.motions), dict[str, dict[str, Any]]()
         turned = [[0] * len(self.wheels) + row for row in self.body.pushed]
-        for i, own in enumerate(self.body.motions):
-            label = f"{own} acceleration [{MOTIONS[own][1]}2]"
-            found[label] = self._row(moved[i], pushed[i], turned[i])
+        for i, motion in enumerate(self.body.motions):
+            label = f"{motion} acceleration [{MOTIONS[motion][1]}2]"
+            outputs[label] = self._row(moved[i], pushed[i], turned[i])
         for name, place in self.seats.items():
             x, y = (exact(value, f"seat {name}") for value in place)
             g = [self.body.corner(x, y)]
-            rows = (_product(g, own)[0] for own in (moved, pushed, turned))
-            found[f"{name} acceleration [m/s2]"] = self._row(*rows)
+            rows = (_product(g, part)[0] for part in (moved, pushed, turned))
+            outputs[f"{name} acceleration [m/s2]"] = self._row(*rows)
         for i, wheel in enumerate(self.wheels):
-            found[f"{wheel.name} suspension deflection [m]"] = {"C": deflection[i]}
+            outputs[f"{wheel.name} suspension deflection [m]"] = {"C": deflection[i]}
             row = [wheel.tyre * int(j == k + i) for j in range(len(deflection[0]))]
-            found[f"{wheel.name} tyre force variation [N]"] = {"C": row}
-        return found
+            outputs[f"{wheel.name} tyre force variation [N]"] = {"C": row}
+        return outputs
 
     def _row(self, C: list[Any], D: list[Any], F: list[Any]) -> dict[str, Any]:
         """Return an acceleration; manoeuvres pass straight into it."""
@@ -412,7 +412,12 @@ def car_family(
     parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
     if len(parameters) >= MAX_VERTICES.bit_length():
         raise PlantError(f"{len(parameters)} parameters; at most {MAX_VERTICES.bit_length() - 1}")
-    corners = combined(*([(own.name, end) for end in (own.low, own.high)] for own in parameters))
+    corners = combined(
+        *(
+            [(parameter.name, end) for end in (parameter.low, parameter.high)]
+            for parameter in parameters
+        )
+    )
     cars = [make(**dict(corner)) for corner in corners]  # symbols have no sign
 
     def matrices(**values: Any) -> tuple[Rows, Rows, Rows, dict[str, dict[str, Any]]]:
@@ -428,16 +433,16 @@ def car_family(
     return UncertainPlant.from_function(matrices, parameters, **(cars[0].signals | names))
 
 
-def _set(own: Any, key: str, what: str, may_vanish: bool = False) -> None:
+def _set(part: Any, key: str, what: str, may_vanish: bool = False) -> None:
     """Make a number exact and check its sign; a symbol has none."""
-    value = getattr(own, key)
+    value = getattr(part, key)
     if isinstance(value, Rational | float | int | str):
         value = exact(value, what)
         if value < 0 or (value == 0 and not may_vanish):
             few = "negative" if value < 0 else "zero"
             must = "zero or more" if may_vanish else "positive"
             raise PlantError(f"{what} = {float(value):g} is {few}; it must be {must}")
-        object.__setattr__(own, key, value)
+        object.__setattr__(part, key, value)
 
 
 def _product(X: Rows, Y: Rows) -> Rows:

@@ -153,7 +153,7 @@ class UncertainPlant(Short):
                 raise PlantError(
                     f"{attribute} names {len(given)} signals; the matrices have {width}"
                 )
-        known = [own.name for own in disturbances(self)]
+        known = [signal.name for signal in disturbances(self)]
         for name in self.noise:
             if name not in known:
                 raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
@@ -167,7 +167,7 @@ class UncertainPlant(Short):
     @property
     def moving(self) -> tuple[Parameter, ...]:
         """The parameters that move."""
-        return tuple(own for own in self.parameters if own.rate is not None)
+        return tuple(parameter for parameter in self.parameters if parameter.rate is not None)
 
     @property
     def at_rest(self) -> UncertainPlant:
@@ -178,28 +178,28 @@ class UncertainPlant(Short):
 
     def _read_outputs(self) -> None:
         """Leave out those of the vehicle; refuse those that do not fit, and names that repeat."""
-        found = {output.name: output for output in self.outputs}
-        if len(found) < len(self.outputs):
+        named = {output.name: output for output in self.outputs}
+        if len(named) < len(self.outputs):
             raise PlantError("two outputs have one name; rename one")
         for output in self._of_vehicle:
-            if found.pop(output.name, output) != output:
+            if named.pop(output.name, output) != output:
                 raise PlantError(
                     f"output {output.name!r} differs from that of the vehicle, which has this "
                     "name; rename it, or leave it out"
                 )
-        for output in found.values():
+        for output in named.values():
             output.exact(self)
         for signal in (*states(self), *inputs(self)):
-            if signal.name in found:
+            if signal.name in named:
                 raise PlantError(f"output {signal.name!r} is the name of a state or input; rename")
-        object.__setattr__(self, "outputs", tuple(found.values()))
+        object.__setattr__(self, "outputs", tuple(named.values()))
 
     @property
     def size_text(self) -> str:
         """How many vertices, states and inputs there are, in words."""
         n, m = self.shape
         counts = ((len(self.vertices), "vertex"), (n, "state"), (m, "input"))
-        return ", ".join(plural(*own) for own in counts)
+        return ", ".join(plural(*count) for count in counts)
 
     def __repr__(self) -> str:
         return f"<UncertainPlant {self.name!r}: {self.size_text}>"
@@ -309,8 +309,8 @@ class UncertainPlant(Short):
                 raise PlantError(
                     f"the plant function returns {len(result)} matrices; return A, B or A, B, E"
                 )
-            found = {k: M for k, M in zip("ABE", result[:3], strict=False) if M is not None}
-            return found | _output_rows(result[3] if len(result) == 4 else {})
+            matrices = {k: M for k, M in zip("ABE", result[:3], strict=False) if M is not None}
+            return matrices | _output_rows(result[3] if len(result) == 4 else {})
 
         return cls._from_symbolic(lettered, parameters, **names)
 
@@ -347,7 +347,7 @@ class UncertainPlant(Short):
             if where not in ("A", "B", "E"):
                 label, key = where.removeprefix(_OUTPUTS).rsplit(".", 1)
                 rows.setdefault(label, {})[key] = [own[corner][0] for corner in order]
-        outputs = tuple(Output(*split(label), **own) for label, own in rows.items())
+        outputs = tuple(Output(*split(label), **keys) for label, keys in rows.items())
         return cls(vertices, parameters, outputs=outputs, **names)
 
     @property
@@ -363,7 +363,7 @@ class UncertainPlant(Short):
     @property
     def physical(self) -> tuple[bool, ...]:
         """Whether each disturbance is one of the plant, and no noise of a sensor."""
-        return tuple(own.name not in self.noise for own in disturbances(self))
+        return tuple(signal.name not in self.noise for signal in disturbances(self))
 
     @cached_property
     def _of_vehicle(self) -> tuple[Output, ...]:
@@ -389,7 +389,11 @@ class UncertainPlant(Short):
             If there is none of that name.
         """
         known = self.signals
-        if self.vehicle is None and name in OF_A_CAR and name not in [own.name for own in known]:
+        if (
+            self.vehicle is None
+            and name in OF_A_CAR
+            and name not in [signal.name for signal in known]
+        ):
             raise InputError(
                 f"no signal {name!r}: cars have it by a table [vehicle], and {self.name} has none"
             )
@@ -494,8 +498,8 @@ class UncertainPlant(Short):
     @cached_property
     def curve(self) -> Array:
         """Bernstein coefficients (count, n, n + m + q) of what is added between vertices."""
-        own = () if self.remainder is None else self.remainder.curve
-        return np.array([[[float(x) for x in row] for row in M] for M in own])
+        coefficients = () if self.remainder is None else self.remainder.curve
+        return np.array([[[float(x) for x in row] for row in M] for M in coefficients])
 
     @property
     def curve_degree(self) -> int:
@@ -639,10 +643,10 @@ class Scope(Mapping[str, Any]):
 
     def value(self, given: Any, place: str) -> Any:
         """Return an entry, as a number where it is written without any parameter."""
-        found = self.entry(given, place)
-        if isinstance(found, RationalFunction) and found.is_constant:
-            return found([Fraction(0)] * found.count)
-        return found
+        entry = self.entry(given, place)
+        if isinstance(entry, RationalFunction) and entry.is_constant:
+            return entry([Fraction(0)] * entry.count)
+        return entry
 
     def entry(self, given: Any, place: str) -> Any:
         """Return one matrix entry: a number as it is, an expression evaluated."""

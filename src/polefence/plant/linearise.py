@@ -126,21 +126,21 @@ def linearise(
         raise PlantError(
             "linearise needs a parameter; UncertainPlant.from_vertices takes one plant"
         )
-    own = _Function(f, x0, u0, w0, dict(outputs or {}), names.get("sample_time") is not None)
-    corners = [own.jacobians(point) for point in _corners(box)]
+    system = _Function(f, x0, u0, w0, dict(outputs or {}), names.get("sample_time") is not None)
+    corners = [system.jacobians(point) for point in _corners(box)]
     named = dict(names)
     label = str(named.pop("name", "") or getattr(f, "__name__", "plant").strip("<>"))
     plant = UncertainPlant.from_vertices(
-        [each["A"] for each in corners],
-        [each["B"] for each in corners],
-        None if w0 is None else [each["E"] for each in corners],
+        [jacobian["A"] for jacobian in corners],
+        [jacobian["B"] for jacobian in corners],
+        None if w0 is None else [jacobian["E"] for jacobian in corners],
         parameters=box,
         name=label if declared else f"{label}, linearised",
-        outputs=tuple(_outputs(own, corners)),
+        outputs=tuple(_outputs(system, corners)),
         **named,
     )
     points = list(_points(box))
-    error, place, values = _worst(plant, own, corners, points)
+    error, place, values = _worst(plant, system, corners, points)
     if declared and error > ROUNDING:
         variables = ", ".join(p.through for p in box)
         raise MultiAffinityError(
@@ -166,15 +166,15 @@ class _Function:
         """Return x0, u0 and w0 at a point."""
         given = [("x0", self.x0), ("u0", self.u0)]
         given += [] if self.w0 is None else [("w0", self.w0)]
-        return [_vector(name, _called(name, own, point)) for name, own in given]
+        return [_vector(name, _called(name, function, point)) for name, function in given]
 
     def jacobians(self, point: Point) -> dict[str, Array]:
         """Return A, B, E and the rows of outputs at a point."""
         rest = self.at_rest(point)
-        found = dict(zip("ABE", self._of("f", self.f, rest, point, len(rest[0])), strict=False))
+        matrices = dict(zip("ABE", self._of("f", self.f, rest, point, len(rest[0])), strict=False))
         value = _value("f", self.f, rest, point, len(rest[0])).real
         value = value - rest[0] if self.discrete else value
-        pairs = zip(found.values(), rest, strict=True)
+        pairs = zip(matrices.values(), rest, strict=True)
         terms = np.sum([np.abs(M) @ np.abs(v) for M, v in pairs], axis=0) + 1
         worst = int(np.argmax(np.abs(value) / terms))
         if not abs(value[worst]) <= AT_REST * terms[worst]:
@@ -185,20 +185,20 @@ class _Function:
             )
         for name, output in self.outputs.items():
             rows = zip("CDF", self._of(name, output, rest, point, 1), strict=False)
-            found |= {f"{name}.{key}": M for key, M in rows}
-        return found
+            matrices |= {f"{name}.{key}": M for key, M in rows}
+        return matrices
 
     def _of(
         self, name: str, f: Callable[..., Any], rest: list[Array], point: Point, rows: int
     ) -> Iterator[Array]:
         """Yield the Jacobians of one function in x, u and w."""
-        for k, own in enumerate(rest):
+        for k, values in enumerate(rest):
             columns = []
-            for j in range(len(own)):
+            for j in range(len(values)):
                 moved = [v.astype(complex) for v in rest]
                 moved[k][j] += 1j * STEP
                 columns.append(_value(name, f, moved, point, rows).imag / STEP)
-            M = np.array(columns).T.reshape(rows, len(own))
+            M = np.array(columns).T.reshape(rows, len(values))
             self._require_differences(name, f, rest, point, k, M)
             yield M
 
@@ -230,21 +230,21 @@ def _value(name: str, f: Callable[..., Any], at: list[Array], point: Point, rows
         with warnings.catch_warnings():  # what loses imaginary parts is found by differences
             warnings.simplefilter("ignore", np.exceptions.ComplexWarning)
             given = f(*(v.copy() for v in at), **point)
-        found = np.atleast_1d(np.asarray(given, dtype=complex))
+        values = np.atleast_1d(np.asarray(given, dtype=complex))
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as problem:
         raise PlantError(
             f"{name} fails {_at(point)}: {problem}; it is called with complex arrays and the "
             "parameters by name: use np.sin rather than math.sin"
         ) from problem
-    if found.shape != (rows,) or not np.all(np.isfinite(found)):
+    if values.shape != (rows,) or not np.all(np.isfinite(values)):
         raise PlantError(f"{name} must return {rows} finite numbers {_at(point)}")
-    return found
+    return values
 
 
-def _called(name: str, own: Any, point: Point) -> Any:
+def _called(name: str, function: Any, point: Point) -> Any:
     """Return a value, or what a function of the parameters returns."""
     try:
-        return own(**point) if callable(own) else own
+        return function(**point) if callable(function) else function
     except (TypeError, ValueError, ArithmeticError, LookupError) as problem:
         raise PlantError(
             f"{name} fails {_at(point)}: {problem}; a function of it is called with the "
@@ -254,12 +254,12 @@ def _called(name: str, own: Any, point: Point) -> Any:
 
 def _vector(name: str, value: Any) -> Array:
     try:
-        found = np.atleast_1d(np.asarray(value, dtype=float))
+        vector = np.atleast_1d(np.asarray(value, dtype=float))
     except (TypeError, ValueError, OverflowError) as problem:
         raise PlantError(f"{name} must be a list of numbers: {problem}") from problem
-    if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)):
+    if vector.ndim != 1 or not len(vector) or not np.all(np.isfinite(vector)):
         raise PlantError(f"{name} must be a list of finite numbers")
-    return found
+    return vector
 
 
 def _at(point: Point) -> str:
@@ -283,27 +283,29 @@ def _points(box: Sequence[Parameter]) -> Iterator[dict[str, float]]:
         }
 
 
-def _outputs(own: _Function, corners: Sequence[Mapping[str, Array]]) -> Iterator[Output]:
-    for label in own.outputs:
+def _outputs(system: _Function, corners: Sequence[Mapping[str, Array]]) -> Iterator[Output]:
+    for label in system.outputs:
         keys = [key for key in "CDF" if f"{label}.{key}" in corners[0]]
         rows: dict[str, Any]
-        rows = {key: [each[f"{label}.{key}"][0].tolist() for each in corners] for key in keys}
+        rows = {
+            key: [jacobian[f"{label}.{key}"][0].tolist() for jacobian in corners] for key in keys
+        }
         yield Output(*split(label), **rows)
 
 
 def _worst(
     plant: UncertainPlant,
-    own: _Function,
+    system: _Function,
     corners: Sequence[Mapping[str, Array]],
     points: Sequence[dict[str, float]],
 ) -> tuple[float, str, dict[str, float]]:
     """Return the largest difference from the family, its entry, and the point."""
     alpha = np.array([plant.alpha(clamp=True, **point) for point in points])
-    each = [own.jacobians(point) for point in points]
+    jacobians = [system.jacobians(point) for point in points]
     worst = (0.0, "A[1][1]", points[0])
     for key in corners[0]:
-        there = np.array([found[key] for found in each])
-        family = np.tensordot(alpha, np.array([found[key] for found in corners]), 1)
+        there = np.array([jacobian[key] for jacobian in jacobians])
+        family = np.tensordot(alpha, np.array([jacobian[key] for jacobian in corners]), 1)
         size = np.maximum(np.abs(there), np.abs(family)).max(axis=0)
         apart = np.abs(there - family) / np.where(size > 0, size, 1.0)
         k, i, j = map(int, np.unravel_index(int(np.argmax(apart)), apart.shape))

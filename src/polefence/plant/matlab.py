@@ -134,15 +134,15 @@ class _Reader:
             self._take(len(content))
         if kind != MI_MATRIX:
             raise _DamagedError(f"a variable of type {kind}")
-        found: list[str] = []
+        names: list[str] = []
         try:
-            value = self.matrix(content, 0, found)
+            value = self.matrix(content, 0, names)
         except _DamagedError as problem:
-            if not found:
+            if not names:
                 raise
             value = Unread(f"damaged ({problem})")
-        if found[0]:
-            yield found[0], value
+        if names[0]:
+            yield names[0], value
 
     def _take(self, size: int) -> None:
         self.left -= size
@@ -253,10 +253,10 @@ class _Reader:
         row = row[:count]
         if np.any((row < 0) | (row >= rows)):
             raise _DamagedError("no rows of a sparse matrix")
-        found = np.zeros(sizes, dtype=value.dtype)
+        matrix = np.zeros(sizes, dtype=value.dtype)
         at = row, np.repeat(np.arange(columns), np.diff(begin))
-        np.add.at(found, at, value[:count])  # as MATLAB adds what stands in one place
-        return found
+        np.add.at(matrix, at, value[:count])  # as MATLAB adds what stands in one place
+        return matrix
 
     def numbers(
         self,
@@ -268,27 +268,27 @@ class _Reader:
         kind, content = _next(inside)
         if kind not in NUMBERS:
             raise _DamagedError(f"numbers of type {kind}")
-        own = np.dtype(self.order + NUMBERS[kind])
-        if len(content) % own.itemsize:
+        dtype = np.dtype(self.order + NUMBERS[kind])
+        if len(content) % dtype.itemsize:
             raise _DamagedError("half a number")
-        found = np.frombuffer(content, dtype=own)
-        if len(found) != count if count is not None else not (len(found) or some):
-            raise _DamagedError(f"{len(found)} numbers in the place of {count or 1}")
-        return found
+        numbers = np.frombuffer(content, dtype=dtype)
+        if len(numbers) != count if count is not None else not (len(numbers) or some):
+            raise _DamagedError(f"{len(numbers)} numbers in the place of {count or 1}")
+        return numbers
 
 
 def _complex(real: Array, imaginary: Array) -> Array:
     """Return complex numbers of their parts; infinite ones stay apart."""
-    found = np.empty(real.shape, dtype=complex)
-    found.real, found.imag = real, imaginary
-    return found
+    values = np.empty(real.shape, dtype=complex)
+    values.real, values.imag = real, imaginary
+    return values
 
 
 def _next(inside: Iterator[tuple[int, memoryview]]) -> tuple[int, memoryview]:
-    found = next(inside, None)
-    if found is None:
+    element = next(inside, None)
+    if element is None:
         raise _DamagedError("it ends too early")
-    return found
+    return element
 
 
 def _text(inside: Iterator[tuple[int, memoryview]]) -> str:
@@ -315,16 +315,16 @@ def _older(raw: bytes) -> Iterator[tuple[str, Any]]:
             raise _DamagedError("no header of version 4")
         if max(rows, columns, rows * columns) > MAX_ENTRIES:
             raise _DamagedError(f"more than {MAX_ENTRIES} entries")
-        own = np.dtype(order + OLDER[precision])
+        dtype = np.dtype(order + OLDER[precision])
         begin = at + 20 + length
-        size = rows * columns * own.itemsize
+        size = rows * columns * dtype.itemsize
         at = begin + size * (2 if imaginary else 1)
         if at > len(raw):
             raise _DamagedError("it ends too early")
         name = raw[begin - length : begin].split(b"\0")[0].decode("latin1")
-        value = np.frombuffer(raw[begin : begin + size], own).reshape((rows, columns), order="F")
+        value = np.frombuffer(raw[begin : begin + size], dtype).reshape((rows, columns), order="F")
         if imaginary:
-            more = np.frombuffer(raw[begin + size : at], own)
+            more = np.frombuffer(raw[begin + size : at], dtype)
             value = _complex(value, more.reshape((rows, columns), order="F"))
         if what == 2:
             yield name, Unread("a sparse matrix of MATLAB 4")

@@ -89,10 +89,10 @@ class Domain(Short):
         if degree == 1 and len(self.sizes) == 1:
             return a
         parts = np.split(self.coordinates(a), np.cumsum(self.sizes)[:-1], axis=-1)
-        found, *others = (_bernstein(part, degree) for part in parts)
+        basis, *others = (_bernstein(part, degree) for part in parts)
         for other in others:
-            found = (found[..., :, None] * other[..., None, :]).reshape(*a.shape[:-1], -1)
-        return np.asarray(found)
+            basis = (basis[..., :, None] * other[..., None, :]).reshape(*a.shape[:-1], -1)
+        return np.asarray(basis)
 
     def coordinates(self, alpha: Array) -> Array:
         """Return the coordinates in each simplex, side by side."""
@@ -123,8 +123,8 @@ class Domain(Short):
         """Return the Bernstein coefficients (count, ...) of what has these values at the nodes."""
         table = values.reshape(1, -1)
         for size in self.sizes:  # the nodes are products of each simplex's
-            found = _from_nodes(size, degree)
-            table = found @ table.reshape(*table.shape[:-1], len(found), -1)
+            inverse = _from_nodes(size, degree)
+            table = inverse @ table.reshape(*table.shape[:-1], len(inverse), -1)
             table = table.reshape(-1, table.shape[-1])
         return np.asarray(table.reshape(values.shape))
 
@@ -219,8 +219,8 @@ def degree_of(P: Polynomial, domain: Domain) -> int:
 def values(P: Polynomial, domain: Domain, alpha: Array) -> Array:
     """Return a polynomial's values at points alpha (..., N), as (..., rows, columns)."""
     degree = degree_of(P, domain)
-    each = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
-    return np.asarray(np.tensordot(domain.basis(alpha, degree), np.array(each), 1))
+    scaled = [P[e] / binomial(domain.sizes, e) for e in domain.monomials(degree)]
+    return np.asarray(np.tensordot(domain.basis(alpha, degree), np.array(scaled), 1))
 
 
 def times(P: Polynomial, Q: Polynomial) -> Polynomial:

@@ -134,7 +134,7 @@ def load_dampers(path: str | Path) -> tuple[Damper, ...]:
 
 
 def _dampers(data: Mapping[str, Any]) -> tuple[Damper, ...]:
-    tables, found = data.get("damper", {}), list[Damper]()
+    tables, dampers = data.get("damper", {}), list[Damper]()
     if not isinstance(tables, dict):
         raise SpecError('damper must be a table; write [damper."FORCE"]')
     for name, table in tables.items():
@@ -147,8 +147,8 @@ def _dampers(data: Mapping[str, Any]) -> tuple[Damper, ...]:
         if not isinstance(bounds, list) or len(bounds) != 2:
             raise SpecError(f"{where}: range = {shown(bounds)} must be [LOWEST, HIGHEST] in N s/m")
         low, high = (_finite(c, f"{where}: range") for c in bounds)
-        found.append(Damper(name, _text(table["deflection"], f"{where}: deflection"), low, high))
-    return tuple(found)
+        dampers.append(Damper(name, _text(table["deflection"], f"{where}: deflection"), low, high))
+    return tuple(dampers)
 
 
 def _law(data: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -273,8 +273,8 @@ def _vehicle(table: Any) -> Vehicle:
 def _outputs(data: Mapping[str, Any]) -> tuple[Output, ...]:
     """Return outputs in numbers: one row for all vertices, or one a vertex."""
     return tuple(
-        Output(*split(label), **{k: _constant_matrix(M, f"outputs.{label}.{k}") for k, M in own})
-        for label, own in ((label, own.items()) for label, own in _output_tables(data).items())
+        Output(*split(label), **{k: _constant_matrix(M, f"outputs.{label}.{k}") for k, M in rows})
+        for label, rows in ((label, rows.items()) for label, rows in _output_tables(data).items())
     )
 
 
@@ -299,7 +299,7 @@ def _with_sums(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant
 
 def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return outputs by their label, with lists of rows."""
-    tables, found = data.get("outputs", {}), dict[str, dict[str, Any]]()
+    tables, outputs = data.get("outputs", {}), dict[str, dict[str, Any]]()
     if not isinstance(tables, dict):
         raise SpecError('outputs must be a table; write [outputs], "name [unit]" = {C = [...]}')
     for label, table in tables.items():
@@ -311,11 +311,11 @@ def _output_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         _known(table, set("CDF"), f"{where}: ")
         if not table:
             raise SpecError(f"{where} is empty; give a row C, D or F, or a sum")
-        found[label] = {}
+        outputs[label] = {}
         for key, value in table.items():
             rows = value if isinstance(value, list) and value and _is_rows(value) else [value]
-            found[label][key] = _rows(rows, f"{where}.{key}")
-    return found
+            outputs[label][key] = _rows(rows, f"{where}.{key}")
+    return outputs
 
 
 def _is_rows(value: list[Any]) -> bool:
@@ -351,7 +351,7 @@ def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> Uncerta
         _rows(matrices["E"], "matrices.E") if "E" in matrices else None,
         constants=constants,
         definitions=definitions,
-        outputs={label: _single(label, own) for label, own in _output_tables(data).items()},
+        outputs={label: _single(label, rows) for label, rows in _output_tables(data).items()},
         **names,
     )
 
@@ -364,7 +364,7 @@ def _names_of(
     for key, value in definitions.items():
         if not isinstance(value, str):
             raise SpecError(f"definitions.{key} = {shown(value)} must be an expression in quotes")
-    parameters = [_parameter(key, own) for key, own in _table(data, "parameter").items()]
+    parameters = [_parameter(key, table) for key, table in _table(data, "parameter").items()]
     numbers = {k: _finite(v, f"constants.{k}") for k, v in constants.items()}
     return parameters, numbers, definitions
 
@@ -393,7 +393,7 @@ def load_car(path: str | Path) -> Car | None:
         return None
     try:
         make, parameters, _ = _car(data)
-        return make(**{own.name: own.low for own in parameters})
+        return make(**{parameter.name: parameter.low for parameter in parameters})
     except InputError as error:
         raise type(error)(f"{path}: {_one_line(error)}") from error
 
@@ -410,13 +410,13 @@ def _car(
     _known(body, {*_OF_BODY, "load"}, "car.body: ")
     _need(body, ("mass",), "car.body")
     for name in wheels:
-        own = _table(wheels, name, "car.wheel.")
-        _known(own, {*_OF_WHEEL, "x", "y"}, f"car.wheel.{shown(name)}: ")
-        _need(own, _OF_WHEEL, f"car.wheel.{shown(name)}")
+        wheel = _table(wheels, name, "car.wheel.")
+        _known(wheel, {*_OF_WHEEL, "x", "y"}, f"car.wheel.{shown(name)}: ")
+        _need(wheel, _OF_WHEEL, f"car.wheel.{shown(name)}")
     between = {name: _between(_table(bars, name, "car.bar."), name) for name in bars}
     parameters, constants, definitions = _names_of(data)
     scope = Scope(parameters, constants, definitions)
-    outputs = {label: _single(label, own) for label, own in _output_tables(data).items()}
+    outputs = {label: _single(label, rows) for label, rows in _output_tables(data).items()}
 
     def number(value: Any, where: str) -> Any:
         return scope.value(value if isinstance(value, str) else _finite(value, where), where)
@@ -428,9 +428,9 @@ def _car(
 
     def make(**values: Any) -> Car:
         scope.bind_all(values)
-        own = {_OF_BODY[k]: number(v, f"car.body.{k}") for k, v in body.items() if k != "load"}
+        inertia = {_OF_BODY[k]: number(v, f"car.body.{k}") for k, v in body.items() if k != "load"}
         if "load" in body:
-            own["load"] = point(body["load"], "car.body.load")
+            inertia["load"] = point(body["load"], "car.body.load")
         turning = [
             Wheel(name, **{k: number(v, f"car.wheel.{name}.{k}") for k, v in table.items()})
             for name, table in wheels.items()
@@ -440,7 +440,7 @@ def _car(
             Bar(name, pair, number(bars[name]["stiffness"], f"car.bar.{name}.stiffness"))
             for name, pair in between.items()
         ]
-        return Car(Body(**own), turning, places, twisted)
+        return Car(Body(**inertia), turning, places, twisted)
 
     def more() -> dict[str, dict[str, Any]]:
         return {
@@ -459,7 +459,9 @@ def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
     plant, tracks = car_family(make, parameters, more, **names), _tracks(data)
     if tracks is None:
         return plant
-    return tracks.under(plant, make(**{own.name: own.low for own in parameters}).places)
+    return tracks.under(
+        plant, make(**{parameter.name: parameter.low for parameter in parameters}).places
+    )
 
 
 def _between(table: Mapping[str, Any], name: str) -> tuple[str, ...]:
@@ -483,22 +485,22 @@ def _tracks(data: Mapping[str, Any]) -> Tracks | None:
     table = _table(road, "tracks", "road.")
     _known(table, {"order", "width"}, "road.tracks: ")
     _need(road, ("speed",), "road")
-    speed, own = _finite(road["speed"], "road: speed"), dict(table)
-    if "order" in own:
-        order = _finite(own["order"], "road.tracks: order")
-        own["order"] = int(order) if order.denominator == 1 else order
-    if "width" in own:
-        own["width"] = _finite(own["width"], "road.tracks: width")
-    return Tracks(speed, **own)
+    speed, settings = _finite(road["speed"], "road: speed"), dict(table)
+    if "order" in settings:
+        order = _finite(settings["order"], "road.tracks: order")
+        settings["order"] = int(order) if order.denominator == 1 else order
+    if "width" in settings:
+        settings["width"] = _finite(settings["width"], "road.tracks: width")
+    return Tracks(speed, **settings)
 
 
 def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:
     """Return rows of an output whose entries are expressions: one of each letter."""
-    for key, own in rows.items():
-        if len(own) != 1:
+    for key, lines in rows.items():
+        if len(lines) != 1:
             where = f"outputs.{shown(label)}.{key}"
-            raise SpecError(f"{where} has {len(own)} rows; an output is one row, [...]")
-    return {key: own[0] for key, own in rows.items()}
+            raise SpecError(f"{where} has {len(lines)} rows; an output is one row, [...]")
+    return {key: lines[0] for key, lines in rows.items()}
 
 
 def _parameter(name: str, table: Any) -> Parameter:
@@ -644,14 +646,18 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
         If an end of an interval is no finite decimal, or an expression is too long.
     """
     lines = []
-    for own in plant.parameters:
-        bounds = _row_text(map(decimal_text, (own.low, own.high)))
-        lines += [f"\n[parameter.{own.name}]", f"range = {bounds}"]
-        lines += [f"label = {_quoted(own.label)}"] if own.label else []
-        lines += [f"unit = {_quoted(own.unit)}"] if own.unit else []
-        lines += [f"through = {_quoted(own.through)}"] if own.inverted else []
-        if own.rate is not None:
-            ends = own.rate if own.rate == ANY else _row_text(map(decimal_text, own.rate))
+    for parameter in plant.parameters:
+        bounds = _row_text(map(decimal_text, (parameter.low, parameter.high)))
+        lines += [f"\n[parameter.{parameter.name}]", f"range = {bounds}"]
+        lines += [f"label = {_quoted(parameter.label)}"] if parameter.label else []
+        lines += [f"unit = {_quoted(parameter.unit)}"] if parameter.unit else []
+        lines += [f"through = {_quoted(parameter.through)}"] if parameter.inverted else []
+        if parameter.rate is not None:
+            ends = (
+                parameter.rate
+                if parameter.rate == ANY
+                else _row_text(map(decimal_text, parameter.rate))
+            )
             lines.append(f"rate = {_quoted(ends) if ends == ANY else ends}")
     lines.append("\n[matrices]")
     tables = [_letters(vertex) for vertex in plant.vertices]
@@ -673,12 +679,12 @@ def _letters(vertex: System) -> dict[str, Exact]:
 
 def _output_lines(plant: UncertainPlant, rows_text: Callable[[Exact], str]) -> list[str]:
     """Return outputs with explicit rows; a vehicle's follow from the matrices."""
-    found = []
+    lines = []
     for output in plant.outputs:
         rows = {key: getattr(output, key) for key in "CDF" if getattr(output, key)}
-        texts = (f"{key} = {rows_text(own)}" for key, own in rows.items())
-        found.append(f"{_quoted(_label(output))} = {{{', '.join(texts)}}}")
-    return ["\n[outputs]", *found] if found else []
+        texts = (f"{key} = {rows_text(values)}" for key, values in rows.items())
+        lines.append(f"{_quoted(_label(output))} = {{{', '.join(texts)}}}")
+    return ["\n[outputs]", *lines] if lines else []
 
 
 def _label(output: Output) -> str:
@@ -707,8 +713,8 @@ def _expression(values: Sequence[Fraction], parameters: Sequence[Parameter]) -> 
     box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]
     factors = itertools.product((False, True), repeat=len(box))
     terms = (
-        _term(c, list(itertools.compress(parameters, own)))
-        for c, own in zip(_coefficients(values, box), factors, strict=True)
+        _term(c, list(itertools.compress(parameters, factor)))
+        for c, factor in zip(_coefficients(values, box), factors, strict=True)
         if c
     )
     text = " + ".join(terms).replace(" + -", " - ")

@@ -95,7 +95,7 @@ class Tracks(Short):
         InputError
             If there is no such disturbance, or a wheel stands between the tracks.
         """
-        names = [own.name for own in disturbances(plant)]
+        names = [disturbance.name for disturbance in disturbances(plant)]
         for name in places:
             if name not in names:
                 raise InputError(
@@ -108,21 +108,21 @@ class Tracks(Short):
     def _road(self, places: Sequence[tuple[Fraction, Fraction]]) -> Filter:
         """Return what makes the wheels' roads of white noise."""
         both = any(y for _, y in places)
-        own = self._sides(_width(places)) if both else Filter([], [], [[]], [[ONE]])
+        road = self._sides(_width(places)) if both else Filter([], [], [[]], [[ONE]])
         ahead = sorted({x for x, _ in places}, reverse=True)
-        axles = [list(range(len(own.c)))]  # outputs that are the road under each
+        axles = [list(range(len(road.c)))]  # outputs that are the road under each
         for first, second in pairwise(ahead):
-            k = len(own.c)
+            k = len(road.c)
             for i in axles[-1]:
-                own = own.later(i, (first - second) / self.speed, self.order)
-            axles.append(list(range(k, len(own.c))))
+                road = road.later(i, (first - second) / self.speed, self.order)
+            axles.append(list(range(k, len(road.c))))
         taken = [axles[ahead.index(x)] for x, _ in places]
         signs = [1 if y > 0 else -1 for _, y in places]
         pairs = zip(taken, signs, strict=True)
         picked = [list(zip(axle, (1, sign), strict=False)) for axle, sign in pairs]
-        if not own.a:
+        if not road.a:
             raise InputError("tracks: all wheels are in one place; leave tracks out")
-        return own.mixed(picked)
+        return road.mixed(picked)
 
     def _sides(self, width: Fraction) -> Filter:
         """Return mean and half difference of two white and partly coherent sides."""
@@ -159,8 +159,8 @@ class Filter(Short):
 
         def sums(rows: Rows) -> Rows:
             return [
-                [sum((s * rows[i][j] for i, s in own), ZERO) for j in range(len(rows[0]))]
-                for own in picked
+                [sum((s * rows[i][j] for i, s in terms), ZERO) for j in range(len(rows[0]))]
+                for terms in picked
             ]
 
         return replace(self, c=sums(self.c), d=sums(self.d))
@@ -182,7 +182,7 @@ def pade(delay: Fraction, order: int) -> tuple[Rows, list[Fraction], list[Fracti
 
 def own_states(plant: UncertainPlant) -> tuple[str, ...]:
     """Return the names of the plant's states that are not a road's: what a law may measure."""
-    return tuple(own.name for own in states(plant) if not own.name.startswith(STATE))
+    return tuple(state.name for state in states(plant) if not state.name.startswith(STATE))
 
 
 def _width(places: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
@@ -204,15 +204,15 @@ def _behind(plant: UncertainPlant, wheels: Sequence[int], road: Filter) -> Uncer
     labels = [f"{name} [m/s]" for name in SOURCES[:count]]
     kept = [disturbances(plant)[j].label for j in others]
     none, vertices = (ZERO,) * len(others), []
-    for own in plant.vertices:
-        E = own.exact_E or ()
+    for vertex in plant.vertices:
+        E = vertex.exact_E or ()
         colour, white = _through(E, wheels, road.c), _through(E, wheels, road.d)
-        A = [(*row, *more) for row, more in zip(own.exact_A, colour, strict=True)]
+        A = [(*row, *more) for row, more in zip(vertex.exact_A, colour, strict=True)]
         A += [(*(ZERO,) * n, *row) for row in road.a]
-        B = (*own.exact_B, *((ZERO,) * m for _ in range(k)))
+        B = (*vertex.exact_B, *((ZERO,) * m for _ in range(k)))
         rows = [(*w, *(row[j] for j in others)) for w, row in zip(white, E, strict=True)]
         rows += [(*row, *none) for row in road.b]
-        vertices.append(System(tuple(A), B, tuple(rows), own.name))
+        vertices.append(System(tuple(A), B, tuple(rows), vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),

@@ -99,16 +99,16 @@ class Law(Short):
 
     def _gain(self, sizes: Sizes) -> Polynomial:
         """Return K C of a polynomial law."""
-        found: Polynomial | None = None
+        total: Polynomial | None = None
         for e, K in zip(self.powers, self.K or [], strict=True):
             term = constant(K, sizes)
             for j, power in enumerate(e):
                 for _ in range(power):
                     term = _coordinate(sizes, j, len(e)) * term
-            found = term if found is None else found + term
-        if found is None:
+            total = term if total is None else total + term
+        if total is None:
             raise FormatError("a polynomial law has no terms")
-        return found * affine(self.C, sizes) if self.C else found
+        return total * affine(self.C, sizes) if self.C else total
 
     def gain(self, alpha: list[Fraction], at: list[Fraction]) -> Rationals:
         """Return K, of a law without W, for weights alpha and their coordinates in each simplex."""
@@ -118,8 +118,8 @@ class Law(Short):
         ends = zip(at[::2], at[1::2], strict=True) if len(self.powers[0]) != len(at) else ()
         c = [high - low for low, high in ends] or at
         values = [math.prod(map(pow, c, e), start=Fraction(1)) for e in self.powers]
-        own = mix(values, K)
-        return product(own, mix(alpha, list(self.C))) if self.C else own
+        mixed = mix(values, K)
+        return product(mixed, mix(alpha, list(self.C))) if self.C else mixed
 
     def inside(self, low: Point, high: Point) -> Law:
         """Return the same law on a part of the box, in coordinates of that part.
@@ -130,22 +130,22 @@ class Law(Short):
             return self
         if not self.polynomial or len(self.powers[0]) != len(low):
             raise FormatError("cells belong to one gain, or to a law polynomial in the parameters")
-        found: dict[Exponent, Rationals] = {}
+        gained: dict[Exponent, Rationals] = {}
         ends = list(zip(low, high, strict=True))
         for e, K in zip(self.powers, self.K or [], strict=True):
             count, length = math.prod(power + 1 for power in e), longest((low, high)) * (sum(e) + 1)
             spend(RATIONAL * count * (len(e) + len(K) * len(K[0])), length, length)
-            for own in cartesian(*(range(power + 1) for power in e)):
+            for exponent in cartesian(*(range(power + 1) for power in e)):
                 factor = math.prod(
                     (
                         math.comb(power, i) * (a + b - 1) ** (power - i) * (b - a) ** i
-                        for (a, b), power, i in zip(ends, e, own, strict=True)
+                        for (a, b), power, i in zip(ends, e, exponent, strict=True)
                     ),
                     start=Fraction(1),
                 )
                 term = [[factor * x for x in row] for row in K]
-                found[own] = add(found[own], term) if own in found else term
-        gains, powers = list(found.values()), tuple(found)
+                gained[exponent] = add(gained[exponent], term) if exponent in gained else term
+        gains, powers = list(gained.values()), tuple(gained)
         C = tuple(on_corners(list(self.C), low, high)) if self.C else ()
         return replace(self, K=gains, degree=total_degree(powers), powers=powers, C=C)
 
@@ -180,14 +180,14 @@ def read_law(table: Table, plant: Plant) -> tuple[Law, str]:
 def _read_polynomial(table: Table, plant: Plant) -> Law:
     rows, measured, C = table.tables("terms", MAX_TERMS), table.texts("measured"), []
     for name in measured[:MAX_MEASURED]:
-        own = plant.signal(name)
-        if own is None or own.F or any(map(any, (D[0] for D in own.D))):
+        signal = plant.signal(name)
+        if signal is None or signal.F or any(map(any, (D[0] for D in signal.D))):
             raise FormatError(
                 f"{table.path('measured')}: {shown(name)} is not a "
                 "state or output of the plant, free "
                 "of inputs and disturbances"
             )
-        C.append(own.C)
+        C.append(signal.C)
     if len(measured) > MAX_MEASURED or len(set(measured)) < len(measured):
         raise FormatError(f"{table.path('measured')}: a name is given twice, or there are too many")
     r = len(C) if C else plant.n
@@ -278,7 +278,7 @@ class Evidence(Short):
     @property
     def highest(self) -> int:
         """The degree, of cells the highest."""
-        return max(own.degree for own in self.each)
+        return max(evidence.degree for evidence in self.each)
 
     def require_cells(self, sizes: Sizes) -> None:
         """Refuse cells that are not in a box of these sizes, and evidence beside theirs."""
@@ -297,18 +297,18 @@ class Evidence(Short):
         if self.transfer:
             return {"transfer": True}
         if self.cells:
-            bounds = [{"low": plain(own.low), "high": plain(own.high)} for own in self.cells]
+            bounds = [{"low": plain(piece.low), "high": plain(piece.high)} for piece in self.cells]
             pairs = zip(bounds, self.cells, strict=True)
-            return {"cells": [each | own.evidence.write(letter) for each, own in pairs]}
+            return {"cells": [ends | piece.evidence.write(letter) for ends, piece in pairs]}
         letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         table |= {"pieces": list(self.pieces)} if self.pieces else {}
         if self.spread is not None:
-            own = self.spread
-            keys = [key for key in ("omega", "kappa") if getattr(own, key)]
+            piece = self.spread
+            keys = [key for key in ("omega", "kappa") if getattr(piece, key)]
             table["remainder"] = {
-                key: plain(getattr(own, key)) for key in (*keys, "rows", "columns")
+                key: plain(getattr(piece, key)) for key in (*keys, "rows", "columns")
             }
         return table | {"elevation": self.elevation}
 
@@ -333,12 +333,12 @@ class Piece(Short):
 
 def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Rationals]:
     """Return what is multi-affine on the box at the corners of a part of it."""
-    found, length = [], longest((low, high)) * len(low)
+    moved, length = [], longest((low, high)) * len(low)
     spend(RATIONAL * len(vertices) ** 2 * len(low), length, length)
     for corner in cartesian(*zip(low, high, strict=True)):
         pairs = ((1 - t, t) for t in corner)
-        found.append(mix([math.prod(w, start=Fraction(1)) for w in cartesian(*pairs)], vertices))
-    return found
+        moved.append(mix([math.prod(w, start=Fraction(1)) for w in cartesian(*pairs)], vertices))
+    return moved
 
 
 def longest(points: tuple[Point, ...]) -> int:
@@ -355,12 +355,12 @@ def add(one: Rationals, other: Rationals) -> Rationals:
 
 def read_cells(table: Table, n: int, sizes: Sizes, dual: bool = False) -> Evidence:
     """Read evidence of parts of the box."""
-    found = []
+    pieces = []
     for row in table.tables("cells", MAX_CELLS):
         low, high = (row.numbers(key, len(sizes)) for key in ("low", "high"))
-        own = read_evidence(row, n, sizes, "Q" if dual else "X")
-        found.append(Piece(low, high, replace(own, dual=dual)))
-    return Evidence([], dual=dual, cells=tuple(found))
+        evidence = read_evidence(row, n, sizes, "Q" if dual else "X")
+        pieces.append(Piece(low, high, replace(evidence, dual=dual)))
+    return Evidence([], dual=dual, cells=tuple(pieces))
 
 
 def read_evidence(

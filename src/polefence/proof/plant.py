@@ -120,7 +120,9 @@ class Plant(Short):
             [[(a - int(i == j)) / T for j, a in enumerate(row)] for i, row in enumerate(M)]
             for M in self.A
         ]
-        B, E = ([[[x / T for x in row] for row in M] for M in each] for each in (self.B, self.E))
+        B, E = (
+            [[[x / T for x in row] for row in M] for M in matrices] for matrices in (self.B, self.E)
+        )
         remainder = self.remainder.over(T) if self.remainder else None
         common_denominator([*A, *B, *E])
         return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder)
@@ -128,7 +130,9 @@ class Plant(Short):
     @property
     def at_rest(self) -> Plant:
         """It with parameters that do not move."""
-        return replace(self, ranges=tuple(replace(own, rate=None) for own in self.ranges))
+        return replace(
+            self, ranges=tuple(replace(parameter, rate=None) for parameter in self.ranges)
+        )
 
     def require_continuous(self, what: str) -> None:
         """Refuse what is about plants in continuous time where this is none."""
@@ -150,7 +154,7 @@ class Plant(Short):
     def signal(self, name: str) -> Output | None:
         """Return the state, input or output of a name that no other has."""
         zero = Fraction(0)
-        found = [output for output in self.outputs if output.name == name]
+        known = [output for output in self.outputs if output.name == name]
         for labels, letter, count in ((self.states, "x", self.n), (self.inputs, "u", self.m)):
             names = [split(label)[0] for label in labels]
             for i, own in enumerate(names or [f"{letter}{k + 1}" for k in range(count)]):
@@ -158,8 +162,8 @@ class Plant(Short):
                     unit = [Fraction(int(i == j)) for j in range(count)]
                     C = unit if letter == "x" else [zero] * self.n
                     D = unit if letter == "u" else [zero] * self.m
-                    found.append(Output([[C]] * len(self.A), [[D]] * len(self.A), name))
-        return found[0] if len(found) == 1 else None
+                    known.append(Output([[C]] * len(self.A), [[D]] * len(self.A), name))
+        return known[0] if len(known) == 1 else None
 
     @classmethod
     def read(cls, table: Table) -> Plant:
@@ -199,7 +203,9 @@ class Plant(Short):
             plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
-        if plant.remainder is not None and any(own.rate is not None for own in plant.ranges):
+        if plant.remainder is not None and any(
+            parameter.rate is not None for parameter in plant.ranges
+        ):
             raise FormatError(
                 f"{table.path('remainder')}: samples with one need constant parameters"
             )
@@ -207,17 +213,17 @@ class Plant(Short):
 
     def write(self) -> dict[str, Any]:
         """Return the plant as a file has it."""
-        each = zip("ABE", (self.A, self.B, self.E), strict=True)
-        columns = [(key, matrices) for key, matrices in each if matrices]
+        letters = zip("ABE", (self.A, self.B, self.E), strict=True)
+        columns = [(key, matrices) for key, matrices in letters if matrices]
         table: dict[str, Any] = {"name": self.name}
         if self.sample_time is not None:
             table["sample_time"] = plain(self.sample_time)
         table |= {key: list(getattr(self, key)) for key in ("states", "inputs", "disturbances")}
         if self.outputs:
             table["outputs"] = [
-                {"name": own.name, "unit": own.unit}
-                | {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
-                for own in self.outputs
+                {"name": output.name, "unit": output.unit}
+                | {key: plain_rows(getattr(output, key)) for key in "CDF" if getattr(output, key)}
+                for output in self.outputs
             ]
         if self.vehicle is not None:
             table["vehicle"] = self.vehicle
@@ -226,18 +232,18 @@ class Plant(Short):
         if self.remainder is not None:
             table["remainder"] = plain(self.remainder.entries)
             if self.remainder.curve:
-                own = {"degree": self.remainder.degree}
-                table["curve"] = own | {"coefficients": plain(self.remainder.curve)}
+                head = {"degree": self.remainder.degree}
+                table["curve"] = head | {"coefficients": plain(self.remainder.curve)}
         table["parameters"] = [
             {
-                "name": own.name,
-                "range": plain([own.low, own.high]),
-                "unit": own.unit,
-                "through": f"1/{own.name}" if own.inverted else own.name,
+                "name": parameter.name,
+                "range": plain([parameter.low, parameter.high]),
+                "unit": parameter.unit,
+                "through": f"1/{parameter.name}" if parameter.inverted else parameter.name,
             }
-            | ({"label": own.label} if own.label else {})
-            | ({} if own.rate is None else {"rate": _rate_text(own)})
-            for own in self.ranges
+            | ({"label": parameter.label} if parameter.label else {})
+            | ({} if parameter.rate is None else {"rate": _rate_text(parameter)})
+            for parameter in self.ranges
         ]
         table["vertices"] = [
             {key: plain(matrices[j]) for key, matrices in columns} for j in range(len(self.A))
@@ -253,22 +259,22 @@ def split(label: str) -> tuple[str, str]:
 
 
 def _ranges(table: Table) -> tuple[Range, ...]:
-    found = list[Range]()
+    ranges = list[Range]()
     rows = table.tables("parameters", MAX_PARAMETERS) if table.entries.get("parameters") else []
     if "parameters" in table and not rows:
         table.items("parameters", 0, 0)
     for row in rows:
         name = row.text("name")
         through = row.text("through", name)
-        if name in [own.name for own in found] or through not in (name, f"1/{name}"):
+        if name in [known.name for known in ranges] or through not in (name, f"1/{name}"):
             raise FormatError(f"{row.where}: through must be its own name, or 1/name")
         bounds, where = row.items("range", 2, 2), row.path("range")
         low, high = (as_number(value, where) for value in bounds)
         if low >= high or (through != name and low <= 0 <= high):
             raise FormatError(f"{where} is empty, or touches zero where 1/{name} is used")
         unit, label = (row.text(key, "") for key in ("unit", "label"))
-        found.append(Range(low, high, through != name, name, unit, label, _rate(row)))
-    return tuple(found)
+        ranges.append(Range(low, high, through != name, name, unit, label, _rate(row)))
+    return tuple(ranges)
 
 
 def _rate(row: Table) -> tuple[Fraction, Fraction] | Literal["any"] | None:
@@ -280,21 +286,21 @@ def _rate(row: Table) -> tuple[Fraction, Fraction] | Literal["any"] | None:
     return low, high
 
 
-def _rate_text(own: Range) -> Any:
-    return own.rate if own.rate == ANY else plain(list(own.rate or ()))
+def _rate_text(parameter: Range) -> Any:
+    return parameter.rate if parameter.rate == ANY else plain(list(parameter.rate or ()))
 
 
 def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Output, ...]:
     rows = table.tables("outputs", MAX_OUTPUTS) if "outputs" in table else []
-    found = []
+    outputs = []
     for row in rows:
         C, D, F = (
             row.rows(key, width, count) if key in row else [[[Fraction(0)] * width]] * count
             for key, width in zip("CDF", shape, strict=True)
         )
-        own = tuple(F) if any(any(f[0]) for f in F) else ()
-        found.append(Output(C, D, row.text("name"), own, row.text("unit", "")))
-    return tuple(found)
+        through = tuple(F) if any(any(f[0]) for f in F) else ()
+        outputs.append(Output(C, D, row.text("name"), through, row.text("unit", "")))
+    return tuple(outputs)
 
 
 def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
@@ -304,9 +310,9 @@ def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     entries = tuple(map(tuple, rows))
     if "curve" not in table:
         return Remainder(entries)
-    own = table.table("curve")
-    degree = own.whole("degree", None, MAX_CURVE, 2)
-    curve = own.matrices("coefficients", n, n + m + q)
+    below = table.table("curve")
+    degree = below.whole("degree", None, MAX_CURVE, 2)
+    curve = below.matrices("coefficients", n, n + m + q)
     common_denominator(curve)
     return Remainder(entries, tuple(tuple(map(tuple, M)) for M in curve), degree)
 

@@ -61,7 +61,7 @@ class Polynomial(Short):
 
     def __add__(self, other: Polynomial) -> Polynomial:
         degrees, whole = joint([self, other]), math.lcm(self.whole, other.whole)
-        one, two = (each.raised(degrees).over(whole) for each in (self, other))
+        one, two = (P.raised(degrees).over(whole) for P in (self, other))
         return self._with(_sum(one, two), degrees, whole)
 
     def __neg__(self) -> Polynomial:
@@ -102,8 +102,8 @@ class Polynomial(Short):
     def raised(self, degrees: tuple[int, ...]) -> Polynomial:
         """Return the same polynomial times powers of the sums of coordinates, of these degrees."""
         terms, start = self.terms, 0
-        for size, own, wanted in zip(self.sizes, self.degrees, degrees, strict=True):
-            for _ in range(wanted - own):
+        for size, present, wanted in zip(self.sizes, self.degrees, degrees, strict=True):
+            for _ in range(wanted - present):
                 terms = _elevated(terms, range(start, start + size))
             start += size
         return self._with(terms, degrees)
@@ -124,8 +124,10 @@ class Polynomial(Short):
                 lower = (*e[:coordinate], e[coordinate] - 1, *e[coordinate + 1 :])
                 _add(terms, lower, times(e[coordinate], matrix))
         ends = [sum(self.sizes[: f + 1]) for f in range(len(self.sizes))]
-        own = next(f for f, end in enumerate(ends) if coordinate < end)
-        return self._with(terms, tuple(max(d - (f == own), 0) for f, d in enumerate(self.degrees)))
+        factor = next(f for f, end in enumerate(ends) if coordinate < end)
+        return self._with(
+            terms, tuple(max(d - (f == factor), 0) for f, d in enumerate(self.degrees))
+        )
 
     def composed(self, forms: Sequence[Polynomial], sizes: Sizes) -> Polynomial:
         """Return it with forms (1 x 1, in each simplex of one degree) in place of coordinates.
@@ -133,16 +135,16 @@ class Polynomial(Short):
         They are polynomials on simplices of ``sizes``; of degree zero none is needed.
         """
         whole, start = self.whole, 0
-        own, degrees = list[Terms](), (0,) * len(sizes)
+        powers, degrees = list[Terms](), (0,) * len(sizes)
         for size, degree in zip(self.sizes, self.degrees, strict=True):
-            each, start = forms[start : start + size], start + size
-            common = math.lcm(*(form.whole for form in each))
-            own += [form.over(common) for form in each] or [{}] * size
+            group, start = forms[start : start + size], start + size
+            common = math.lcm(*(form.whole for form in group))
+            powers += [form.over(common) for form in group] or [{}] * size
             if degree:
-                pairs = zip(degrees, each[0].degrees, strict=True)
+                pairs = zip(degrees, group[0].degrees, strict=True)
                 degrees = tuple(a + degree * b for a, b in pairs)
                 whole *= common**degree
-        return Polynomial(_composed(self.terms, own, sum(sizes)), sizes, degrees, whole)
+        return Polynomial(_composed(self.terms, powers, sum(sizes)), sizes, degrees, whole)
 
     @property
     def bits(self) -> int:
@@ -168,7 +170,7 @@ def bernstein(
 
 def affine(vertices: Sequence[Rationals], sizes: Sizes) -> Polynomial:
     """Return what has these values at the vertices: of degree 1, or 0 if all are the same."""
-    if all(each == vertices[0] for each in vertices):
+    if all(matrix == vertices[0] for matrix in vertices):
         return constant(vertices[0], sizes)
     return bernstein(vertices, sizes, 1)
 
@@ -204,8 +206,8 @@ def form(f: int, values: tuple[int, ...], sizes: Sizes, whole: int = 1) -> Polyn
 def below(upper: Polynomial, lower: Polynomial) -> Polynomial:
     """Return one polynomial's rows above another's."""
     degrees, whole = joint([upper, lower]), math.lcm(upper.whole, lower.whole)
-    one, two = (each.raised(degrees).over(whole) for each in (upper, lower))
-    none = [[[0] * each.shape[1] for _ in range(each.shape[0])] for each in (upper, lower)]
+    one, two = (P.raised(degrees).over(whole) for P in (upper, lower))
+    none = [[[0] * P.shape[1] for _ in range(P.shape[0])] for P in (upper, lower)]
     keys = dict.fromkeys([*one, *two])
     terms = {e: [*one.get(e, none[0]), *two.get(e, none[1])] for e in keys}
     return Polynomial(terms, upper.sizes, degrees, whole)
@@ -218,7 +220,7 @@ def corners_of(sizes: Sizes) -> int:
 
 def joint(polynomials: Sequence[Polynomial]) -> tuple[int, ...]:
     """Return the least degrees that all can be raised to."""
-    return tuple(map(max, zip(*(each.degrees for each in polynomials), strict=True)))
+    return tuple(map(max, zip(*(P.degrees for P in polynomials), strict=True)))
 
 
 def symmetric(
@@ -228,11 +230,11 @@ def symmetric(
 
     ``rows`` holds the blocks on the diagonal and to its right; all are raised to ``degrees``.
     """
-    whole = math.lcm(*(each.whole for row in rows for each in row))
-    shapes = [[each.shape for each in row] for row in rows]
-    forms = {id(each): each for row in rows for each in row}  # one may stand in many places
-    raised = {key: each.raised(degrees).over(whole) for key, each in forms.items()}
-    upper = [[raised[id(each)] for each in row] for row in rows]
+    whole = math.lcm(*(form.whole for row in rows for form in row))
+    shapes = [[form.shape for form in row] for row in rows]
+    forms = {id(form): form for row in rows for form in row}  # one may stand in many places
+    raised = {key: form.raised(degrees).over(whole) for key, form in forms.items()}
+    upper = [[raised[id(form)] for form in row] for row in rows]
 
     def at(e: Exponent, i: int, k: int) -> Integers:
         high, wide = shapes[i][k]
@@ -258,8 +260,8 @@ def monomials(sizes: Sizes, degree: int) -> list[Exponent]:
 
 def monomials_of(sizes: Sizes, degrees: tuple[int, ...]) -> list[Exponent]:
     """Return the exponents of the monomials of these degrees."""
-    each = (_simplex(size, degree) for size, degree in zip(sizes, degrees, strict=True))
-    return [sum(parts, ()) for parts in product(*each)]
+    exponents = (_simplex(size, degree) for size, degree in zip(sizes, degrees, strict=True))
+    return [sum(parts, ()) for parts in product(*exponents)]
 
 
 def _simplex(size: int, degree: int) -> list[Exponent]:
@@ -280,8 +282,8 @@ def _simplex(size: int, degree: int) -> list[Exponent]:
 
 def count_of(sizes: Sizes, degrees: int | tuple[int, ...]) -> int:
     """Return the number of monomials."""
-    each = (degrees,) * len(sizes) if isinstance(degrees, int) else degrees
-    pairs = zip(sizes, each, strict=True)
+    powers = (degrees,) * len(sizes) if isinstance(degrees, int) else degrees
+    pairs = zip(sizes, powers, strict=True)
     return math.prod(math.comb(size - 1 + degree, degree) for size, degree in pairs)
 
 
@@ -307,15 +309,15 @@ def coordinates(alpha: list[Fraction], sizes: Sizes) -> list[Fraction]:
     """
     if len(sizes) == 1:
         return alpha
-    found: list[Fraction] = []
+    ends: list[Fraction] = []
     for f in range(len(sizes)):
         bit = len(sizes) - 1 - f
         high = sum((a for j, a in enumerate(alpha) if j >> bit & 1), Fraction(0))
-        found += [1 - high, high]
+        ends += [1 - high, high]
     for a, corner in zip(alpha, monomials(sizes, 1), strict=True):
-        if a != math.prod(x for x, power in zip(found, corner, strict=True) if power):
+        if a != math.prod(x for x, power in zip(ends, corner, strict=True) if power):
             raise ValueError("alpha is not a product of points of the parameters' intervals")
-    return found
+    return ends
 
 
 def basis(at: list[Fraction], sizes: Sizes, degree: int) -> list[Fraction]:

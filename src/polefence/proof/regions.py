@@ -80,6 +80,16 @@ class Part(Short):
         """Yield half-planes p x + q |y| < c of which it is the intersection; of a disk none."""
         raise NotImplementedError
 
+    @property
+    def circle(self) -> tuple[Fraction, Fraction] | None:
+        """Centre and radius of a disk; None of other parts."""
+        return None
+
+    @property
+    def in_unit_disk(self) -> bool:
+        """Whether it is a disk in the open unit disk."""
+        return self.circle is not None and abs(self.circle[0]) + self.circle[1] <= 1
+
     def decays(self, step: Fraction) -> bool:  # noqa: ARG002
         """Whether it says how fast motions decay, in continuous time or at this step."""
         return False
@@ -102,7 +112,7 @@ class Disk(Part):
 
     def fault_alone(self, discrete: bool) -> str:
         """Say that it is no disk of continuous, or of discrete time."""
-        if self.centre < 0 or (discrete and self.centre + self.radius <= 1):
+        if self.centre < 0 or (discrete and self.in_unit_disk):
             return ""
         where = f"centre = {_short(self.centre)} must be negative"
         if discrete:
@@ -114,6 +124,11 @@ class Disk(Part):
         """L and M."""
         c, r = self.centre, self.radius
         return [([[-r, -c], [-c, -r]], [[ZERO, ONE], [ZERO, ZERO]])]
+
+    @property
+    def circle(self) -> tuple[Fraction, Fraction]:
+        """Centre and radius."""
+        return self.centre, self.radius
 
     def decays(self, step: Fraction) -> bool:
         """Whether a motion's factor at each step is below the radius."""
@@ -168,8 +183,11 @@ class Sector(Part):
     def own_fault(self) -> str:
         """Say that one number is no damping ratio, or the other not its slope."""
         if not LEAST_DAMPING <= self.damping < 1:
-            return f"damping = {_short(self.damping)} must be a damping ratio between 0 and 1"
-        right = _slope(self.damping)
+            return (
+                f"damping = {_short(self.damping)} must be a damping ratio between 0 and 1; "
+                "half_plane(0) asks for stability alone"
+            )
+        right = slope_of(self.damping)
         if self.slope == right:
             return ""
         return f"slope = {_short(self.slope)} is not that of its damping, {float(right)!r}"
@@ -204,7 +222,7 @@ class Wedge(Part):
 
     def own_fault(self) -> str:
         """Say that it is none."""
-        return "" if self.slope else "slope = 0 leaves no wedge"
+        return "" if self.slope else "slope = 0 leaves no wedge; above zero it opens to the left"
 
     @property
     def pairs(self) -> list[Pair]:
@@ -235,7 +253,8 @@ class VerticalStrip(Part):
         """Say that it is empty."""
         if self.low < self.high:
             return ""
-        return f"low = {_short(self.low)} must be below high = {_short(self.high)}"
+        low, high = map(_short, self.numbers)
+        return f"low = {low} is not below high = {high}; the strip is empty"
 
     @property
     def pairs(self) -> list[Pair]:
@@ -331,8 +350,13 @@ KINDS: Mapping[str, type[Part]] = MappingProxyType(
 )
 
 
-def _slope(damping: Fraction) -> Fraction:
-    """Return the slope sqrt(1 - damping^2) / damping, rounded down: no pole is damped less."""
+def slope_of(damping: Fraction) -> Fraction:
+    """Return the slope sqrt(1 - damping^2) / damping, rounded down: no pole is damped less.
+
+    Zero for what is no damping ratio.
+    """
+    if not LEAST_DAMPING <= damping < 1:
+        return ZERO
     ratio = float(damping)
     slope = math.sqrt((1 - ratio) * (1 + ratio)) / ratio
     while damping**2 * (1 + Fraction(slope) ** 2) > 1:
@@ -381,7 +405,7 @@ def require_left(parts: tuple[Part, ...], discrete: bool) -> None:
     """
     kept = (part.in_half_plane(ONE, ZERO, ZERO) for part in parts)
     if discrete:
-        kept = (isinstance(p, Disk) and abs(p.centre) + p.radius <= 1 for p in parts)
+        kept = (part.in_unit_disk for part in parts)
     if not any(kept):
         _refuse([part.fault_alone(discrete) for part in parts])
 

@@ -18,7 +18,7 @@ from polefence.proof.matrices import (
     transposed,
     whole_numbers,
 )
-from polefence.proof.regions import Disk, Part
+from polefence.proof.regions import Part
 from polefence.proof.work import cost, spend
 
 
@@ -99,9 +99,9 @@ def roots_inside(polynomial: list[int], region: tuple[Part, ...], whole: int = 1
     An ellipse is replaced by the polygon of its `TANGENTS`, which contains it.
     """
     for part in region:
-        if isinstance(part, Disk):
-            own = common_denominator([[list(part.numbers)]], LONGEST)
-            centre, radius = (int(v * own) * whole for v in part.numbers)
+        if part.circle is not None:
+            own = common_denominator([[list(part.circle)]], LONGEST)
+            centre, radius = (int(v * own) * whole for v in part.circle)
             moved = _shifted(_scaled(polynomial, own), centre)
             if not _in_unit_disk([a * radius**k for k, a in enumerate(reversed(moved))][::-1]):
                 return False

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from fractions import Fraction
-from functools import reduce
+from functools import cached_property, reduce
 from operator import and_
 from typing import Any, ClassVar
 
@@ -65,13 +65,6 @@ def _number(value: Any, name: str) -> float:
     return number
 
 
-def _positive(value: float, name: str) -> float:
-    number = _number(value, name)
-    if number <= 0:
-        raise RegionError(f"{name} = {number:g} must be positive and finite")
-    return number
-
-
 @dataclass(frozen=True)
 class Region(Short, ABC):
     """A convex region, symmetric about the real axis; ``&`` intersects two."""
@@ -84,6 +77,14 @@ class Region(Short, ABC):
     def __post_init__(self) -> None:
         for field in fields(self):
             object.__setattr__(self, field.name, _number(getattr(self, field.name), field.name))
+        fault = self.exact.fault()
+        if fault:
+            raise RegionError(fault)
+
+    @cached_property
+    def exact(self) -> proof.Part:
+        """A part as the checker has it."""
+        return proof.KINDS[self.kind](*map(Fraction, self.numbers.values()))
 
     @property
     def parts(self) -> tuple[Region, ...]:
@@ -96,14 +97,20 @@ class Region(Short, ABC):
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
-    @abstractmethod
     def stable(self) -> bool:
-        """Whether the region lies in the open left half-plane."""
+        """Whether the region lies in the open left half-plane, as far as one part tells."""
+        left = proof.ONE, proof.ZERO, proof.ZERO
+        return any(part.exact.in_half_plane(*left) for part in self.parts)
 
     @property
     def discrete(self) -> bool:
-        """Whether it lies in the open unit disk, as poles in discrete time have to."""
-        return False
+        """Whether a part is a disk in the open unit disk, as poles in discrete time have to be."""
+        return any(part.exact.in_unit_disk for part in self.parts)
+
+    @property
+    def circle(self) -> tuple[float, float] | None:
+        """Centre and radius of a disk; None of other regions."""
+        return None
 
     @property
     @abstractmethod
@@ -171,6 +178,10 @@ class Region(Short, ABC):
         }
         part = proof.KINDS[self.kind](*map(Fraction, scaled.values()))
         return tuple((np.array(L, dtype=float), np.array(M, dtype=float)) for L, M in part.pairs)
+
+    def in_differences(self, T: float) -> Region:  # noqa: ARG002
+        """Return where (z - 1) / T is for z in a disk or a wedge of the z-plane."""
+        raise RegionError(f"{self}: a region of the z-plane is made up of disks and wedges")
 
     def tighter(self, share: float, within: Region | None = None) -> Region:
         """Return the region with each part made smaller by a share of its size, if it can be.
@@ -249,8 +260,8 @@ class Disk(Region):
         discrete-time plant any, with the disk inside the open unit disk, or all of it: Disk(0, 1)
         is stability.
     radius : float
-        Radius r [1/s], positive. A radius of at least |centre| reaches into the right half-plane:
-        poles in such a disk need not be stable, see `stable`.
+        Radius r [1/s], positive. A radius above |centre| reaches into the right half-plane: poles
+        in such a disk need not be stable, see `stable`.
 
     Raises
     ------
@@ -263,24 +274,14 @@ class Disk(Region):
     kind: ClassVar[str] = "disk"
     definite: ClassVar[bool] = True
 
-    @explained_fields
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _number(self.centre, "centre"))
-        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
-
     @property
-    def discrete(self) -> bool:
-        return Fraction(abs(self.centre)) + Fraction(self.radius) <= 1
+    def circle(self) -> tuple[float, float]:
+        return self.centre, self.radius
 
     @property
     def sigma(self) -> float:
         """Distance of the centre from the imaginary axis."""
         return -self.centre
-
-    @property
-    def stable(self) -> bool:
-        """Whether the disk lies in the open left half-plane."""
-        return self.radius < self.sigma
 
     @property
     def size(self) -> float:
@@ -312,10 +313,13 @@ class Disk(Region):
 
     def shrunk(self, share: float, within: Region | None = None) -> Disk:
         size = self.radius
-        if isinstance(within, Disk):
-            apart = abs(self.centre - within.centre)
-            size = max(min(size, within.radius - apart - size), 0.0)
+        if within is not None and within.circle is not None:
+            centre, radius = within.circle
+            size = max(min(size, radius - abs(self.centre - centre) - size), 0.0)
         return Disk(self.centre, self.radius - share * size)
+
+    def in_differences(self, T: float) -> Disk:
+        return Disk((self.centre - 1) / T, self.radius / T)
 
     def through(self, z: complex, begin: complex) -> Disk:  # noqa: ARG002
         return Disk(self.centre, abs(z - self.centre))
@@ -347,10 +351,6 @@ class HalfPlane(Region):
 
     decay: float
     kind: ClassVar[str] = "half_plane"
-
-    @property
-    def stable(self) -> bool:
-        return self.decay >= 0
 
     @property
     def scale(self) -> float:
@@ -398,15 +398,6 @@ class Sector(Region):
     kind: ClassVar[str] = "sector"
     rates: ClassVar[tuple[str, ...] | None] = ()
 
-    @explained_fields
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1e-8 <= self.damping < 1:
-            raise RegionError(
-                f"damping = {self.damping:g} must be a damping ratio between 0 and 1; "
-                "half_plane(0) asks for stability alone"
-            )
-
     @property
     def slope(self) -> float:
         """Largest |Im z| / |Re z|."""
@@ -420,10 +411,6 @@ class Sector(Region):
     @property
     def numbers(self) -> dict[str, float]:
         return {"damping": self.damping, "slope": self.slope}
-
-    @property
-    def stable(self) -> bool:
-        return True
 
     @property
     def scale(self) -> float:
@@ -467,16 +454,6 @@ class Wedge(Region):
     kind: ClassVar[str] = "wedge"
     rates: ClassVar[tuple[str, ...] | None] = ("apex",)
 
-    @explained_fields
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.slope:
-            raise RegionError("slope = 0 leaves no wedge; above zero it opens to the left")
-
-    @property
-    def stable(self) -> bool:
-        return self.slope > 0 and self.apex <= 0
-
     @property
     def scale(self) -> float:
         return abs(self.apex)
@@ -490,6 +467,9 @@ class Wedge(Region):
 
     def shrunk(self, share: float, within: Region | None = None) -> Wedge:  # noqa: ARG002
         return Wedge(self.apex, self.slope * (1 - share))
+
+    def in_differences(self, T: float) -> Wedge:
+        return Wedge((self.apex - 1) / T, self.slope)
 
     def through(self, z: complex, begin: complex) -> Wedge:  # noqa: ARG002
         away = self.apex - z.real
@@ -519,18 +499,6 @@ class VerticalStrip(Region):
     high: float
     kind: ClassVar[str] = "vertical_strip"
     definite: ClassVar[bool] = True
-
-    @explained_fields
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.low >= self.high:
-            raise RegionError(
-                f"low = {self.low:g} is not below high = {self.high:g}; the strip is empty"
-            )
-
-    @property
-    def stable(self) -> bool:
-        return self.high <= 0
 
     @property
     def scale(self) -> float:
@@ -567,14 +535,6 @@ class HorizontalStrip(Region):
     height: float
     kind: ClassVar[str] = "horizontal_strip"
     definite: ClassVar[bool] = True
-
-    @explained_fields
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "height", _positive(self.height, "height"))
-
-    @property
-    def stable(self) -> bool:
-        return False
 
     @property
     def scale(self) -> float:
@@ -623,16 +583,6 @@ class Ellipse(Region):
     imaginary: float
     kind: ClassVar[str] = "ellipse"
     definite: ClassVar[bool] = True
-
-    @explained_fields
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _number(self.centre, "centre"))
-        for name in ("real", "imaginary"):
-            object.__setattr__(self, name, _positive(getattr(self, name), name))
-
-    @property
-    def stable(self) -> bool:
-        return self.real < -self.centre
 
     @property
     def scale(self) -> float:
@@ -714,14 +664,6 @@ class Intersection(Region):
         return self.regions
 
     @property
-    def stable(self) -> bool:
-        return any(part.stable for part in self.parts)
-
-    @property
-    def discrete(self) -> bool:
-        return any(part.discrete for part in self.parts)
-
-    @property
     def scale(self) -> float:
         return max(part.scale for part in self.parts)
 
@@ -754,15 +696,14 @@ class Intersection(Region):
         return " & ".join(str(part) for part in self.parts)
 
 
-def astray(region: Region) -> Disk | Ellipse | None:
+def astray(region: Region) -> Region | None:
     """Return a disk or ellipse about a point that is not in the left half-plane, if nothing helps.
 
     None where there is no such part, or another part keeps the region in the left half-plane.
     """
     if region.stable:
         return None
-    round_parts = (part for part in region.parts if isinstance(part, Disk | Ellipse))
-    return next((part for part in round_parts if part.centre >= 0), None)
+    return next((part for part in region.parts if part.exact.fault_alone(discrete=False)), None)
 
 
 def require_left(region: Region) -> Region:
@@ -779,8 +720,8 @@ def require_left(region: Region) -> Region:
         return region
     discrete = ", nor the disk in the unit disk (disk(0.5, 0.4), discrete time)"
     raise RegionError(
-        f"{part}: centre = {part.centre:g} is not in the left half-plane (-40)"
-        f"{discrete if isinstance(part, Disk) else ''}; or add & half_plane(0)"
+        f"{part}: centre = {part.numbers['centre']:g} is not in the left half-plane (-40)"
+        f"{discrete if part.circle else ''}; or add & half_plane(0)"
     )
 
 
@@ -809,10 +750,7 @@ def region_of(parts: Sequence[tuple[str, Sequence[Any]]]) -> Region:
 
 def slope_of(damping: float) -> float:
     """Return sqrt(1 - damping^2) / damping, rounded down so that damping^2 (1 + slope^2) <= 1."""
-    slope = math.sqrt((1 - damping) * (1 + damping)) / damping
-    while Fraction(damping) ** 2 * (1 + Fraction(slope) ** 2) > 1:
-        slope = math.nextafter(slope, 0)
-    return slope
+    return float(proof.slope_of(Fraction(damping)))
 
 
 def damping_of(slope: float) -> float:

@@ -88,7 +88,7 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
     if not 2 <= edges <= MOST_EDGES:
         raise RegionError(f"edges = {edges} must be 2 to {MOST_EDGES}")
     found = [own for part in region.parts for own in _image(part, T, edges)]
-    if not any(isinstance(own, Disk) for own in found):
+    if not any(own.circle for own in found):
         found.insert(0, Disk(0, 1))
     return found[0] if len(found) == 1 else Intersection(tuple(found))
 
@@ -313,12 +313,4 @@ def delta_plane(region: Region, sample_time: Any) -> Region:
         If a part is neither.
     """
     T = float(sample_time)
-    return reduce(and_, (_in_differences(part, T) for part in region.parts))
-
-
-def _in_differences(part: Region, T: float) -> Region:
-    if isinstance(part, Disk):
-        return Disk((part.centre - 1) / T, part.radius / T)
-    if isinstance(part, Wedge):
-        return Wedge((part.apex - 1) / T, part.slope)
-    raise RegionError(f"{part}: a region of the z-plane is made up of disks and wedges")
+    return reduce(and_, (part.in_differences(T) for part in region.parts))

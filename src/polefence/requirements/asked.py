@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from polefence.base.errors import InputError, SpecError
@@ -11,8 +10,6 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances
 from polefence.plant.vehicle import ACCELERATION
 from polefence.proof.text import quoted
-from polefence.requirements.gain_norm import GainNorm
-from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification, disturbance
 from polefence.requirements.text import (
     RoadSpectrum,
@@ -140,16 +137,13 @@ def _begun(own: Specification, plant: UncertainPlant) -> Specification:
 
 def densities_of(written: Sequence[Specification]) -> dict[str, float]:
     """Return the density by signal, as the spec's tables have it."""
-    return {own.name: own.density for own in written if isinstance(own, Rms)}
+    return {own.name: d for own in written if (d := own.noise_density) is not None}
 
 
 def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
     """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
-    if isinstance(own, GainNorm):
-        for other in limits:
-            if isinstance(other, GainNorm):
-                return replace(own, rows=other.rows, columns=other.columns)
-    return own
+    same = next((limit for limit in limits if limit.kind == own.kind), None)
+    return own if same is None else own.in_units_of(same)
 
 
 def _parsed(
@@ -174,7 +168,7 @@ def _known(
     """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
     try:
         own.require_fit(plant)
-        if isinstance(own, Rms) and road is not None and own.density == road.density:
+        if road is not None and own.noise_density == road.density:
             acting: Sequence[float] = plant.physical
             if own.disturbances is not None:
                 acting = own.scales(plant) or (1.0,) * plant.disturbance_count

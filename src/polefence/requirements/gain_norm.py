@@ -86,6 +86,11 @@ class GainNorm(Specification):
             return self
         return replace(self, columns=(*self.columns, *(1.0,) * more))
 
+    def in_units_of(self, other: Specification) -> GainNorm:
+        """Return it with the other's rows and columns."""
+        units = {key: getattr(other, key) for key in self.keys}
+        return replace(self, **units)
+
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return none: it is a number of such units."""
         return ""
@@ -122,7 +127,7 @@ class GainNorm(Specification):
         """
         raise InputError("the gain norm takes no signal")
 
-    def norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
+    def law_norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
         """Return the bound as a condition has it; with a ``unit`` it is not fixed."""
         rows, columns = self.units(plant)
         C, R = (np.diag(1 / np.array(own)) for own in (columns, rows))
@@ -217,11 +222,10 @@ def as_norms(
     plant: UncertainPlant, limits: tuple[Specification, ...], minimise: Specification | None
 ) -> tuple[Norm, ...]:
     """Return the bounds on the law that are asked for."""
-    norms = [own.norm(plant) for own in limits if isinstance(own, GainNorm)]
-    if isinstance(minimise, GainNorm):
-        norms.append(minimise.norm(plant, 1.0))
+    norms = [limit.law_norm(plant) for limit in limits]
+    norms += [] if minimise is None else [minimise.law_norm(plant, 1.0)]
     # variables are known by name
-    return tuple(_named(norm, k) for k, norm in enumerate(norms))
+    return tuple(_named(norm, k) for k, norm in enumerate(norm for norm in norms if norm))
 
 
 def _named(norm: Norm, k: int) -> Norm:

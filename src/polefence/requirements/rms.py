@@ -121,6 +121,11 @@ class Rms(Specification):
         return replace(self, weight=None)
 
     @property
+    def noise_density(self) -> float:
+        """The density."""
+        return self.density
+
+    @property
     def unnamed_noise(self) -> float:
         """Scale that makes the density 1."""
         return float(1 / np.sqrt(self.density))

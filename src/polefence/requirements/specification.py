@@ -16,6 +16,7 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.conditions.gain_norm import Norm
 from polefence.lmi.solve.gramians import DualProblem
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of, ranges_of
@@ -199,6 +200,14 @@ class Specification(Short):
         """Return it for a plant with more states behind its n, which are at rest at first."""
         return self
 
+    def in_units_of(self, other: Specification) -> Specification:  # noqa: ARG002
+        """Return it in the units of another of its kind: a line has none."""
+        return self
+
+    def law_norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm | None:  # noqa: ARG002
+        """Return the bound on the law that it is; None where it is one on a signal."""
+        return None
+
     def level(self, r: float) -> float:
         """Return the bound that a condition's r is, where it has no limit."""
         return float(r if self.power == 1 else math.sqrt(r))
@@ -235,6 +244,11 @@ class Specification(Short):
                 raise InputError(f"no disturbance {name!r}; {suggest(name, names)}")
         found = tuple(float(chosen.get(name, 0.0)) for name in names)
         return () if all(scale == 1 for scale in found) else found
+
+    @property
+    def noise_density(self) -> float | None:
+        """One-sided density of the noise that moves the signal; None where no noise does."""
+        return None
 
     @property
     def unnamed_noise(self) -> float:

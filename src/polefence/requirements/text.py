@@ -93,7 +93,7 @@ class RoadSpectrum(Short):
         Only what is no velocity is left out: a wheel whose road nobody named is refused later.
         """
         chosen = own.disturbances is not None or not self.under
-        if chosen or not isinstance(own, Rms) or own.density != self.density:
+        if chosen or own.noise_density != self.density:
             return own
         pairs = list(zip(disturbances(plant), plant.physical, strict=True))
         others = {w.unit for w, physical in pairs if physical and w.name not in self.under}

@@ -58,8 +58,8 @@ def decaying(plant: UncertainPlant, region: Region, share: float) -> Region:
         return region
     if region != Disk(0, 1) or plant.sample_time is None:
         parts = [
-            Disk(0, part.radius ** (1 + share / 4))
-            if plant.sample_time is not None and isinstance(part, Disk) and not part.centre
+            Disk(0, part.circle[1] ** (1 + share / 4))
+            if plant.sample_time is not None and part.circle and not part.circle[0]
             else part.tighter(share / 20)
             for part in region.parts
         ]
@@ -123,14 +123,13 @@ def narrower(region: Region) -> tuple[Region, ...]:
 def _inside(region: Region, smallest: Callable[[float], Design]) -> Iterator[Region]:
     """Yield a region, and smaller ones; of a disk down to the smallest that there is a law for."""
     yield region
-    if not isinstance(region, Disk):
+    if region.circle is None:
         yield from narrower(region)
         return
-    least = smallest(region.centre).region
-    if isinstance(least, Disk):
-        for share in SHARES:
-            radius = least.radius + share * (region.radius - least.radius)
-            yield Disk(region.centre, radius)
+    centre, radius = region.circle
+    least = smallest(centre).region.size
+    for share in SHARES:
+        yield Disk(centre, least + share * (radius - least))
 
 
 def tightened(
@@ -151,9 +150,9 @@ def tightened(
         If none is proved.
     """
     least, best = smallest.region, None
-    if not isinstance(least, Disk):
+    if least.circle is None:
         raise NotProvedError(f"not proved: {least} is not a disk")
-    centre, radius = least.centre, least.radius
+    centre, radius = least.circle
     room = 1 - abs(centre) - radius  # up to the unit circle
     reached = np.inf
     for share in FARTHER:

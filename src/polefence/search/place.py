@@ -112,8 +112,8 @@ def place(
     if isinstance(method, Scheduled) and method.degree == "auto":
         return _climb(plant, region, method)
     require_checkable(plant, method, len(region.parts))
-    if isinstance(region, Disk):
-        return _in_disk(plant, region, method, allow_unproved)
+    if region.circle is not None:
+        return _in_disk(plant, Disk(*region.circle), method, allow_unproved)
     return _in_region(plant, region, method, allow_unproved)
 
 
@@ -632,7 +632,7 @@ def _slack(
     evidence: dict[str, Any] = {"P": coefficients(values, "P"), "G": values["G"]}
     if isinstance(method, Slack):
         evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
-    if not isinstance(region, Disk):
+    if region.circle is None:
         # e is in units of the search's own time
         evidence["epsilon"] = o.epsilon / found.rate
     return FixedGain(right_divide(values["L"], values["G"])), evidence

@@ -438,13 +438,13 @@ def as_sampled(design: Design, region: Region) -> Design:
 
 def _of_samples(design: Design, T: float) -> Design:
     """Return the design for the smallest disk as one of the plant in discrete time."""
-    own = design.region
-    if not isinstance(own, Disk):
-        raise InputError(f"{own} is not a disk")
+    if design.region.circle is None:
+        raise InputError(f"{design.region} is not a disk")
+    centre, radius = design.region.circle
     for step in (0.0, *STEPS):
         with suppress(NotProvedError, RegionError):
-            return as_sampled(design, Disk(1 + T * own.centre, T * own.radius * (1 + step)))
-    raise NotProvedError(f"not proved: {own} of the delta form in the z-plane")
+            return as_sampled(design, Disk(1 + T * centre, T * radius * (1 + step)))
+    raise NotProvedError(f"not proved: {design.region} of the delta form in the z-plane")
 
 
 def _goal(of: str, centre: float | None, within: Region | None, step: float) -> Goal:

@@ -26,7 +26,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.claims.cells import ANSWERS
 from polefence.proof.text import visible
-from polefence.region.regions import POINTS, Disk, Region, View, Wedge
+from polefence.region.regions import POINTS, Region, View, Wedge
 from polefence.region.text import digits_down, digits_up, short_text
 
 if TYPE_CHECKING:  # imported where used, or for signatures only
@@ -336,8 +336,8 @@ def draw_region(ax: Axes, region: Region, view: View) -> None:
                     name = label if shown is edge else None
                     ax.plot(line.real, line.imag, color="black", zorder=2.5, label=name, **style)
                     label = label if shown is not edge else None
-    if isinstance(region, Disk):
-        ax.plot(region.centre, 0, "k+", ms=7)
+    if region.circle is not None:
+        ax.plot(region.circle[0], 0, "k+", ms=7)
 
 
 def _folded(text: str) -> str:

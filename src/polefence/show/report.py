@@ -31,7 +31,6 @@ from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
 from polefence.proof.plant import ANY
 from polefence.proof.text import rate_text, visible
-from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import step
 from polefence.response.stationary import growth, velocity_density
@@ -310,17 +309,18 @@ def _poles(design: Design) -> Section:
 @stage("other disks")
 def _limits(design: Design) -> Section | None:
     region, plant = design.region, design.plant
-    if not isinstance(region, Disk) or plant.sample_time is not None:
+    if region.circle is None or plant.sample_time is not None:
         return None
-    rows = limits(plant, [region.centre * share for share in CENTRES], METHODS, bounds=False)
+    centre, radius = region.circle
+    rows = limits(plant, [centre * share for share in CENTRES], METHODS, bounds=False)
     shown = [row.as_row() for row in rows if row.radius is not None and row.radius < -row.centre]
-    here = 100 * (1 - region.radius / region.sigma)
-    own = limits(plant, region.centre, METHODS)
+    here = 100 * (1 - radius / -centre)
+    own = limits(plant, centre, METHODS)
     figure = limits_figure({plant.name: shown}) if shown else None
     if figure is not None:
         ax = figure.axes[0]
-        ax.plot(region.sigma, here, "o", mfc="white", mec="black", ms=7, zorder=4)
-        ax.annotate(OURS, (region.sigma, here), (8, -4), textcoords="offset points", fontsize=9)
+        ax.plot(-centre, here, "o", mfc="white", mec="black", ms=7, zorder=4)
+        ax.annotate(OURS, (-centre, here), (8, -4), textcoords="offset points", fontsize=9)
     return Section(
         "How far the methods go",
         ("The smallest disk about this centre that each method proves [1/s]:",),

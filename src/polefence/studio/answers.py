@@ -81,7 +81,7 @@ def first_region(subject: Subject) -> Region:
     tuned = Question(HalfPlane(0.0), subject.measured).structure(subject) is not None
     with suppress(PolefenceError):
         part = HalfPlane(0.0) if tuned else tightest(plant, -rate).region
-        radius = ROOM * part.radius if isinstance(part, Disk) else rate
+        radius = ROOM * part.size if part.circle else rate
         if radius < rate:
             return Disk(-rate, float(f"{max(radius, rate / 2):.3g}"))
     return HalfPlane(0.0)

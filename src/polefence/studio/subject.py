@@ -129,8 +129,7 @@ class Subject(Short):
         limits = [own for own in self.wanted.limits if own.of_signal]
         if limits:
             return tuple(sorted(limits, key=lambda own: own.name not in inputs))
-        least = self.wanted.least
-        density = least.density if isinstance(least, Rms) else 1.0
+        density = self.wanted.least.noise_density or 1.0
         return tuple(Rms(split(own)[0], density=density) for own in self.plant.inputs)
 
 

@@ -55,7 +55,7 @@ from polefence.plant.system import Array
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.margins import Subject
 from polefence.proof.remainder import SHARE
-from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.region.regions import HalfPlane, Region
 
 MOST = 10.0  # times its size: no larger error is looked for
 BETWEEN = 500  # points between the vertices at which gains are looked at for their sizes
@@ -144,10 +144,11 @@ def _boundary(part: Region, poles: Array) -> list[complex]:
         own = np.abs(z)
         grid = np.geomspace(0.1 * max(own.min(), 1e-6 * own.max()), 10 * own.max(), POINTS)
         return [complex(-part.decay, y) for y in (0.0, *grid, *np.abs(z.imag))]
-    if isinstance(part, Disk):
-        near = np.abs(np.angle(poles - part.centre))
+    if part.circle is not None:
+        centre, radius = part.circle
+        near = np.abs(np.angle(poles - centre))
         turns = (0.0, *np.geomspace(1e-4, np.pi, POINTS), *near)
-        return [part.centre + part.radius * complex(np.exp(1j * t)) for t in turns]
+        return [centre + radius * complex(np.exp(1j * t)) for t in turns]
     apart = np.abs(np.array([part.distance(np.array([pole])).item() for pole in poles]))
     turns = np.exp(1j * np.linspace(0, np.pi, TURNS))
     return [complex(z) for z in (poles[:, None] + apart[:, None] * turns).ravel()]

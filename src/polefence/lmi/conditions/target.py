@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region
+from polefence.region.regions import Region
 
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
@@ -99,26 +100,52 @@ class Target:
 NO_REGION = Target(())
 
 
-@dataclass(frozen=True)
-class Disks:
-    """Disks with one centre; r is the radius less ``beyond`` [1/s]: a search resolves the rest."""
+class Goal:
+    """What a search makes as good as it can be: inequalities that grow with r."""
 
-    centre: float
-    beyond: float = 0.0
-    rated = True
+    rated: ClassVar[bool] = True  # whether r is a rate [1/s]
+    disks: ClassVar[bool] = False  # whether r is the radius of disks, which have starts and duals
 
     @property
     def scale(self) -> float:
         """A rate typical of the problem [1/s]; zero where it has none."""
-        return abs(self.centre)
+        raise NotImplementedError
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its inequalities leave open that X > 0, as those of cones do."""
+        return False
+
+    def centre_of(self, scale: float) -> float:
+        """Return the centre of disks from which a search starts, for rates of this scale."""
+        return -scale
 
     def target(self, rate: float) -> Target:
         """Return the inequalities, rates measured in ``rate``."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Disks(Goal):
+    """Disks with one centre; r is the radius less ``beyond`` [1/s]: a search resolves the rest."""
+
+    centre: float
+    beyond: float = 0.0
+    disks = True
+
+    @property
+    def scale(self) -> float:
+        return abs(self.centre)
+
+    def centre_of(self, scale: float) -> float:  # noqa: ARG002
+        return self.centre
+
+    def target(self, rate: float) -> Target:
         return disks(-self.centre / rate, self.beyond / rate)
 
 
 @dataclass(frozen=True)
-class Around:
+class Around(Goal):
     """A region made wider: r = 1 is the region itself, less is inside."""
 
     region: Region
@@ -126,56 +153,45 @@ class Around:
 
     @property
     def scale(self) -> float:
-        """A rate typical of the problem [1/s]; zero where it has none."""
         return self.region.scale
 
-    @property
-    def centre(self) -> float:
-        """Of disks from which a search starts: on the left, or of a disk that reaches over zero.
+    def centre_of(self, scale: float) -> float:  # noqa: ARG002
+        """Return one on the left, or that of a disk that reaches over zero.
 
         Not of one about a point on the right, which other parts of the region keep on the left.
         """
-        disks = [own for own in self.region.parts if isinstance(own, Disk)]
         kept = self.region.stable
-        reaching = [
-            own.centre
-            for own in disks
-            if own.centre + own.radius > 0 and not (kept and own.centre >= 0)
-        ]
+        circles = [part.circle for part in self.region.parts if part.circle]
+        reaching = [c for c, radius in circles if c + radius > 0 and not (kept and c >= 0)]
         return reaching[0] if reaching else -self.scale
 
     @property
     def is_open(self) -> bool:
-        """Whether its inequalities leave open that X > 0, as those of cones do."""
         return not any(part.definite for part in self.region.parts)
 
     def target(self, rate: float) -> Target:
-        """Return the inequalities, rates measured in ``rate``."""
         return Target(tuple(_wider(L, M) for L, M in self.region.pairs(rate)), self.is_open)
 
 
 @dataclass(frozen=True)
-class Decays:
+class Decays(Goal):
     """Half-planes; r is ``fastest`` less the decay rate [1/s]. Optionally within a fixed region."""
 
     fastest: float
     within: Region | None = None
-    rated = True
 
     @property
     def scale(self) -> float:
-        """A rate typical of the problem [1/s]."""
         return self.fastest / FASTEST
 
     def target(self, rate: float) -> Target:
-        """Return the inequalities, rates measured in ``rate``."""
         one, none = np.eye(1), np.zeros((1, 1))
         side = Side(2 * self.fastest / rate * one, -2 * one, one, none)
         return Target((side, *fixed(self.within, rate)), positive=True)
 
 
 @dataclass(frozen=True)
-class Sectors:
+class Sectors(Goal):
     """Sectors; r is the slope |Im z| / |Re z|. Optionally within a fixed region."""
 
     size: float
@@ -184,17 +200,12 @@ class Sectors:
 
     @property
     def scale(self) -> float:
-        """A rate typical of the problem [1/s]."""
         return self.size
 
     def target(self, rate: float) -> Target:
-        """Return the inequalities, rates measured in ``rate``."""
         none, turn = np.zeros((2, 2)), np.array([[0.0, 1.0], [-1.0, 0.0]])
         side = Side(none, none, turn, np.eye(2))
         return Target((side, *fixed(self.within, rate)), positive=True)
-
-
-Goal = Disks | Around | Decays | Sectors
 
 
 def disks(sigma: float, beyond: float = 0.0) -> Target:

@@ -13,7 +13,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.lmi.conditions.methods import Method, normal
 from polefence.lmi.conditions.pencil import Variable
-from polefence.lmi.conditions.target import Around, Disks, Goal, Patch
+from polefence.lmi.conditions.target import Disks, Goal, Patch
 from polefence.lmi.solve.assembly import condition
 from polefence.lmi.solve.engine import inside
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
@@ -82,7 +82,7 @@ def smallest(
         If there is no point to start from in floats.
     """
     scale = goal.scale
-    if not scale or (isinstance(goal, Around) and goal.is_open):
+    if not scale or goal.is_open:
         scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
     of_law = enough, engine, motion, patches
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), *of_law)
@@ -131,12 +131,11 @@ class _Search:
 
     def first(self) -> Reached:
         """Return a nominal design, or a rough solution of Lemma 1 where that is a start."""
-        if not isinstance(self.goal, Disks):
-            # of disks about a centre typical of the region; r is found out when it is run
-            own = Disks(self.goal.centre if isinstance(self.goal, Around) else -self.scale)
-            return replace(replace(self, goal=own, patches=()).first(), r=0.0)
+        centre = self.goal.centre_of(self.scale)
+        if not self.goal.disks:  # r is found out when it is run
+            return replace(replace(self, goal=Disks(centre), patches=()).first(), r=0.0)
         if normal(self.method) == "quadratic":
-            start = nominal_start(self.A, self.B, -self.goal.centre, self.plain, self.scale)
+            start = nominal_start(self.A, self.B, -centre, self.plain, self.scale)
             return Reached(r=start.radius, values={"W": start.W, "Z": start.K @ start.W})
         lemma_1 = replace(self, method="quadratic", enough=LOW * self.scale)
         nominal = lemma_1.first()
@@ -154,8 +153,7 @@ class _Search:
         values = self._scaled(start.values, radius, scaling, pencil.variables, wide)
         x = pencil.pack(values)
         r = wide * radius / unit
-        disks = isinstance(self.goal, Disks)
-        if not disks:
+        if not self.goal.disks:
             found = inside(stacked, x, engine=self.engine)
             if found is None:
                 return None
@@ -167,7 +165,7 @@ class _Search:
         return Reached(
             r=unit * outcome.r,
             values=scaling.restore(end, pencil.variables),
-            dual=dual_of(outcome, stacked, scaling) if disks else None,
+            dual=dual_of(outcome, stacked, scaling) if self.goal.disks else None,
             converged=outcome.converged and _is_near(lyapunov_mean(end)),
             iterations=outcome.iterations,
             rate=scaling.rate,

@@ -179,7 +179,7 @@ class Poles(Short, Claim):
                 table |= {"degree": first.degree, "elevation": first.elevation}
             table |= ({"epsilon": plain(first.epsilon)} if first.epsilon else {}) | free
         else:
-            table = {"parts": [each.write() for each in self.evidence]}
+            table = {"parts": [proof.write() for proof in self.evidence]}
             table |= free if self.law.fixed else {}
         region = write_region(self.region)
         return {"kind": self.kind, "region": region, "method": self.method, "evidence": table}
@@ -242,15 +242,15 @@ class Poles(Short, Claim):
             (1, N) if self.method == "lyapunov" else (1,)
         ):
             raise FormatError("a fixed law has one K")
-        if any(each.dual for each in (*self.evidence, *self._each)):
+        if any(proof.dual for proof in (*self.evidence, *self._each)):
             raise FormatError("a region has no dual form of its inequalities")
-        for own in self._each:
-            require_pieces(own.pieces, self.sizes)
-            if own.pieces and (self.method != "lyapunov" or own.spread is not None):
+        for proof in self._each:
+            require_pieces(proof.pieces, self.sizes)
+            if proof.pieces and (self.method != "lyapunov" or proof.spread is not None):
                 raise FormatError("pieces belong to the method lyapunov")
-        for own in self.evidence:
-            own.require_cells(self.sizes)
-            if own.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
+        for proof in self.evidence:
+            proof.require_cells(self.sizes)
+            if proof.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
                 raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
         self._require_remainder()
         self._require_counts()
@@ -261,42 +261,42 @@ class Poles(Short, Claim):
 
     def _require_remainder(self) -> None:
         """Refuse a remainder without its evidence, and evidence without a remainder."""
-        for own in self._each:
-            if (own.spread is None) != (self.remainder is None):
+        for proof in self._each:
+            if (proof.spread is None) != (self.remainder is None):
                 raise FormatError("a remainder has evidence of its own, in every part")
         if self.remainder is None:
             return
-        if self.method != "lyapunov" or self.weights or any(own.cells for own in self.evidence):
+        if self.method != "lyapunov" or self.weights or any(proof.cells for proof in self.evidence):
             raise FormatError("a plant with a remainder is proved by the method lyapunov, whole")
         n, m = len(self.A[0]), len(self.B[0][0])
         entries = self.remainder.entries
         self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0, self.sizes)
-        for own in self._each:
-            if own.spread is not None:
-                own.spread.require(self.remainder)
+        for proof in self._each:
+            if proof.spread is not None:
+                proof.spread.require(self.remainder)
 
     def _require_motion(self) -> None:
         """Reject evidence that does not cover moving parameters where the region sets a rate."""
         if not self.motion or not any(part.decays(self.step) for part in self.region):
             return
-        if self.method == "slack" or self.weights or any(own.cells for own in self.evidence):
+        if self.method == "slack" or self.weights or any(proof.cells for proof in self.evidence):
             what = "disk about zero" if self.step else "half-plane"
             raise FormatError(
                 f"a {what} needs one X for the whole box while parameters move; slack has none"
             )
         if self.remainder is not None:
             raise FormatError("sampled plants with a remainder need constant parameters")
-        for own, parts in self._each_with_parts:
+        for proof, parts in self._each_with_parts:
             if any(part.decays(self.step) for part in parts):
-                X = lifted(self.law, own, self.sizes).part(slice(len(self.A[0])))
+                X = lifted(self.law, proof, self.sizes).part(slice(len(self.A[0])))
                 require_motion(X, self.motion, self.step)
 
     @property
     def _each_with_parts(self) -> Iterator[tuple[Evidence, tuple[Part, ...]]]:
         """Each evidence, with the parts of the region that it is for."""
-        for number, own in enumerate(self.evidence):
+        for number, proof in enumerate(self.evidence):
             yield (
-                own,
+                proof,
                 self.region[number : number + 1] if self.method == "lyapunov" else self.region,
             )
 
@@ -332,22 +332,22 @@ class Poles(Short, Claim):
     def count(self) -> int:
         """Number of coefficients of the inequalities of all parts of the region."""
         return sum(
-            count_of(self.sizes, self.degree(own)) * math.prod(own.pieces) * len(parts)
+            count_of(self.sizes, self.degree(proof)) * math.prod(proof.pieces) * len(parts)
             for evidence, parts in self._each_with_parts
-            for own in evidence.each
+            for proof in evidence.each
         )
 
     @property
     def _each(self) -> list[Evidence]:
         """Evidence of each part of the region, and of the box."""
-        return [own for evidence in self.evidence for own in evidence.each]
+        return [proof for evidence in self.evidence for proof in evidence.each]
 
     def degree(self, evidence: Evidence) -> int:
         """Return the degree of the inequalities' polynomials in each simplex."""
         if self.method == "slack":
             return max(evidence.degree, 1) + evidence.elevation
-        own = 1 if self.remainder is None else self.remainder.degree
-        return degree_of(self.law, evidence) + own + evidence.elevation
+        plant_degree = 1 if self.remainder is None else self.remainder.degree
+        return degree_of(self.law, evidence) + plant_degree + evidence.elevation
 
     @property
     def _is_theorem_1(self) -> bool:
@@ -376,14 +376,14 @@ class Poles(Short, Claim):
         AB = self.AB
         for evidence, mine in self._each_with_parts:
             for k, piece in enumerate(evidence.cells):
-                own = self.inside(piece)
-                inner = plant_form(own.A, own.B, own.sizes)
-                for found in own._lyapunov(inner, piece.evidence, mine):
-                    yield replace(found, piece=f", cell {k + 1}")
+                claim = self.inside(piece)
+                inner = plant_form(claim.A, claim.B, claim.sizes)
+                for inequality in claim._lyapunov(inner, piece.evidence, mine):
+                    yield replace(inequality, piece=f", cell {k + 1}")
             if not evidence.cells:
-                each = self._slack if self.method == "slack" else self._lyapunov
-                for found in each(AB, evidence, mine):
-                    yield from in_pieces(found, evidence.pieces)
+                written = self._slack if self.method == "slack" else self._lyapunov
+                for inequality in written(AB, evidence, mine):
+                    yield from in_pieces(inequality, evidence.pieces)
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box, with its evidence for the first of the region.
@@ -441,11 +441,11 @@ class Poles(Short, Claim):
         P, G = bernstein(evidence.X, sizes, evidence.degree), constant(evidence.G or [], sizes)
         N = AB * (self.law.form(sizes) * G)
         degrees = (self.degree(evidence),) * len(sizes)
-        N, P, G = (each.raised(degrees) for each in (N, P, G))
+        N, P, G = (form.raised(degrees) for form in (N, P, G))
         for part in parts:
             for L, M in part.pairs:
-                if isinstance(part, Disk):
-                    centre, r = part.numbers
+                if part.circle is not None:
+                    centre, r = part.circle
                     upper = N.times(-1) + G.times(centre)
                     rows = [[P.times(r), upper], [(G + G.T - P).times(r)]]
                 else:
@@ -484,10 +484,12 @@ class Poles(Short, Claim):
             W, Z = mix(values, law.W or []), mix(values, law.Z or [])
         weights = self.weights or (ONE,) * len(alpha)
         q = sum((a * w for a, w in zip(alpha, weights, strict=True)), Fraction(0))
-        whole, own = (common_denominator(each, LONGEST) for each in ((A, B), (W, Z)))
+        whole, common = (common_denominator(pair, LONGEST) for pair in ((A, B), (W, Z)))
         pairs = zip(whole_numbers(A, whole), whole_numbers(B, whole), strict=True)
-        N = multiplied([a + b for a, b in pairs], whole_numbers(W, own) + whole_numbers(Z, own))
-        return [[Fraction(e, whole * own) for e in row] for row in N], [
+        N = multiplied(
+            [a + b for a, b in pairs], whole_numbers(W, common) + whole_numbers(Z, common)
+        )
+        return [[Fraction(e, whole * common) for e in row] for row in N], [
             [q * e for e in r] for r in W
         ]
 
@@ -591,8 +593,8 @@ def _scheduled(table: Table, _: Poles, n: int) -> tuple[Evidence, ...]:  # noqa:
 
 
 def _slack(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
-    own, G = read_evidence(table, n, blank.sizes, "P", 1), table.matrix("G", n, n)
-    return (replace(own, G=G, epsilon=table.number("epsilon", 0)),)
+    evidence, G = read_evidence(table, n, blank.sizes, "P", 1), table.matrix("G", n, n)
+    return (replace(evidence, G=G, epsilon=table.number("epsilon", 0)),)
 
 
 def _lyapunov(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:

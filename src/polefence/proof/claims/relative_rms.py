@@ -118,11 +118,13 @@ class RelativeRms(SignalClaim):
         """Return the baseline's evidence, and the intensity."""
         if not self.without_control:
             raise FormatError(f"{self.outputs[0].name}: only no control is written as a baseline")
-        own = self.baseline
-        table: dict[str, Any] = {"states": [j + 1 for j in own.states]} if own.states else {}
+        baseline = self.baseline
+        table: dict[str, Any] = (
+            {"states": [j + 1 for j in baseline.states]} if baseline.states else {}
+        )
         if not self.subject.evidence.transfer:
-            table["stability"] = own.stability.write("X")
-            table["covariance"] = own.covariance.write("P")
+            table["stability"] = baseline.stability.write("X")
+            table["covariance"] = baseline.covariance.write("P")
         return {"intensity": plain(self.intensity), "baseline": table}
 
     @property
@@ -138,15 +140,15 @@ class RelativeRms(SignalClaim):
         base, whole = self.baseline, self.series
         states = base.states or tuple(range(whole.subject.n))
         with suppress(FormatError):  # some of its states depend on others
-            own = baseline_loop(whole.subject, whole.outputs[0], None, states)
-            return own == (base.A, base.E, base.C)
+            alone = baseline_loop(whole.subject, whole.outputs[0], None, states)
+            return alone == (base.A, base.E, base.C)
         return False
 
     @property
     def _remainder(self) -> Remainder | None:
         """The remainder of the baseline's states."""
-        own, states = self.subject.remainder, self.baseline.states
-        return own.kept(states) if own is not None and states else own
+        remainder, states = self.subject.remainder, self.baseline.states
+        return remainder.kept(states) if remainder is not None and states else remainder
 
     def require_own(self) -> None:
         """Refuse a baseline that does not fit."""
@@ -161,14 +163,14 @@ class RelativeRms(SignalClaim):
             if baseline.stability != Evidence([]) or baseline.covariance != Evidence([]):
                 raise FormatError("a proof by the transfer function has no other evidence")
             return
-        for name, each in (("X", baseline.stability), ("P", baseline.covariance)):
-            if any(not 0 <= degree <= MAX_DEGREE for degree in (each.degree, each.elevation)):
+        for name, proof in (("X", baseline.stability), ("P", baseline.covariance)):
+            if any(not 0 <= degree <= MAX_DEGREE for degree in (proof.degree, proof.elevation)):
                 raise FormatError(f"degrees must be 0 to {MAX_DEGREE}")
-            if replace(each, X=[], degree=0, elevation=0, spread=None) != Evidence([]):
+            if replace(proof, X=[], degree=0, elevation=0, spread=None) != Evidence([]):
                 raise FormatError(f"the baseline's {name} is a polynomial and no more")
-            count = count_of(self.subject.sizes, each.degree)
-            require_shapes(each.X, count, n, n, f"the baseline's {name}")
-            self._require_spread(each, kappa=name == "P")
+            count = count_of(self.subject.sizes, proof.degree)
+            require_shapes(proof.X, count, n, n, f"the baseline's {name}")
+            self._require_spread(proof, kappa=name == "P")
 
     def _require_spread(self, evidence: Evidence, kappa: bool) -> None:
         """Refuse a baseline's evidence that does not fit the remainder, or lack of it."""
@@ -184,8 +186,8 @@ class RelativeRms(SignalClaim):
     @property
     def least_degree(self) -> int:
         """That of E E' and of C0 P C0'."""
-        own = self.baseline.covariance.degree + 2 * varies(self.baseline.C)
-        return max(super().least_degree, own)
+        least = self.baseline.covariance.degree + 2 * varies(self.baseline.C)
+        return max(super().least_degree, least)
 
     @property
     def more_work(self) -> int:
@@ -203,8 +205,8 @@ class RelativeRms(SignalClaim):
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield the baseline's matrices too."""
         yield from super().symmetric()
-        for name, each in (("X", self.baseline.stability), ("P", self.baseline.covariance)):
-            for k, matrix in enumerate(each.X):
+        for name, proof in (("X", self.baseline.stability), ("P", self.baseline.covariance)):
+            for k, matrix in enumerate(proof.X):
                 yield f"the baseline's {name} {k + 1}", matrix
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
@@ -219,29 +221,31 @@ class RelativeRms(SignalClaim):
 
     def transfer(self) -> Transfer:
         """Return the transfer function, with that of the baseline beside it."""
-        base, own = self.baseline, self.subject
+        base, subject = self.baseline, self.subject
         n, count = len(base.A[0]), len(base.A)
         none = [[Fraction(0)] for _ in range(n)]
         law, y = Law([[[Fraction(0)] * n]]), Output(base.C, [[[Fraction(0)]]] * count)
-        loop = Subject(base.A, [none] * count, base.E, law, own.evidence, own.on, own.step)
+        loop = Subject(
+            base.A, [none] * count, base.E, law, subject.evidence, subject.on, subject.step
+        )
         return replace(super().transfer(), beside=loop.transfer((y,), self.scales, self.power))
 
-    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+    def polynomials(self, loop: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D and D0 of both loops, and g^2 N0 D - N D0: the variances are N / D, N0 / D0."""
-        if own.beside is None:
+        if loop.beside is None:
             raise FormatError("the baseline is missing")
-        (D, N), (D0, N0) = own.variance, own.beside.variance
+        (D, N), (D0, N0) = loop.variance, loop.beside.variance
         yield "of the poles", bernstein_of(D)
         yield "of the baseline's poles", bernstein_of(D0)
         degrees = [a + b - 2 for a, b in zip(D.shape, D0.shape, strict=True)]
         require_few(degrees)
-        D, N, D0, N0 = (each.on_nodes(degrees) for each in (D, N, D0, N0))
+        D, N, D0, N0 = (form.on_nodes(degrees) for form in (D, N, D0, N0))
         one, other = product_of(N0, D), product_of(N, D0)
         yield "of the ratio", bernstein_of(combined(one, self.level**2, other, Fraction(-1)))
 
-    def value(self, own: Transfer) -> Fraction | None:
+    def value(self, loop: Transfer) -> Fraction | None:
         """Return the square of the ratio at the first node."""
-        return own.square / own.beside.square if own.beside is not None else None
+        return loop.square / loop.beside.square if loop.beside is not None else None
 
     @property
     def _square(self) -> Polynomial:
@@ -255,12 +259,12 @@ class RelativeRms(SignalClaim):
         yield from super().inequalities()
         if self.filters:
             return
-        baseline, own = self.baseline, self.subject
-        sizes, step, remainder = own.sizes, own.step, self._remainder
+        baseline, subject = self.baseline, self.subject
+        sizes, step, remainder = subject.sizes, subject.step, self._remainder
         A = affine(baseline.A, sizes)
         A = A if remainder is None else remainder.curved(A)
         stability, covariance = baseline.stability, baseline.covariance
-        X, P = (bernstein(each.X, sizes, each.degree) for each in (stability, covariance))
+        X, P = (bernstein(proof.X, sizes, proof.degree) for proof in (stability, covariance))
         N, M = A * X, A * P
         driven = M + M.T
         driven = driven + (M * A.T).times(step) if step else driven
@@ -271,21 +275,21 @@ class RelativeRms(SignalClaim):
         more: Rows = {"noise": [[driven + self._noise(covariance.spread)]]}
         if covariance.spread is not None:
             more |= self._below(P, P + M.times(step), covariance.spread)
-        for found, by in ((rows, stability.elevation), (more, covariance.elevation)):
-            for name, blocks in found.items():
+        for group, by in ((rows, stability.elevation), (more, covariance.elevation)):
+            for name, blocks in group.items():
                 yield Inequality.raised(f"of the baseline's {name}", blocks, by)
 
     def _noise(self, spread: Spread | None) -> Polynomial:
         """Return the intensity times E0 E0', less where E0 and A0 are only near."""
-        own, sizes, remainder = self.subject, self.subject.sizes, self._remainder
+        subject, sizes, remainder = self.subject, self.subject.sizes, self._remainder
         if spread is None or remainder is None:
             return noise(self.baseline.E, self.intensity, sizes, self.scales)
         E = affine(self.baseline.E, sizes)
-        E = remainder.curved(E, len(self.baseline.E[0]) + own.m)
+        E = remainder.curved(E, len(self.baseline.E[0]) + subject.m)
         E = E * diagonal(self.scales, sizes) if self.scales else E
-        most = max(spread.driving(self.scales, own.q), default=Fraction(0))
+        most = max(spread.driving(self.scales, subject.q), default=Fraction(0))
         known = (E * E.T).times(self.intensity * (1 - SHARE if most else 1))
-        lost = 1 + own.step * spread.kappa + (1 / SHARE - 1) * self.intensity * most**2
+        lost = 1 + subject.step * spread.kappa + (1 / SHARE - 1) * self.intensity * most**2
         return known - constant(spread.entering(lost), sizes) - constant(spread.omega, sizes)
 
     def _below(self, P: Polynomial, MP: Polynomial, spread: Spread) -> Rows:

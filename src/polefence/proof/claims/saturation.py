@@ -60,20 +60,20 @@ class Saturation(InitialPeak):
         cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
     ) -> dict[str, Any]:
         """Read initial states or norms, and Y."""
-        found = super().read_own(table, subject, outputs)
+        fields = super().read_own(table, subject, outputs)
         if "norms" in table:
             if not subject.E:
                 raise FormatError(f"{table.path('norms')}: the plant has no E")
-            found["norms"] = table.numbers("norms", subject.q)
+            fields["norms"] = table.numbers("norms", subject.q)
         rows = table.matrices("held", len(outputs), subject.n)
         held = tuple(tuple(map(tuple, matrix)) for matrix in rows)
-        return found | {"held": held, "held_degree": table.whole("held_degree", 0)}
+        return fields | {"held": held, "held_degree": table.whole("held_degree", 0)}
 
     def write_own(self) -> dict[str, Any]:
         """Return what `read_own` reads."""
         norms = {"norms": plain(self.norms)} if self.norms else {}
-        own = {"held": plain(self.held), "held_degree": self.held_degree}
-        return super().write_own() | norms | own
+        held = {"held": plain(self.held), "held_degree": self.held_degree}
+        return super().write_own() | norms | held
 
     def require_own(self) -> None:
         """Refuse what is no input, initial states beside norms, and a Y that does not fit."""
@@ -105,28 +105,28 @@ class Saturation(InitialPeak):
     @property
     def _inputs(self) -> list[int]:
         """Numbers of the inputs that are cut off."""
-        found = []
-        for own in self.outputs:
-            places = [j for j, x in enumerate(own.D[0][0]) if x]
+        inputs = []
+        for output in self.outputs:
+            places = [j for j, x in enumerate(output.D[0][0]) if x]
             unit = [[Fraction(int(j in places)) for j in range(self.subject.m)]]
-            plain_input = len(places) == 1 and all(unit == D for D in own.D)
-            if not plain_input or own.F or any(any(C[0]) for C in own.C):
+            plain_input = len(places) == 1 and all(unit == D for D in output.D)
+            if not plain_input or output.F or any(any(C[0]) for C in output.C):
                 raise FormatError("saturation applies to single inputs, unscaled")
-            found += places
-        return found
+            inputs += places
+        return inputs
 
     @property
     def blocks_at_most(self) -> int:
         """One for each part of the inputs, or two, and those of initial states and of Y."""
-        each = 1 if self.subject.remainder is None else 2
-        return super().blocks_at_most + (each << len(self.outputs)) + len(self.outputs)
+        rows = 1 if self.subject.remainder is None else 2
+        return super().blocks_at_most + (rows << len(self.outputs)) + len(self.outputs)
 
     @property
     def least_degree(self) -> int:
         """That of Y, and B Y."""
-        own = degree_of(self.subject.law, self.subject.evidence)
+        degree = degree_of(self.subject.law, self.subject.evidence)
         near = self.subject.remainder
-        return max(own, self.held_degree) + (1 if near is None else near.degree)
+        return max(degree, self.held_degree) + (1 if near is None else near.degree)
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:  # noqa: ARG002
         """Return the decrease under every part of what is cut off, the limits, and the starts."""
@@ -134,17 +134,17 @@ class Saturation(InitialPeak):
         driven = moving(subject, self.norms, sizes) if self.norms else None
         B, KX = subject.entering(sizes), subject.lifted.part(slice(subject.n, None))
         held = dict(zip(self._inputs, self._held, strict=True))
-        found: Rows = {"of X": [[X]]}
+        rows: Rows = {"of X": [[X]]}
         for part in _parts(self._inputs):
             moved = N
             for i in part:
-                own = slice(i, i + 1)
-                moved = moved + B.part(slice(None), own) * (held[i] - KX.part(own))
-            found[f"of the decrease, {_name(part)}"] = subject.falling(X, moved, driven)
+                row = slice(i, i + 1)
+                moved = moved + B.part(slice(None), row) * (held[i] - KX.part(row))
+            rows[f"of the decrease, {_name(part)}"] = subject.falling(X, moved, driven)
         square = number(self.level**2, sizes)
         for k, Y_k in enumerate(self._held):
-            found[f"of limit {k + 1}"] = [[square, Y_k], [X]]
-        return found | self._started(X)
+            rows[f"of limit {k + 1}"] = [[square, Y_k], [X]]
+        return rows | self._started(X)
 
     @property
     def _held(self) -> list[Polynomial]:
@@ -156,8 +156,8 @@ class Saturation(InitialPeak):
         """Return that Omega is enough whatever is cut off."""
         rows = dict(zip(self._inputs, self._held, strict=True))
         return {
-            f"of the remainder, {_name(part)}": spread.bounding(spread.moving(own))
-            for part, own in cut_off(self.subject.lifted, self.subject.n, rows)
+            f"of the remainder, {_name(part)}": spread.bounding(spread.moving(form))
+            for part, form in cut_off(self.subject.lifted, self.subject.n, rows)
         }
 
     def statement(self, plant: Plant) -> str:

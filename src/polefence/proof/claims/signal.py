@@ -144,8 +144,8 @@ class Subject(Short):
 
     def minus(self, N: Polynomial) -> Polynomial:
         """Return -(N + N') + dX/dt, or with what X changes by in a step over the step."""
-        found, slope = (N + N.T).times(-1), self.slope
-        return found if slope is None else found + slope
+        falling, slope = (N + N.T).times(-1), self.slope
+        return falling if slope is None else falling + slope
 
     @property
     def slope(self) -> Polynomial | None:
@@ -169,7 +169,7 @@ class Subject(Short):
         both = bernstein(rows, self.sizes, 1, MAX_BITS)
         if self.remainder is None or not self.remainder.curve:
             return both
-        AB, CD = (both.part(own) for own in (slice(self.n), slice(self.n, None)))
+        AB, CD = (both.part(rows) for rows in (slice(self.n), slice(self.n, None)))
         AB = self.remainder.curved(AB)
         return below(AB, CD) if outputs else AB
 
@@ -241,28 +241,28 @@ class Subject(Short):
         require_shapes(self.B, N, n, m, "B")
         if self.q:
             require_shapes(self.E, N, n, self.q, "E")
-        own, law = self.evidence if evidence is None else evidence, self.law
-        if own.transfer:
-            own = self._without_matrices(own)
+        proof, law = self.evidence if evidence is None else evidence, self.law
+        if proof.transfer:
+            proof = self._without_matrices(proof)
         r = len(law.C[0]) if law.C else n
-        each = ((law.K, m, r, "K"), (law.W, n, n, "W"), (law.Z, m, n, "Z"), (own.X, n, n, "X"))
-        for matrices, rows, columns, where in each:
+        shapes = ((law.K, m, r, "K"), (law.W, n, n, "W"), (law.Z, m, n, "Z"), (proof.X, n, n, "X"))
+        for matrices, rows, columns, where in shapes:
             require_shapes(matrices or [], len(matrices or []), rows, columns, where)
         if law.C:
             require_shapes(list(law.C), N, r, n, "the measured rows")
-        require_pieces(own.pieces, self.sizes)
-        if own.pieces and (own.dual or own.cells or own.spread is not None):
+        require_pieces(proof.pieces, self.sizes)
+        if proof.pieces and (proof.dual or proof.cells or proof.spread is not None):
             raise FormatError("pieces belong to one X of the whole box")
-        if own.epsilon:
+        if proof.epsilon:
             raise FormatError("epsilon belongs to designs of the method slack")
-        if not own.X and (own.degree or len(own.multiple) > 1):
+        if not proof.X and (proof.degree or len(proof.multiple) > 1):
             raise FormatError("the law's own W has its own degree, and at most one multiple")
-        replace(self, evidence=own).as_poles.require()
-        self._require_motion(own)
+        replace(self, evidence=proof).as_poles.require()
+        self._require_motion(proof)
 
-    def _without_matrices(self, own: Evidence) -> Evidence:
+    def _without_matrices(self, evidence: Evidence) -> Evidence:
         """Return evidence of the shape that the loop asks for, where the proof needs none."""
-        if replace(own, transfer=False) != Evidence([]):
+        if replace(evidence, transfer=False) != Evidence([]):
             raise FormatError("a proof by the transfer function has no other evidence")
         if self.motion or self.remainder is not None:
             raise FormatError(
@@ -281,21 +281,21 @@ class Subject(Short):
         W, N, Y = form.part(slice(n)), both.part(slice(n)), both.part(slice(n, None))
         none = [[[Fraction(0)] * self.q]] * len(self.A)
         F = None
-        if any(own.F for own in outputs):
-            F = scaled(stacked([own.F or none for own in outputs]), scales, self.sizes)
-        found = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
-        return found.bilinear(self.step)
+        if any(output.F for output in outputs):
+            F = scaled(stacked([output.F or none for output in outputs]), scales, self.sizes)
+        whole = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
+        return whole.bilinear(self.step)
 
-    def _require_motion(self, own: Evidence) -> None:
+    def _require_motion(self, evidence: Evidence) -> None:
         """Refuse evidence that does not hold while parameters move."""
         if not self.motion:
             return
-        if own.dual or own.cells or self.remainder is not None:
+        if evidence.dual or evidence.cells or self.remainder is not None:
             raise FormatError(
                 "parameters that move need one X of the whole box, not a dual form, and no "
                 "remainder"
             )
-        X = lifted(self.law, own, self.sizes).part(slice(self.n))
+        X = lifted(self.law, evidence, self.sizes).part(slice(self.n))
         require_motion(X, self.motion, self.step)
 
 
@@ -318,7 +318,7 @@ def decreasing(
 
 def stacked(outputs: Sequence[Sequence[Rationals]]) -> list[Rationals]:
     """Return the rows of outputs below one another, at every vertex."""
-    return [[row for rows in each for row in rows] for each in zip(*outputs, strict=True)]
+    return [[row for rows in vertex for row in rows] for vertex in zip(*outputs, strict=True)]
 
 
 def require_shapes(
@@ -403,11 +403,11 @@ class SignalClaim(Short, Claim):
         """Degree of what is to be positive in the coefficients of the transfer function."""
         return self.subject.n + 1 + bool(self.subject.step)  # of a variance
 
-    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+    def polynomials(self, loop: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield what is to be positive of the transfer function, with its name."""
         raise NotImplementedError
 
-    def value(self, own: Transfer) -> Fraction | None:  # noqa: ARG002
+    def value(self, loop: Transfer) -> Fraction | None:  # noqa: ARG002
         """Return the square of what is bounded, exactly, at the first node; None of some kinds."""
         return None
 
@@ -481,7 +481,9 @@ class SignalClaim(Short, Claim):
         else:
             table |= write_outputs(self.outputs)
         if self.filters:
-            table["filters"] = [{} if own is None else own.write() for own in self.filters]
+            table["filters"] = [
+                {} if applied is None else applied.write() for applied in self.filters
+            ]
         table |= {"level": plain(self.level)} | self.write_own()
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
@@ -515,8 +517,8 @@ class SignalClaim(Short, Claim):
         """The outputs' names, with the filters that they are behind."""
         filters = self.filters or (None,) * len(self.outputs)
         return tuple(
-            quoted(own.name) + ("" if each is None else f" behind {each.name}")
-            for own, each in zip(self.outputs, filters, strict=True)
+            quoted(output.name) + ("" if behind is None else f" behind {behind.name}")
+            for output, behind in zip(self.outputs, filters, strict=True)
         )
 
     @property
@@ -540,9 +542,9 @@ class SignalClaim(Short, Claim):
         evidence.require_cells(self.subject.sizes)
         if evidence.cells:
             pieces = [self.inside(piece) for piece in evidence.cells]
-        for own in pieces:
-            own._require_parts()
-        require_work(sum(own.least for own in pieces))
+        for claim in pieces:
+            claim._require_parts()
+        require_work(sum(claim.least for claim in pieces))
 
     def _with(self, evidence: Evidence) -> Self:
         return replace(self, subject=replace(self.subject, evidence=evidence))
@@ -554,11 +556,11 @@ class SignalClaim(Short, Claim):
         N, n, m = len(subject.A), subject.n, subject.m
         if not 1 <= len(self.outputs) <= self.most:
             raise FormatError(f"a bound on {self.kind} is of 1 to {self.most} outputs")
-        for own in self.outputs:
-            require_shapes(own.C, N, 1, n, "C")
-            require_shapes(own.D, N, 1, m, "D")
-            if own.F:
-                require_shapes(list(own.F), N, 1, subject.q, "F")
+        for output in self.outputs:
+            require_shapes(output.C, N, 1, n, "C")
+            require_shapes(output.D, N, 1, m, "D")
+            if output.F:
+                require_shapes(list(output.F), N, 1, subject.q, "F")
         subject.require()
         evidence = subject.evidence
         self._require_remainder()
@@ -577,43 +579,45 @@ class SignalClaim(Short, Claim):
         self._require_disturbances()
 
     def _require_remainder(self) -> None:
-        own, spread = self.subject, self.subject.evidence.spread
-        if (spread is None) != (own.remainder is None):
+        loop, spread = self.subject, self.subject.evidence.spread
+        if (spread is None) != (loop.remainder is None):
             raise FormatError("a remainder has evidence of its own")
-        if own.remainder is None or spread is None:
+        if loop.remainder is None or spread is None:
             return
-        own.remainder.require(own.n, own.m, own.q, own.sizes)
-        dual = own.evidence.dual
-        spread.require(own.remainder, omega=not dual, kappa=dual)
+        loop.remainder.require(loop.n, loop.m, loop.q, loop.sizes)
+        dual = loop.evidence.dual
+        spread.require(loop.remainder, omega=not dual, kappa=dual)
 
     @property
     def least(self) -> int:
         """The least that it takes to prove without cells, whatever its numbers."""
-        subject, law, own = self.subject, self.subject.law, self.subject.evidence
-        if own.transfer:  # what it takes is counted as it is done
+        subject, law, evidence = self.subject, self.subject.law, self.subject.evidence
+        if evidence.transfer:  # what it takes is counted as it is done
             return 0
         poles = subject.as_poles
         more = 0 if subject.remainder is None else subject.remainder.degree - 1
         degrees = [poles.degree(replace(poles.evidence[0], elevation=0)) + more, self.least_degree]
-        if own.dual:  # of Y'Y, and Q E E'Q
+        if evidence.dual:  # of Y'Y, and Q E E'Q
             degrees = [degrees[0], 2 * (law.form_degree + 1)]
-        count = count_of(subject.sizes, max(degrees) + own.elevation) * math.prod(own.pieces)
-        moving = extremes(subject.motion, subject.step) - 1 if own.degree else 0
+        count = count_of(subject.sizes, max(degrees) + evidence.elevation) * math.prod(
+            evidence.pieces
+        )
+        moving = extremes(subject.motion, subject.step) - 1 if evidence.degree else 0
         return least_work(count * (self.blocks_at_most + moving), self.largest) + self.more_work
 
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
         require_scales(self.scales, self.subject.q)
-        through = any(F[0][k] for own in self.outputs for F in own.F for k in self.acting)
+        through = any(F[0][k] for output in self.outputs for F in output.F for k in self.acting)
         if through and not self.direct:
             raise FormatError(f"F: a disturbance passes straight into the output of {self.kind}")
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield W and the Lyapunov matrices."""
-        own = self.subject.evidence
+        evidence = self.subject.evidence
         families = {
             "W": self.subject.law.W or [],
-            "Lyapunov matrix": [X for each in own.each for X in each.X],
+            "Lyapunov matrix": [X for whole in evidence.each for X in whole.X],
         }
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):
@@ -625,8 +629,8 @@ class SignalClaim(Short, Claim):
             yield from self.series.inequalities()
             return
         for k, piece in enumerate(self.subject.evidence.cells):
-            for own in self.inside(piece).inequalities():
-                yield replace(own, piece=f", cell {k + 1}")
+            for inequality in self.inside(piece).inequalities():
+                yield replace(inequality, piece=f", cell {k + 1}")
         if not self.subject.evidence.cells:
             yield from self._of_loop()
 
@@ -640,15 +644,15 @@ class SignalClaim(Short, Claim):
 
     def _by_transfer(self) -> Verdict:
         """Prove it by the transfer function."""
-        own, parts = self.transfer(), 0
-        if not own.is_stable:
+        loop, parts = self.transfer(), 0
+        if not loop.is_stable:
             return undecided("the loop is not stable at the first vertex")
-        for k, (name, coefficients) in enumerate(self.polynomials(own)):
+        for k, (name, coefficients) in enumerate(self.polynomials(loop)):
             tell(k + 1)
-            found = positive(coefficients)
-            if not found.proved:
+            answer = positive(coefficients)
+            if not answer.proved:
                 return undecided(f"the polynomial {name} is not positive everywhere")
-            parts += found.parts
+            parts += answer.parts
         note = f"polynomials of the transfer function positive in {parts} parts, exactly"
         return Verdict("proved", note, parts, note=note)
 
@@ -659,14 +663,16 @@ class SignalClaim(Short, Claim):
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
-        own, low, high = self.subject, piece.low, piece.high
-        if not self.has_cells or own.motion:
+        loop, low, high = self.subject, piece.low, piece.high
+        if not self.has_cells or loop.motion:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
-        A, B = (on_corners(matrices, low, high) for matrices in (own.A, own.B))
-        E = on_corners(own.E, low, high) if own.E else []
-        law = own.law.inside(low, high)
-        remainder = own.remainder and own.remainder.inside(low, high)
-        subject = replace(own, A=A, B=B, E=E, law=law, evidence=piece.evidence, remainder=remainder)
+        A, B = (on_corners(matrices, low, high) for matrices in (loop.A, loop.B))
+        E = on_corners(loop.E, low, high) if loop.E else []
+        law = loop.law.inside(low, high)
+        remainder = loop.remainder and loop.remainder.inside(low, high)
+        subject = replace(
+            loop, A=A, B=B, E=E, law=law, evidence=piece.evidence, remainder=remainder
+        )
         outputs = []
         for y in self.outputs:
             C, D = (on_corners(rows, low, high) for rows in (y.C, y.D))
@@ -692,12 +698,12 @@ class SignalClaim(Short, Claim):
 
     def _moving_rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the rows at every extreme of the rates, those that are the same once."""
-        found: Rows = {}
+        rows: Rows = {}
         for name, moved in self.subject.motions:
             for key, blocks in replace(self, subject=moved).rows(X, N, Y).items():
-                if blocks not in found.values():
-                    found[f"{key}{name}"] = blocks
-        return found
+                if blocks not in rows.values():
+                    rows[f"{key}{name}"] = blocks
+        return rows
 
 
 def read_subject(table: Table, plant: Plant, law: Law, on: str, more: int = 0) -> Subject:
@@ -721,8 +727,8 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str, more: int = 0) -
         dual = "Q" in (cells[0] if cells else table)
         if cells:
             evidence = read_cells(table, plant.n + more, sizes, dual)
-            own = Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
-            return replace(own, motion=motion)
+            subject = Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
+            return replace(subject, motion=motion)
         letter = "Q" if dual else "X"
         multiple = law.scheduled and not dual
         evidence = read_evidence(table, plant.n + more, sizes, letter, multiple=multiple)
@@ -754,7 +760,7 @@ def bounded(corner: Polynomial, X: Polynomial, Y: Polynomial) -> list[list[Polyn
 
 def read_outputs(table: Table, plant: Plant, most: int) -> tuple[Output, ...]:
     """Read a list of outputs with their names."""
-    return tuple(_read_output(each, plant, each) for each in table.tables("outputs", most))
+    return tuple(_read_output(row, plant, row) for row in table.tables("outputs", most))
 
 
 def _read_output(table: Table, plant: Plant, named: Table) -> Output:
@@ -767,19 +773,19 @@ def _read_output(table: Table, plant: Plant, named: Table) -> Output:
 
 def write_outputs(outputs: Sequence[Output]) -> dict[str, Any]:
     """Return what `read_outputs` reads."""
-    return {"outputs": [{"name": own.name} | _rows_of(own) for own in outputs]}
+    return {"outputs": [{"name": output.name} | _rows_of(output) for output in outputs]}
 
 
-def _rows_of(own: Output) -> dict[str, Any]:
-    return {key: plain_rows(getattr(own, key)) for key in "CDF" if getattr(own, key)}
+def _rows_of(output: Output) -> dict[str, Any]:
+    return {key: plain_rows(getattr(output, key)) for key in "CDF" if getattr(output, key)}
 
 
 def misnamed(outputs: Sequence[Output], plant: Plant) -> str:
     """Say that an output has the name of another signal of the plant; "" where none has."""
-    for own in outputs:
-        signal = plant.signal(own.name)
-        if signal and (signal.C, signal.D, signal.F) != (own.C, own.D, own.F):
-            return f"the output called {quoted(own.name)} is another of the plant's"
+    for output in outputs:
+        signal = plant.signal(output.name)
+        if signal and (signal.C, signal.D, signal.F) != (output.C, output.D, output.F):
+            return f"the output called {quoted(output.name)} is another of the plant's"
     return ""
 
 
@@ -810,24 +816,24 @@ def _read_filters(table: Table, count: int) -> Filters:
     rows = table.tables("filters", count)
     if len(rows) != count:
         raise FormatError(f"{table.path('filters')} holds {len(rows)} filters of {count} outputs")
-    found = tuple(Filter.read(row) if row.entries else None for row in rows)
-    return found if any(found) else ()
+    filters = tuple(Filter.read(row) if row.entries else None for row in rows)
+    return filters if any(filters) else ()
 
 
 def outputs_text(outputs: Sequence[Output], plant: Plant, filters: Filters = ()) -> str:
     """Say what an output is, or each entry of a vector, and what filter is behind it."""
-    named = [_output_words(own, plant) for own in outputs]
-    for k, own in enumerate(filters):
-        if own is not None:
-            named[k] += f" behind the filter {quoted(own.name)} (as the file defines it)"
+    named = [_output_words(output, plant) for output in outputs]
+    for k, output in enumerate(filters):
+        if output is not None:
+            named[k] += f" behind the filter {quoted(output.name)} (as the file defines it)"
     return named[0] if len(named) == 1 else f"[{', '.join(named)}]"
 
 
-def _output_words(own: Output, plant: Plant) -> str:
-    name = quoted(own.name) if own.name else "an output"
-    if plant.signal(own.name) is None:
+def _output_words(output: Output, plant: Plant) -> str:
+    name = quoted(output.name) if output.name else "an output"
+    if plant.signal(output.name) is None:
         name = f"{name} (as the file defines it)"
-    return f"{name} = {output_text(own.C, own.D, own.F)}"
+    return f"{name} = {output_text(output.C, output.D, output.F)}"
 
 
 def scaled(matrices: Sequence[Rationals], scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
@@ -845,16 +851,16 @@ def noise(
 
 
 def moving(
-    own: Subject, scales: Sequence[Fraction], sizes: Sizes, intensity: Fraction = Fraction(1)
+    subject: Subject, scales: Sequence[Fraction], sizes: Sizes, intensity: Fraction = Fraction(1)
 ) -> Polynomial:
     """Return the intensity times E E', or more where E is only near that of the vertices."""
-    E = own.driving(scales, sizes)
-    found, spread = (E * E.T).times(intensity), own.evidence.spread
-    most = max(spread.driving(scales, own.q), default=0) if spread else 0
+    E = subject.driving(scales, sizes)
+    square, spread = (E * E.T).times(intensity), subject.evidence.spread
+    most = max(spread.driving(scales, subject.q), default=0) if spread else 0
     if spread is None or not most:
-        return found
+        return square
     more = spread.entering((1 + 1 / SHARE) * intensity * most**2)
-    return found.times(1 + SHARE) + constant(more, sizes)
+    return square.times(1 + SHARE) + constant(more, sizes)
 
 
 def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:
@@ -888,16 +894,16 @@ def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomia
 
 def most_noise(claim: SignalClaim, intensity: Fraction) -> Fraction | None:
     """Return what the square of the level must exceed in `dual_of_noise`; None of other forms."""
-    own = claim.series
-    evidence, sizes = own.subject.evidence, own.subject.sizes
+    series = claim.series
+    evidence, sizes = series.subject.evidence, series.subject.sizes
     if not evidence.dual or evidence.cells:
         return None
     Q = bernstein(evidence.X, sizes, evidence.degree)
-    driven = _driven(own, Q, intensity).elevated(evidence.elevation)
-    each = (
+    driven = _driven(series, Q, intensity).elevated(evidence.elevation)
+    values = (
         Fraction(M[0][0], driven.whole * multinomial(e, sizes)) for e, M in driven.terms.items()
     )
-    return max(Fraction(0), *each)
+    return max(Fraction(0), *values)
 
 
 def below_kappa(Q: Polynomial, spread: Spread) -> Rows:

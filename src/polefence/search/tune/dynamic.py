@@ -21,7 +21,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import states
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region, stable
+from polefence.region.regions import Region, stable
 from polefence.requirements.specification import Specification
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
@@ -302,7 +302,7 @@ def beside_filters(
 def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | None:
     """Return a filter's pole, its sign turned, that lies in the region; None where none does."""
     tried = [speed * _slowest(plant) * FACTOR**k for k in range(TRIED)]
-    tried += [-part.centre for part in region.parts if isinstance(part, Disk)]
+    tried += [-part.circle[0] for part in region.parts if part.circle]
     for pole in tried:
         if region.distance(np.array([-pole + 0j]))[0] < -1e-3 * pole:
             return Fraction(f"{pole:.6g}")

@@ -10,7 +10,7 @@ import numpy as np
 from polefence.lmi.solve.starts import least_cost
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region.regions import Disk, Region
+from polefence.region.regions import Region
 from polefence.requirements.specification import Specification
 from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
@@ -136,9 +136,10 @@ def regulators(
     n = len(A)
     A, B = A / d[:, None] * d, B / d[:, None] * u
     for part in region.parts:
-        if isinstance(part, Disk):
-            turned = A - part.centre * np.eye(n)
-            each = (_of_disk(turned / part.radius, B / part.radius, e) for e in EFFORTS)
+        if part.circle is not None:
+            centre, radius = part.circle
+            turned = A - centre * np.eye(n)
+            each = (_of_disk(turned / radius, B / radius, e) for e in EFFORTS)
             yield from (K * u[:, None] for K in each if K is not None)
     if plant.sample_time is not None:
         return

@@ -1,0 +1,156 @@
+"""Sentences that several commands print about a plant, a region or a law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from polefence.certify.checks import decays, in_time_of
+from polefence.certify.design import Design
+from polefence.law.laws import Law
+from polefence.law.structure import Structure
+from polefence.plant.exact import ranges_of
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states as states_of_a_law
+from polefence.proof.motion import motion_text
+from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
+from polefence.region.regions import Region, Sector, VerticalStrip
+from polefence.region.z_plane import annulus_kept, share_kept
+
+MOST_GAINS = 8  # vertices whose gains are printed one by one
+
+
+def order_lines(plant: UncertainPlant, structure: Structure | None) -> list[str]:
+    """Say that a law has fewer states than were asked for; nothing of any other."""
+    order, own = 0 if structure is None else structure.order, states_of_a_law(plant)
+    if own >= order:
+        return []
+    return [
+        f"  a law of order {own}: none of order {order} that was found is better by a thousandth"
+    ]
+
+
+def samples_text(plant: UncertainPlant) -> list[str]:
+    """Say what the samples of a plant are, that a law was designed for; nothing of any other."""
+    own = plant.sampling
+    if own is None or plant.sample_time is None:
+        return []
+    time, late = milliseconds_text(plant.sample_time), ""
+    if own.delay:
+        late = f", inputs act {plural(own.delay, 'sample')} late"
+    return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
+
+
+def motion_lines(
+    plant: UncertainPlant, region: Region, bounds: bool = False, exact: bool = False
+) -> list[str]:
+    """Say what holds while parameters move; nothing of a plant whose parameters do not.
+
+    With ``exact`` that it does of exact estimates, where a law is for others too.
+    """
+    how = motion_text(ranges_of(plant))
+    if not how:
+        return []
+    lines = ["  the poles are for constant parameters"]
+    kept = ["the bounds hold"] * bounds
+    if decay := _decay_text(plant, region):
+        kept.append(f"the loop {decay}")
+    if kept:
+        estimates = ", of exact estimates," * exact
+        return [f"{lines[0]}; with {how}{estimates} {' and '.join(kept)}"]
+    return [
+        *lines,
+        f"note: nothing is proved for {how}; add & half_plane(0) to the region, or ask for bounds",
+    ]
+
+
+def _decay_text(plant: UncertainPlant, region: Region) -> str:
+    """Say how fast motions decay in a region; "" where it says nothing of them."""
+    found = decays(plant, region)
+    if not found:
+        return ""
+    if plant.sample_time is not None:
+        fast = f"decays by {digits_up(min(found))}^k in k samples"
+        return fast if min(found) < 1 else "is exponentially stable"
+    decay = max(found)
+    if decay > 0:
+        return f"decays by exp(-{digits_down(decay)} t)"
+    if decay < 0:
+        return f"grows by no more than exp({digits_up(-decay)} t)"
+    return "is exponentially stable"
+
+
+def every_alpha(design: Design, *others: str) -> str:
+    """Say for which alpha a design is proved: on a box not for every point of the simplex.
+
+    ``others`` are the domains of what is proved besides.
+    """
+    box = "box" in (design.certificate.claim().on, *others)
+    return "every alpha of the box" if box else "every alpha"
+
+
+def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> list[str]:
+    """Say what stands in the z-plane for a region that is asked of a plant in discrete time."""
+    if plant.sample_time is None or in_time_of(plant, region) == region:
+        return []
+    sectors = [
+        f"; the polygon of {part} is {math.floor(100 * share_kept(part.damping))} % of its image"
+        for part in region.parts
+        if isinstance(part, Sector)
+    ]
+    T = float(plant.sample_time)
+    strips = [
+        f"; the right part of {part} is {math.floor(100 * annulus_kept(part, T))} % of its image"
+        for part in region.parts
+        if isinstance(part, VerticalStrip)
+    ]
+    said = "".join((*sectors, *strips))
+    lines = [f"  that lies within {region} at T = {exactly(T)} s, z = exp(s T){said}"]
+    if sectors and not proved:
+        lines.append("  note: so a pole outside the polygon may still have the damping asked")
+    if strips and not proved:
+        lines.append("  note: so a pole outside that part may still be in the strip asked")
+    return lines
+
+
+def gains_of(law: Law) -> dict[str, Any]:
+    """Return the gain, that of each term of a polynomial, or that at each vertex, as plain data."""
+    return {name: K.tolist() for name, K in law.named_gains().items()}
+
+
+def words_of(law: Law) -> dict[str, Any]:
+    """Return what the gains of a law stand for, as plain data; nothing where names say it."""
+    return {"formula": law.formula, "where": law.definitions} if law.formula else {}
+
+
+def law_lines(law: Law) -> list[str]:
+    """Return a law in lines: its gains, of a polynomial what they are and stand for."""
+    gains = gains_of(law)
+    if not law.formula or (not law.degree and not law.measured):
+        return gain_lines(gains)
+    return [f"  {line}" for line in (law.formula, *law.definitions)] + _matrices(gains)
+
+
+def _matrices(gains: Mapping[str, list[list[float]]]) -> list[str]:
+    return [f"  {label} = {matrix_text(K)}" for label, K in gains.items()]
+
+
+def gain_lines(gains: Mapping[str, list[list[float]]]) -> list[str]:
+    """Return gains in lines; of many vertices the least and the greatest entries alone."""
+    if len(gains) <= MOST_GAINS:
+        return _matrices(gains)
+    letter, every = next(iter(gains)).split()[0], np.array(list(gains.values()))
+    where = f"  {letter} at {len(gains)} vertices"
+    return [
+        f"{where}, the least entries = {matrix_text(every.min(axis=0))}",
+        f"{where}, the greatest entries = {matrix_text(every.max(axis=0))}",
+        "  note: --json FILE has them all",
+    ]
+
+
+def matrix_text(rows: Any) -> str:
+    """Print a matrix in a line, its rows separated by semicolons."""
+    return "[" + "; ".join(" ".join(f"{e:.6g}" for e in row) for row in rows) + "]"

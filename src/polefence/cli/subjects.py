@@ -1,0 +1,107 @@
+"""What a command is about, a spec or a design: told apart, and read, in one way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from polefence.base.errors import InputError
+from polefence.certify.design import FILE_NAME, Design, is_proof_file
+from polefence.plant.cars import Car
+from polefence.plant.dampers import Damper
+from polefence.plant.family import UncertainPlant
+from polefence.plant.spec import load, load_car, load_dampers
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A plant, with what its spec says of it, or the design that it is read from.
+
+    Attributes
+    ----------
+    source : str
+        The path, for messages.
+    plant : UncertainPlant
+    design : Design, optional
+        Proved or not, where the path names one.
+    car : Car, optional
+        Of the spec's table [car]; a plant that is a quarter car has none.
+    dampers : tuple of Damper
+        The controllable ones of the spec.
+    """
+
+    source: str
+    plant: UncertainPlant
+    design: Design | None = None
+    car: Car | None = None
+    dampers: tuple[Damper, ...] = ()
+
+    def require_road(self) -> None:
+        """Refuse a plant that no road moves.
+
+        Raises
+        ------
+        InputError
+            If it is not described as a vehicle.
+        """
+        if self.plant.vehicle is None and self.car is None:
+            raise InputError(
+                f"{self.plant.name} is not described as a vehicle, and a road needs one; add a "
+                "table [vehicle] or [car] to its spec (of a design name the spec, and the design "
+                "as --law), or use --step-in, --impulse-in, --initial or --input"
+            )
+
+    def require_one_suspension(self, command: str) -> None:
+        """Refuse a car whose laws and signals are not those of one suspension.
+
+        Raises
+        ------
+        InputError
+            If it has a table [car].
+        """
+        if self.car is not None:
+            raise InputError(
+                f"{self.source}: a car on {len(self.car.wheels)} wheels is not described as a "
+                f"quarter car, and {command} compares suspensions of these; ask semi-active, "
+                "optimise and simulate"
+            )
+
+
+def is_design(path: Path) -> bool:
+    """Whether a path is a file of claims, or a folder, which then has to hold a design."""
+    return path.is_dir() or is_proof_file(path)
+
+
+def claims_file(path: Path) -> Path | None:
+    """Return the file of claims that a path is, or a folder's design.json; None of others."""
+    inside = path / FILE_NAME
+    path = inside if inside.is_file() else path
+    return path if is_proof_file(path) else None
+
+
+def read_spec(source: str) -> Subject:
+    """Read a spec.
+
+    Raises
+    ------
+    SpecError
+        If it cannot be read.
+    """
+    plant = load(source)
+    car = None if plant.vehicle is not None else load_car(source)
+    return Subject(source, plant, None, car, load_dampers(source))
+
+
+def read_subject(source: str) -> Subject:
+    """Read a spec, or a design with its plant; a design need not be proved.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    path = Path(source)
+    if not is_design(path) and path.suffix != ".json":
+        return read_spec(source)
+    design = Design.load(path, allow_unproved=True)
+    return Subject(source, design.plant, design)

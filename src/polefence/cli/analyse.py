@@ -51,7 +51,6 @@ from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
 
 SHOWN = 3  # counterexamples printed
-BETWEEN = 200  # points beside the vertices, where the other sign is tried
 CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 
@@ -293,7 +292,7 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
         return
     if gain is not None and not is_written(gain) and claims_file(Path(gain)) is not None:
         return
-    alpha = seeded(plant, len(plant.vertices) + BETWEEN)
+    alpha = seeded(plant, len(plant.vertices) + 200)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
     if analysis.region.contains(np.linalg.eigvals(A - B @ law.K)):
         more = len(alpha) - len(plant.vertices)

@@ -24,7 +24,6 @@ if TYPE_CHECKING:  # imported where used: with scipy behind it
 
 HEAD = ("", "sensors", "proved", "drives", "acc.", "tyre", "travel", "force", "power", "gain")
 UNITS = ("", "", "", "", "[m/s2]", "[N]", "[mm]", "[N]", "[W]", "")
-WIDE = 21
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +104,7 @@ def _cells(one: Concept, ridden: Ridden) -> tuple[str, ...]:
 
 def _columns(cells: tuple[str, ...]) -> str:
     first, *others = cells
-    return (f"{first:<{WIDE}}" + "".join(f"{cell:>9}" for cell in others)).rstrip()
+    return (f"{first:<21}" + "".join(f"{cell:>9}" for cell in others)).rstrip()
 
 
 def _document(found: Concepts) -> dict[str, Any]:

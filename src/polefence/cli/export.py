@@ -24,7 +24,6 @@ from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
-LANGUAGES = ("c99", "fmu", "mat")
 BITS = 64
 OF_CODE = ("given", "limit", "sample_time", "observer")
 
@@ -34,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     design_argument(parser, "; or law.json of semi-active")
     parser.add_argument(
         "--lang",
-        choices=LANGUAGES,
+        choices=("c99", "fmu", "mat"),
         default="c99",
         help="c99; fmu: C with FMUs of FMI 2.0 and 3.0; mat: the numbers for MATLAB; default: c99",
     )

@@ -78,13 +78,10 @@ from polefence.search.rows import plant_summary
 from polefence.search.shares import Retreat
 from polefence.vehicle.rest import Rest, held_words, rests
 
-# Poles computed in doubles may lie outside by so much of the region's size.
-ROUNDING = 1e-6
 TOO_LARGE = (
     "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
     "ask for a region that bounds the poles' speed, such as a disk"
 )
-TOLD = 1.2  # times as large: what gains would have to be at least, for a line that says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -320,7 +317,7 @@ def _closer_lines(done: Optimised) -> Iterator[str]:
     if done.closer is None:
         return
     times = done.closer.gain / done.closer.own if done.closer.own > 0 else 0.0
-    if times >= TOLD:
+    if times >= 1.2:  # a smaller price is not worth a line
         share = digits_up(100 * (1 - done.closer.level / done.bounds[0].level), 2)
         yield f"  {share} % less would take a gain {times:.2g} times as large, in typical sizes"
 
@@ -400,7 +397,8 @@ def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> 
 def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
     region = done.design.region
     distance = region.distance(done.design.poles(alpha[:1000]))
-    return bool(np.all(distance < ROUNDING * region.size))
+    # computed in doubles, poles may lie outside by the rounding
+    return bool(np.all(distance < 1e-6 * region.size))
 
 
 def _weights(own: Specification) -> list[str] | None:

@@ -51,9 +51,7 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SET = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})")
 JUMP = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})@(?P<begin>{NUMBER})")
 DRIFT = re.compile(rf"{JUMP.pattern}\.\.(?P<end>{NUMBER})")
-LASTING = 10.0  # time constants that are followed
-STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
-ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
+STEPS = 1000  # of a response at least
 
 # What most drives are looked at for: the first signal whose name has one of these words in it.
 OFTEN = (
@@ -61,7 +59,6 @@ OFTEN = (
     ("suspension deflection",),
     ("tyre force",),
 )
-OFF = "tyre off the road"
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
 
@@ -355,7 +352,9 @@ def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
     from polefence.vehicle import excitation
 
     plant, car = subject.plant, subject.car
-    roads = [getattr(options, key) for key in ROADS]
+    roads = [
+        getattr(options, key) for key in ("road", "bump", "pothole", "kerb", "grade", "profile")
+    ]
     others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
     if any(road is not None for road in roads):
         turns = _manoeuvres(car, options)
@@ -456,14 +455,15 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
         slowest = -float(growth(loops.poles(), loops.step).max())
         if slowest <= 0:
             raise InputError("--duration is missing: the response does not decay")
-        duration = LASTING / slowest
+        duration = 10 / slowest  # ten time constants
     duration = positive(duration, "--duration [s]")
     if step is None:
         if loops.step:
             return duration, loops.step
         if options.sampling is not None:
             return duration, _step(options, duration / STEPS)
-        step = duration / max(STEPS, math.ceil(duration / longest_step(loops) * MARGIN))
+        # a quarter of the longest step that keeps a response exact enough, for the whole family
+        step = duration / max(STEPS, math.ceil(4 * duration / longest_step(loops)))
     return duration, positive(step, "--step [s]")
 
 
@@ -618,7 +618,7 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
     for name, load in static_load(setup).items():
         wheel = _wheel_of(setup, name)
         label = _label(name.removeprefix(f"{wheel} "), "N")
-        floors.setdefault(label, {})[f"{wheel} {OFF}".strip()] = -load
+        floors.setdefault(label, {})[f"{wheel} tyre off the road".strip()] = -load
     return [Panel(label, curves, floors.get(label, {})) for label, curves in found.items()]
 
 

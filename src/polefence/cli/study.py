@@ -26,7 +26,7 @@ from polefence.fleet.workers import Workers, here, processes
 from polefence.proof.text import plural
 from polefence.region.text import digits_down, digits_up
 
-SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
+BEST = 10  # rows of --best
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -214,7 +214,7 @@ def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int
             said += f"; {span.rstrip()}"
         say(f"  {question.name}: {said or 'nothing yet'}")
     bad = [row for row in rows if row["status"] not in GOOD]
-    for row, count in alike(bad)[:SHOWN]:
+    for row, count in alike(bad)[:5]:
         variants = f"variant {row['variant']}" + f" and {count - 1} more" * (count > 1)
         say(f"  {row['question']}, {variants}: {row['status']}: {row['reason']}")
     return NOT_PROVED if bad or len(rows) < total else PROVED

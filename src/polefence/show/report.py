@@ -51,11 +51,7 @@ from polefence.vehicle.rest import GRADE, is_grade, rests
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Centres of the limits curve, as multiples of the design's own.
-CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
-SHARES = (0.05, 0.02)
 OURS = "this design"
-TITLE = "Comfort, grip and force on a road"
 MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
@@ -312,7 +308,8 @@ def _limits(design: Design) -> Section | None:
     if region.circle is None or plant.sample_time is not None:
         return None
     centre, radius = region.circle
-    rows = limits(plant, [centre * share for share in CENTRES], METHODS, bounds=False)
+    centres = (centre * np.geomspace(0.25, 2.5, 13)).tolist()
+    rows = limits(plant, centres, METHODS, bounds=False)
     shown = [row.as_row() for row in rows if row.radius is not None and row.radius < -row.centre]
     here = 100 * (1 - radius / -centre)
     own = limits(plant, centre, METHODS)
@@ -496,8 +493,9 @@ def responses(design: Design) -> Section:
     except InputError as error:
         return Section("Responses", (f"None are drawn: {error}.",))
     name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
-    heads = tuple(f"within {100 * share:g} % [s]" for share in SHARES)
-    times = [found.settling(share).max(axis=0) for share in SHARES]
+    shares = (0.05, 0.02)
+    heads = tuple(f"within {100 * share:g} % [s]" for share in shares)
+    times = [found.settling(share).max(axis=0) for share in shares]
     left = _left(design, alpha, signals) if source is None else {}
     size = "" if source is not None else _size(plant)
     peaks = np.abs(found.peaks()[0]).max(axis=0)
@@ -542,13 +540,13 @@ def _seconds(value: float) -> str:
 @stage("comfort")
 def comfort(design: Design, road: str, speed: float) -> Section | None:
     """Return the ride of a quarter car beside other laws; None for any other plant."""
-    plant = design.plant
+    plant, title = design.plant, "Comfort, grip and force on a road"
     if plant.vehicle is None or any(v.E is None for v in plant.vertices):
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
     found = compare(plant, laws, road, speed)
     if OURS in found.left_out:
-        return Section(TITLE, (f"Nothing can be said of this design: {found.left_out[OURS]}.",))
+        return Section(title, (f"Nothing can be said of this design: {found.left_out[OURS]}.",))
     ours, passive = (found.row(name) for name in (OURS, "passive"))
     if ours.best > passive.worst:
         verdict = "rougher than without control for every car of the family"
@@ -558,7 +556,7 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
         verdict = "smoother than without control in the worst case"
     reading = " to ".join(comfort_reading(ours.worst))
     return Section(
-        TITLE,
+        title,
         (
             f"Stationary ride on a class {found.road} road of ISO 8608 at {speed:g} m/s, worst "
             f"case and best over {len(found.alpha)} points of the family. The ride is {verdict}: "

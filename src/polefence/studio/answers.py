@@ -20,11 +20,7 @@ from polefence.search.placed import tightest
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
 
-ROOM = 1.1  # times the smallest radius, that a session begins with
-PAUSE = 0.1  # [s] before a proof begins
-OFTEN = 0.5  # [s] between words about how far a search is
 THREAD = "polefence studio"  # name of threads
-AT_ONCE = 2  # one that ends where it next tells how far it is, and the newest
 MOST_KNOWN = 100  # answers that are kept
 
 
@@ -81,7 +77,8 @@ def first_region(subject: Subject) -> Region:
     tuned = Question(HalfPlane(0.0), subject.measured).structure(subject) is not None
     with suppress(PolefenceError):
         part = HalfPlane(0.0) if tuned else tightest(plant, -rate).region
-        radius = ROOM * part.size if part.circle else rate
+        # a little more room than the smallest radius
+        radius = 1.1 * part.size if part.circle else rate
         if radius < rate:
             return Disk(-rate, float(f"{max(radius, rate / 2):.3g}"))
     return HalfPlane(0.0)
@@ -114,7 +111,7 @@ def in_background(
     def heed(words: str = "") -> None:
         if not wanted():
             raise SupersededError
-        if words and time.monotonic() > told[0] + OFTEN:
+        if words and time.monotonic() > told[0] + 0.5:  # [s] between two reports
             told[0] = time.monotonic()
             going(words)
 
@@ -166,7 +163,8 @@ class Newest:
         going: Callable[[int, str], object] = lambda number, words: None,  # noqa: ARG005
     ) -> None:
         self._subject, self._tell, self._going = subject, tell, going
-        self._room = threading.Semaphore(AT_ONCE)
+        # one search that ends at its next report of progress, and the newest
+        self._room = threading.Semaphore(2)
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
         self._known = dict[Question, Answer]()
@@ -234,7 +232,8 @@ class Newest:
     def _wait(self, number: int) -> None:
         """Wait a little for a newer question, whose law a proof of this one would only delay."""
         with self._asked:
-            self._asked.wait_for(lambda: number != self._number, PAUSE)
+            # [s] in which a newer question may come, before a proof begins
+            self._asked.wait_for(lambda: number != self._number, 0.1)
 
     def _say(self, own: Answer) -> None:
         with self._lock:

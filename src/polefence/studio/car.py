@@ -23,8 +23,7 @@ from polefence.studio.templates import template
 BEFORE, SPACING = 12.0, 0.02  # [m] of level road that is drawn before it begins; of its points
 DASHES = ("solid", "dashed", "dotted", "dotdash")
 MOST = 3  # seats whose acceleration is drawn
-LOW, HIGH, ROW = 130, 200, 30  # traces of one wheel and of several, a legend: pixels
-FAINT = 0.6  # ghosts of several wheels
+ROW = 30  # [px] a legend
 PASSIVE, LAW = "passive", "with this law"
 
 
@@ -149,7 +148,8 @@ class Car:
 
     def _trace(self, key: str, label: str, names: list[str]) -> Any:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
-        plot = small_figure(key, height=LOW if len(names) == 1 else HIGH)
+        # [px] for one wheel, for several
+        plot = small_figure(key, height=130 if len(names) == 1 else 200)
         plot.yaxis.axis_label = label
         plot.title.text_color = self._palette.ink
         plot.yaxis.axis_label_text_font_size = "10px"
@@ -162,7 +162,8 @@ class Car:
                     dash = DASHES[(i + i // len(shades)) % len(DASHES)]
                     style = {"color": shades[i % len(shades)], "line_dash": dash}
                 elif len(names) > 1:
-                    style |= {"line_alpha": FAINT}
+                    # several wheels' ghosts are faint
+                    style |= {"line_alpha": 0.6}
                 style["line_width"] = 1.5
                 # a legend shows no line that has no points when it is drawn
                 both = [plot.line("time", f"{key} {i}", source=own, **style), _unseen(plot, style)]

@@ -18,9 +18,6 @@ from polefence.show.report import MARK
 from polefence.studio.session import DESIGN, MOST_BYTES, SESSION
 from polefence.studio.taking import CODE, REPORT
 
-OURS = (SESSION, DESIGN, CODE)  # what a page writes, and the report; its spec is there before
-NAME = re.compile(r"\w[\w .-]{0,79}")
-
 
 class TakenError(InputError):
     """Another session is saved in a folder.
@@ -104,7 +101,7 @@ class Folders:
                 own.saved[folder] = _session(folder)
 
     def _claimed(self, page: Any, own: _Own, name: str) -> Path:
-        if not NAME.fullmatch(name) or name != name.strip(" ."):
+        if not re.fullmatch(r"\w[\w .-]{0,79}", name) or name != name.strip(" ."):
             raise InputError(
                 f"name = {shown(name)} must be letters, digits, spaces, dots, - and _; it is that "
                 "of a folder"
@@ -154,7 +151,8 @@ class Folders:
         if not report.is_symlink() and begins_with(report, MARK):
             return False
         # what is a stranger's, or a link, is refused where it would be written
-        return not any(own.exists() and not own.is_symlink() for own in map(folder.joinpath, OURS))
+        written = (folder / name for name in (SESSION, DESIGN, CODE))
+        return not any(path.exists() and not path.is_symlink() for path in written)
 
 
 def _session(folder: Path) -> str | None:

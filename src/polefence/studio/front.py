@@ -23,7 +23,6 @@ from polefence.studio.templates import template
 from polefence.studio.words import plain
 
 COUNT = 8  # limits that are tried
-DIGITS = 3  # of these
 
 
 class Front:
@@ -171,7 +170,7 @@ class Front:
         if bound is None or not bound.level > 0:
             raise NotProvedError(f"nothing is proved of {over.title} without a limit on it")
         shares = ((k + 1) / COUNT for k in range(COUNT))
-        return list(dict.fromkeys(float(f"{bound.level * s:.{DIGITS}g}") for s in shares))
+        return list(dict.fromkeys(float(f"{bound.level * s:.3g}") for s in shares))
 
     def command(self, question: Question) -> str:
         """Return the command line that works the rows out."""

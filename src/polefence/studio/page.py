@@ -39,12 +39,13 @@ from polefence.studio.subject import Subject
 from polefence.studio.words import of_parameter, paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
-LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
 ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
-STYLES = {name: SMALL for names in ROWS for name in names} | {"poles": LARGE, "car": LARGE}
-AIMS = {"a law for the region": False, "the best ride": True}
-LONG, OFTEN = 3.0, 1.0  # [s] after which a search or a proof says how long it takes; how often
-FOLLOWED = 0.2  # [s] after a change: Panel sends then what it has kept back
+OFTEN = 1.0  # [s] between two words about how long a search or a proof takes
+STYLES = {
+    name: {"flex": "3 1 520px" if name in ("poles", "car") else "2 1 340px"}
+    for names in ROWS
+    for name in names
+}
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
 
@@ -127,7 +128,11 @@ class Page:
         state = self.history.now
         self.region = pn.widgets.TextInput(label="Region", value=str(state.region), **WIDE)
         self.region.param.watch(self._typed, "value")
-        self.aim = pn.widgets.RadioButtonGroup(label="Look for", options=AIMS, stylesheets=[CHOSEN])
+        self.aim = pn.widgets.RadioButtonGroup(
+            label="Look for",
+            options={"a law for the region": False, "the best ride": True},
+            stylesheets=[CHOSEN],
+        )
         self.aim.param.watch(lambda event: self._asked(ride=event.new), "value")
         self.method = pn.widgets.Select(label="Method", options=list(METHODS), **WIDE)
         self.method.param.watch(lambda event: self._asked(method=event.new), "value")
@@ -265,7 +270,8 @@ class Page:
             work()
         if not self._following:
             self._following = True
-            self._loop.call_later(FOLLOWED, self._follow)
+            # [s] by which Panel has sent what it kept back
+            self._loop.call_later(0.2, self._follow)
 
     def _follow(self) -> None:
         self._following = False
@@ -468,7 +474,7 @@ class Page:
         what = "being searched" if self.answer is None else "being proved"
         said, seconds = [f"{what}: {self.history.now.region}"], time.monotonic() - self._since
         said += [self._far] if self._far else []
-        said += [f"for {seconds:.0f} s now"] if seconds >= LONG else []
+        said += [f"for {seconds:.0f} s now"] if seconds >= 3.0 else []
         self._say("working", "; ".join(said))
 
     def _takeable(self, proved: bool) -> None:

@@ -21,9 +21,8 @@ from polefence.studio.state import LEAST_SPEED, MOST_SPEED, MOST_TRAVEL, State
 from polefence.studio.subject import Subject
 
 FORMAT = "polefence studio"
-PLANT, SESSION = "plant.toml", "session.json"
+SESSION = "session.json"
 DESIGN = "design"  # the folder of the design beside a session
-HEAD = 400  # characters in which a file says what it is
 MOST_BYTES = 8 * MAX_BYTES  # of a session, in which a letter of its spec may take six
 QUESTION = ("region", "method", "measured", "ride", "over", "limit", "given")
 LOOKED_AT = ("road", "speed", "travel_limit", "beside", "values")
@@ -32,7 +31,8 @@ LOOKED_AT = ("road", "speed", "travel_limit", "beside", "values")
 def is_session(path: Path) -> bool:
     """Whether a file says that it is one of a session; what cannot be read says nothing."""
     try:
-        head = read_text(path, MOST_BYTES, SpecError)[:HEAD]
+        # a file says at its beginning what it is
+        head = read_text(path, MOST_BYTES, SpecError)[:400]
     except SpecError:
         return False
     return re.search(rf'"format"\s*:\s*"{FORMAT}"', head) is not None
@@ -48,7 +48,7 @@ def put_spec(folder: Path, text: str) -> Path:
     InputError
         If another spec is there.
     """
-    path = make_folder(folder) / PLANT
+    path = make_folder(folder) / "plant.toml"
     if path.is_symlink() or path.exists():
         if path.is_symlink() or read_text(path, MAX_BYTES, InputError) != text:
             raise InputError(f"{path}: the spec of something else; use -o with another folder")

@@ -24,9 +24,6 @@ from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications, spec_road
 
-MOST_SIGNALS = 24  # that are offered to be measured
-ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road
-
 
 @dataclass(frozen=True, eq=False)
 class Wanted(Short):
@@ -99,7 +96,7 @@ class Subject(Short):
         outputs = [own.name for own in self.plant.outputs if not (own.D or own.F)]
         known = () if self.structure is None else self.structure.measured or ()
         for name in (*(split(own)[0] for own in known), *outputs):
-            if name not in found and len(found) < MOST_SIGNALS:
+            if name not in found and len(found) < 24:
                 found.append(name)
         return tuple(found)
 
@@ -143,7 +140,8 @@ def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:
     words: tuple[str, ...] = ("--minimise", COMFORT)
     road = None
     if spec_road(path) is None:
-        road = RoadSpectrum(ROAD_CLASS, SPEED)
-        words = ("--road", ROAD_CLASS, "--speed", f"{SPEED:g}", *words)
+        # a quarter car that names no road rides on class C at 20 m/s
+        road = RoadSpectrum("C", 20.0)
+        words = ("--road", "C", "--speed", "20", *words)
     least, limits = wanted(plant, path, COMFORT, (), road)
     return None if least is None else Wanted(least, limits, words)

@@ -56,8 +56,8 @@ class Given:
         """Return the region of the options, else the spec's, else stability."""
         if options.region is not None:
             return parse_region(options.region)
-        own = load_region(options.spec) if self.arrays is None else None
-        return own or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
+        region = load_region(options.spec) if self.arrays is None else None
+        return region or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
 
     def limits(self, asked: Sequence[str], options: Any) -> list[Specification]:
         """Return the limits that are asked for, or that the spec asks for; of a table none."""
@@ -225,10 +225,10 @@ def read_gain(
 
 def _as_json(text: str) -> str:
     """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
-    found = re.fullmatch(r"\[([-+.0-9eE\s,;]+)\]", text.strip())
-    if found is None:
+    matrix = re.fullmatch(r"\[([-+.0-9eE\s,;]+)\]", text.strip())
+    if matrix is None:
         return text
-    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
+    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in matrix[1].split(";"))
     return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
 
 

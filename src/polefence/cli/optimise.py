@@ -185,15 +185,14 @@ class Row:
     ----------
     bound : Bound
     unit : str
-    own : Sampled
-        With the law.
+    with_law : Sampled
     passive : Sampled, optional
         A quarter car's without control, where that is stable in this signal.
     """
 
     bound: Bound
     unit: str
-    own: Sampled
+    with_law: Sampled
     passive: Sampled | None
 
     @property
@@ -214,7 +213,7 @@ class Row:
     @property
     def conservatism(self) -> float | None:
         """Ratio of the proved bound to the worst sample; None where that is zero."""
-        return self.bound.level / self.own.worst if self.own.worst > 0 else None
+        return self.bound.level / self.with_law.worst if self.with_law.worst > 0 else None
 
 
 @small_matrices()
@@ -222,11 +221,11 @@ def rows_of(done: Optimised) -> list[Row]:
     """Sample every bound of a law."""
     plant, alpha = done.plant, seeded(done.plant)
     asked = [bound.specification for bound in done.bounds]
-    own = each_sampled(plant, done.law, asked, alpha)
+    with_law = each_sampled(plant, done.law, asked, alpha)
     passive: Sequence[Sampled | None] = [None] * len(asked)
     if plant.vehicle is not None:
         passive = [_passive(plant, one, alpha) for one in asked]
-    every = zip(done.bounds, own, passive, strict=True)
+    every = zip(done.bounds, with_law, passive, strict=True)
     return [Row(bound, bound.specification.unit(plant), one, alone) for bound, one, alone in every]
 
 
@@ -246,10 +245,10 @@ def require_agreement(rows: Sequence[Row]) -> None:
         If a sample passes a bound by more than its own rounding.
     """
     for row in rows:
-        if row.own.worst > row.bound.level * (1 + AGREED):
+        if row.with_law.worst > row.bound.level * (1 + AGREED):
             raise NotProvedError(
                 f"{row.bound} is proved of the law as a real matrix, but evaluated in doubles it "
-                f"shows {row.own.worst:.6g}: this law cannot run in "
+                f"shows {row.with_law.worst:.6g}: this law cannot run in "
                 "doubles; limit the gain norm, or "
                 "ask for a region that bounds the poles, such as a disk"
             )
@@ -257,7 +256,7 @@ def require_agreement(rows: Sequence[Row]) -> None:
 
 def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     """Return what was proved, line by line; bounds rounded up and samples down."""
-    count = len(rows[0].own.alpha)
+    count = len(rows[0].with_law.alpha)
     width = max(len(row.label) for row in rows)
     alone = any(row.passive is not None for row in rows)
     domains = {bound.claim.subject.on for bound in done.bounds}
@@ -269,12 +268,12 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     ]
     for row in rows:
         ratio = row.conservatism
-        cells = [digits_up(row.bound.level), digits_down(row.own.worst)]
+        cells = [digits_up(row.bound.level), digits_down(row.with_law.worst)]
         cells.append("-" if ratio is None else digits_up(ratio, 5))
         if alone:
             cells.append("-" if row.passive is None else digits_down(row.passive.worst))
         note = "minimised" if row.minimised else "limit"
-        if row.minimised and is_loose(row.bound.level, row.own.worst):
+        if row.minimised and is_loose(row.bound.level, row.with_law.worst):
             note += ", not tight: the worst case lies between"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
@@ -290,7 +289,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         )
     if done.design.note:
         lines.append(done.design.note)
-    elif not _samples_keep_region(done, rows[0].own.alpha):
+    elif not _samples_keep_region(done, rows[0].with_law.alpha):
         lines.append(TOO_LARGE)
     lines += _rest_lines(done, rows)
     return lines + law_lines(done.law)
@@ -352,22 +351,22 @@ def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
     asked = {output.name: output for s in known for output in s.outputs(done.plant)}
     if not asked or any(v.E is None for v in done.plant.vertices):
         return ()
-    return rests(done.plant, done.law, rows[0].own.alpha, tuple(asked.values()))
+    return rests(done.plant, done.law, rows[0].with_law.alpha, tuple(asked.values()))
 
 
 def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
     """Say where a disturbance that stays leaves the signals, and what is beyond its limit there."""
     lines, beyond = [], dict[str, float]()
     limits = [row.bound.specification for row in rows if row.bound.specification.limits_rms]
-    found = _rests(done, rows)
-    for source in dict.fromkeys(rest.source.label for rest in found):
-        own = [rest for rest in found if rest.source.label == source]
+    moved = _rests(done, rows)
+    for source in dict.fromkeys(rest.source.label for rest in moved):
+        here = [rest for rest in moved if rest.source.label == source]
         left = (
-            ", ".join(rest.words for rest in own if rest.size) or "every signal above returns to 0"
+            ", ".join(rest.words for rest in here if rest.size) or "every signal above returns to 0"
         )
-        held = held_words(done.plant, own[0].source)
+        held = held_words(done.plant, here[0].source)
         lines.append(f"  steady state under constant {held}, sampled: {left}")
-        for rest in own:
+        for rest in here:
             if any(rest.size > most for most in _limits_on(done, limits, rest)):
                 beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))
     if beyond:
@@ -384,14 +383,14 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
 
 
 def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> Iterator[float]:
-    """Yield limits on the signal of what this disturbance moves; on a vector each entry has its."""
-    for own in limits:
-        acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
-        each = zip(own.outputs(done.plant), own.filters, strict=True)
+    """Yield the limits on the signal that this disturbance moves, and on vectors with it."""
+    for limit in limits:
+        acting = limit.disturbances is None or rest.source.name in dict(limit.disturbances)
+        pairs = zip(limit.outputs(done.plant), limit.filters, strict=True)
         # no filter passes what stays
-        names = [output.name for output, weighting in each if weighting is None]
-        if own.at_most is not None and acting and rest.signal.name in names:
-            yield own.at_most
+        names = [output.name for output, weighting in pairs if weighting is None]
+        if limit.at_most is not None and acting and rest.signal.name in names:
+            yield limit.at_most
 
 
 def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
@@ -401,9 +400,10 @@ def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
     return bool(np.all(distance < 1e-6 * region.size))
 
 
-def _weights(own: Specification) -> list[str] | None:
+def _weights(specification: Specification) -> list[str] | None:
     """Return the weighting of each entry, none where no entry has one."""
-    return [w.name if w else PLAIN for w in own.filters] if any(own.filters) else None
+    filters = specification.filters
+    return [w.name if w else PLAIN for w in filters] if any(filters) else None
 
 
 def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, Any]:
@@ -413,7 +413,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "region": done.design.region.document(),
         "method": label,
         "answer": "proved",
-        "sampled": len(rows[0].own.alpha),
+        "sampled": len(rows[0].with_law.alpha),
         "bounds": [
             {
                 "kind": row.bound.specification.kind,
@@ -424,7 +424,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "limit": row.bound.specification.at_most,
                 "proved": row.bound.level,
                 "degree": row.bound.degree,
-                "worst sampled": row.own.worst,
+                "worst sampled": row.with_law.worst,
                 "conservatism": row.conservatism,
                 "passive": None if row.passive is None else row.passive.worst,
             }
@@ -458,7 +458,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
     """Draw bounds and samples over the first parameter, or over the first vertex's weight."""
     from polefence.show.plots import BoundsPanel, bounds_figure
 
-    alpha, plant = rows[0].own.alpha, done.plant
+    alpha, plant = rows[0].with_law.alpha, done.plant
     every = max(1, len(alpha) // 2000)
     some = alpha[::every]
     if plant.parameters:
@@ -471,7 +471,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
         BoundsPanel(
             row.words("\n"),
             row.bound.level,
-            row.own.values[::every],
+            row.with_law.values[::every],
             None if row.passive is None else row.passive.values[::every],
         )
         for row in rows

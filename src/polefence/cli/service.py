@@ -84,8 +84,8 @@ def _explained(service: Margins) -> Iterator[str]:
     stable = "the loop is exponentially stable"
     if service.decay:
         stable += f", with a decay rate of {exactly(service.decay)} 1/s"
-    own = service["gain"].design
-    if own is not None and own.certificate.in_parts:
+    exact = service["gain"].design
+    if exact is not None and exact.certificate.in_parts:
         yield (
             "note: the region is proved in parts of the box; rates, and errors of the estimate, "
             "need one Lyapunov polynomial of all of it"

@@ -113,8 +113,8 @@ def say(*lines: object, file: TextIO | None = None, verdict: str = "") -> None:
     stream = sys.stdout if file is None else file
     code = getattr(stream, "encoding", None) or "utf-8"
     with aside():
-        for k, own in enumerate(lines):
-            shown = visible(str(own)).encode(code, "backslashreplace").decode(code)
+        for k, line in enumerate(lines):
+            shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
             shown = folded(shown, stream) if stream.isatty() else shown
             if k == 0 and verdict in COLOURS and coloured(stream):
                 shown = shown.replace(verdict, f"\x1b[{COLOURS[verdict]}m{verdict}\x1b[0m", 1)

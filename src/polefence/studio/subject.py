@@ -92,19 +92,19 @@ class Subject(Short):
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """Names of what a law can measure: states, without a road's own, and outputs."""
-        found = list(own_states(self.plant))
-        outputs = [own.name for own in self.plant.outputs if not (own.D or own.F)]
+        names = list(own_states(self.plant))
+        outputs = [y.name for y in self.plant.outputs if not (y.D or y.F)]
         known = () if self.structure is None else self.structure.measured or ()
-        for name in (*(split(own)[0] for own in known), *outputs):
-            if name not in found and len(found) < 24:
-                found.append(name)
-        return tuple(found)
+        for name in (*(split(state)[0] for state in known), *outputs):
+            if name not in names and len(names) < 24:
+                names.append(name)
+        return tuple(names)
 
     @cached_property
     def measured(self) -> tuple[str, ...]:
         """Names of what the law of the spec measures."""
         if self.structure is not None and self.structure.measured is not None:
-            return tuple(split(own)[0] for own in self.structure.measured)
+            return tuple(split(name)[0] for name in self.structure.measured)
         return own_states(self.plant)
 
     def measured_by(self, design: Design) -> tuple[str, ...]:
@@ -112,7 +112,7 @@ class Subject(Short):
         law, vertices = design.law, np.eye(len(self.plant.vertices))
         names = own_states(self.plant)
         if law.measured:
-            names = tuple(own.name for own in law.measured)
+            names = tuple(signal.name for signal in law.measured)
         used = np.any([law.gain(alpha) for alpha in vertices], axis=(0, 1))
         known = {name for name, some in zip(names, used, strict=False) if some}
         return tuple(name for name in self.signals if name in known) or self.measured
@@ -122,12 +122,12 @@ class Subject(Short):
         """What a trade-off can be over: the limits, those on inputs first; else inputs."""
         if self.wanted is None:
             return ()
-        inputs = {split(own)[0] for own in self.plant.inputs}
-        limits = [own for own in self.wanted.limits if own.of_signal]
+        inputs = {split(label)[0] for label in self.plant.inputs}
+        limits = [limit for limit in self.wanted.limits if limit.of_signal]
         if limits:
-            return tuple(sorted(limits, key=lambda own: own.name not in inputs))
+            return tuple(sorted(limits, key=lambda limit: limit.name not in inputs))
         density = self.wanted.least.noise_density or 1.0
-        return tuple(Rms(split(own)[0], density=density) for own in self.plant.inputs)
+        return tuple(Rms(split(label)[0], density=density) for label in self.plant.inputs)
 
 
 def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:

@@ -197,12 +197,12 @@ def _number(row: Row, name: str) -> float:
     return np.nan if row[name] is None else float(row[name])
 
 
-def _failures(found: Sequence[tuple[Row, int]]) -> Section:
+def _failures(failures: Sequence[tuple[Row, int]]) -> Section:
     cells = [
         (row["question"], row["status"], str(count), str(row["variant"]), row["reason"])
-        for row, count in found[:20]
+        for row, count in failures[:20]
     ]
-    more = len(found) - len(cells)
+    more = len(failures) - len(cells)
     text = (f"{more} more kinds of reasons are in the rows.",) if more else ()
     head = ("question", "status", "variants", "first", "its reason")
     return Section("Not proved", text, Table(head, tuple(cells)))

@@ -925,23 +925,25 @@ def front_figure(front: Front) -> Figure:
     return figure
 
 
-def comparison_figure(found: Comparison) -> Figure:
+def comparison_figure(compared: Comparison) -> Figure:
     """Draw comfort, grip, travel and force of each law: worst, median and best of the family."""
-    height = 1.2 + 0.5 * len(found.laws)
+    height = 1.2 + 0.5 * len(compared.laws)
     figure, axes = new_grid(2, 2, 9.5, 2 * height, sharey=True)
-    places = np.arange(len(found.laws))[::-1]
+    places = np.arange(len(compared.laws))[::-1]
     for ax, quantity in zip(axes.flat, COMPARED, strict=True):
-        rows = [found.row(law, quantity) for law in found.laws]
+        rows = [compared.row(law, quantity) for law in compared.laws]
         best, worst, middle = zip(*((r.best, r.worst, r.median) for r in rows), strict=True)
         ax.hlines(places, best, worst, color="#2166ac", lw=5, label="over the family")
         ax.plot(worst, places, "|", color="#b2182b", ms=14, mew=2.2, label="worst")
         ax.plot(middle, places, "o", color="white", mec="#2166ac", ms=5, label="median")
         ax.set(xlabel=f"{quantity} [{rows[0].unit}]", ylim=(-0.6, len(places) - 0.4))
-        ax.set_yticks(places, found.laws)
+        ax.set_yticks(places, compared.laws)
         ax.set_xlim(left=0)
     handles, _ = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
-    figure.suptitle(f"{found.plant.name}: class {found.road} at {found.speed:g} m/s", fontsize=9.5)
+    figure.suptitle(
+        f"{compared.plant.name}: class {compared.road} at {compared.speed:g} m/s", fontsize=9.5
+    )
     return figure
 
 

@@ -272,13 +272,13 @@ def _plant(plant: UncertainPlant) -> Section:
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
 
 
-def _rate(own: Parameter) -> str:
-    if own.rate is None:
+def _rate(parameter: Parameter) -> str:
+    if parameter.rate is None:
         return "not"
-    if own.rate == ANY:
+    if parameter.rate == ANY:
         return "at any rate"
-    low, high = own.rate
-    return f"by {digits_up(low)} to {digits_down(high)} {rate_text(own.unit)}"
+    low, high = parameter.rate
+    return f"by {digits_up(low)} to {digits_down(high)} {rate_text(parameter.unit)}"
 
 
 @stage("poles")
@@ -544,10 +544,10 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
     if plant.vehicle is None or any(v.E is None for v in plant.vertices):
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
-    found = compare(plant, laws, road, speed)
-    if OURS in found.left_out:
-        return Section(title, (f"Nothing can be said of this design: {found.left_out[OURS]}.",))
-    ours, passive = (found.row(name) for name in (OURS, "passive"))
+    compared = compare(plant, laws, road, speed)
+    if OURS in compared.left_out:
+        return Section(title, (f"Nothing can be said of this design: {compared.left_out[OURS]}.",))
+    ours, passive = (compared.row(name) for name in (OURS, "passive"))
     if ours.best > passive.worst:
         verdict = "rougher than without control for every car of the family"
     elif ours.worst > passive.worst:
@@ -558,27 +558,28 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
     return Section(
         title,
         (
-            f"Stationary ride on a class {found.road} road of ISO 8608 at {speed:g} m/s, worst "
-            f"case and best over {len(found.alpha)} points of the family. The ride is {verdict}: "
+            f"Stationary ride on a class {compared.road} road of ISO 8608 at {speed:g} m/s, worst "
+            f"case and best over {len(compared.alpha)} points of the family. "
+            f"The ride is {verdict}: "
             f"weighted by ISO 2631-1, {ours.worst:.3g} m/s2 against {passive.worst:.3g} m/s2 in "
             f"the worst case, which people in public transport call {reading}.",
             "Pole location is no specification of comfort: a small disk far from the imaginary "
             "axis asks for speed.",
         ),
-        _comfort_table(found),
+        _comfort_table(compared),
     )
 
 
-def _comfort_table(found: Comparison) -> Table:
-    names = list(dict.fromkeys((row.quantity, row.unit) for row in found.rows))
+def _comfort_table(compared: Comparison) -> Table:
+    names = list(dict.fromkeys((row.quantity, row.unit) for row in compared.rows))
     rows = tuple(
         (
             f"{quantity} [{unit}]",
             *(
-                "{0.worst:.3g} ({0.best:.3g})".format(found.row(law, quantity))
-                for law in found.laws
+                "{0.worst:.3g} ({0.best:.3g})".format(compared.row(law, quantity))
+                for law in compared.laws
             ),
         )
         for quantity, unit in names
     )
-    return Table(("worst (best)", *found.laws), rows)
+    return Table(("worst (best)", *compared.laws), rows)

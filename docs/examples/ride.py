@@ -38,17 +38,17 @@ def design(plant, region, method=None):
 def facts(done):
     """Return what the page says of a law: bound, shared bound, and measured at the sample."""
     first, *others = rows_of(done)
-    share = first.own.values / first.passive.values
-    poles = close(done.plant, done.law, first.own.alpha).poles()
+    share = first.with_law.values / first.passive.values
+    poles = close(done.plant, done.law, first.with_law.alpha).poles()
     return {
         "proved": digits_up(done.bounds[0].level, 5),
         "shared": digits_up(done.shared, 5),
         "designed": str(done.designed),
-        "sampled": first.own.worst,
+        "sampled": first.with_law.worst,
         "of passive": (share.min(), share.max()),
         "decay": -poles.real.max(),
         "damping": (-poles.real / np.abs(poles)).min(),
-        **{row.bound.specification.name: row.own.worst for row in others},
+        **{row.bound.specification.name: row.with_law.worst for row in others},
     }
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import re
-from contextlib import redirect_stdout
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from polefence.response.discrete import zero_order_hold
 from support.cortex import export, missing_tools
+from support.gallery import recorded
 from support.needed import require
 from support.paths import DOCS
 from support.scripts import docs_script
@@ -30,24 +28,7 @@ def example():
 
 @pytest.fixture(scope="module")
 def ran(example, tmp_path_factory):
-    """Return what one run of the script said, exported and drew."""
-    folder, own = tmp_path_factory.mktemp("page"), SimpleNamespace()
-    draw, exported = example.draw, example.exported
-
-    def drawn(found, where):
-        own.found = found
-        draw(found, where)
-
-    def made():
-        own.design, own.code = exported()
-        return own.design, own.code
-
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as said:
-        patch.setattr(example, "draw", drawn)
-        patch.setattr(example, "exported", made)
-        example.main(folder)
-    own.said, own.image = said.getvalue(), folder / "cortex.png"
-    return own
+    return recorded(example, tmp_path_factory.mktemp("page"), ["found"], ["design", "code"])
 
 
 def test_the_page_has_what_the_script_prints(ran) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import re
 import sys
-from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.util import find_spec
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from polefence.base.errors import InputError
+from support.gallery import recorded
 from support.needed import need, require
 from support.paths import DOCS
 from support.scripts import docs_script
@@ -33,24 +31,9 @@ def example():
 
 @pytest.fixture(scope="module")
 def ran(example, tmp_path_factory):
-    """Return what one run of the script said, exported and drew."""
-    folder, own = tmp_path_factory.mktemp("page"), SimpleNamespace()
-    draw, exported = example.draw, example.exported
-
-    def drawn(drives, found, where):
-        own.drives, own.found = drives, found
-        draw(drives, found, where)
-
-    def made():
-        own.design, own.units = exported()
-        return own.design, own.units
-
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as said:
-        patch.setattr(example, "draw", drawn)
-        patch.setattr(example, "exported", made)
-        example.main(folder)
-    own.said, own.image = said.getvalue(), folder / "fmu.png"
-    return own
+    return recorded(
+        example, tmp_path_factory.mktemp("page"), ["drives", "found"], ["design", "units"]
+    )
 
 
 def test_the_page_has_what_the_script_prints(ran) -> None:

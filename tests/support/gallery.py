@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import re
+from contextlib import redirect_stdout
+from types import SimpleNamespace
 
 import pytest
 
@@ -30,3 +33,26 @@ def alike(name, said, folder):
 def words(text):
     """A text without its numbers."""
     return re.sub(r"\s+", " ", NUMBER.sub("#", text))
+
+
+def recorded(script, folder, drawn, exported):
+    """What one run of a script said; by these names, what it drew and what it exported."""
+    own = SimpleNamespace()
+    draw, export = script.draw, script.exported
+
+    def drawing(*given):
+        vars(own).update(zip(drawn, given, strict=False))
+        draw(*given)
+
+    def exporting():
+        found = export()
+        vars(own).update(zip(exported, found, strict=True))
+        return found
+
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as said:
+        patch.setattr(script, "draw", drawing)
+        patch.setattr(script, "exported", exporting)
+        script.main(folder)
+    own.said = said.getvalue()
+    (own.image,) = folder.glob("*.png")
+    return own

@@ -347,7 +347,8 @@ def _largest(A, E, C, F, points):
 def _reached_at_samples(kind, claim, loop, passive, T):
     A, E, C, F = loop
     if kind in ("rms", "relative rms", "energy peak"):
-        size = number(claim.get("intensity", 1)) if "rms" in kind else number(claim["norm"]) ** 2
+        noise = "rms" in kind
+        size = number(claim.get("intensity", 1)) if noise else number(claim.get("norm", 1)) ** 2
 
         def own(A, E, C, _):
             P = solve_discrete_lyapunov(A, size / T * E @ E.T)

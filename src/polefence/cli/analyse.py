@@ -51,7 +51,6 @@ from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
 
 SHOWN = 3  # counterexamples printed
-BETWEEN = 200  # points beside the vertices, where the other sign is tried
 CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 
@@ -155,8 +154,8 @@ def _kept(given: Given, asked: Sequence[str], options: Any) -> int:
     plant, law, region = given.plant, given.law, given.region(options)
     limits, P = given.limits(asked, options), given.lyapunov(options)
     if not isinstance(law, GainTable):
-        found = analyse(plant, law, region, options.budget, limits=limits, lyapunov=P)
-        return _one(found, region, given, options)
+        analysis = analyse(plant, law, region, options.budget, limits=limits, lyapunov=P)
+        return _one(analysis, region, given, options)
     if limits or P:
         raise InputError("of a table of gains the poles are proved alone; leave --limit and P out")
     return _table(plant, law, region, options)
@@ -173,8 +172,8 @@ def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
         other = ("leave out --minus", "K") if options.minus else ("add --minus", "-K")
         note_the_sign(analysis, options.gain, *other)
     say(*_lyapunov_lines(analysis))
-    for own in analysis.bounds:
-        say(_bound_text(plant, own), verdict=own.answer)
+    for verified in analysis.bounds:
+        say(_bound_text(plant, verified), verdict=verified.answer)
     say(*image_text(plant, asked, kept), *samples_text(plant), *given.text(options))
     _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
@@ -195,18 +194,17 @@ def _lyapunov_lines(analysis: Analysis) -> list[str]:
     return [f"given {what}: does not prove it; {given.reason}"]
 
 
-def _bound_text(plant: UncertainPlant, own: VerifiedBound) -> str:
-    most = own.specification.at_most
-    limit = own.specification.title + ("" if most is None else f" <= {exactly(most)}")
-    sampled = f"{digits_down(own.worst)}{where_text(plant, own.alpha)}"
-    if own.answer == "refuted":
+def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
+    most = verified.specification.at_most
+    limit = verified.specification.title + ("" if most is None else f" <= {exactly(most)}")
+    sampled = f"{digits_down(verified.worst)}{where_text(plant, verified.alpha)}"
+    if verified.answer == "refuted":
         return f"refuted: {limit}; sampled {sampled}, computed in floats"
-    if own.bound is None:
-        return f"{own.answer}: {limit}; no bound is proved, sampled {sampled}"
-    loose = "; not tight: the worst case lies between" * is_loose(own.bound.level, own.worst)
-    return (
-        f"{own.answer}: {limit}; {digits_up(own.bound.level)} is proved, sampled {sampled}{loose}"
-    )
+    if verified.bound is None:
+        return f"{verified.answer}: {limit}; no bound is proved, sampled {sampled}"
+    level = verified.bound.level
+    loose = "; not tight: the worst case lies between" * is_loose(level, verified.worst)
+    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, sampled {sampled}{loose}"
 
 
 def _summary(analysis: Analysis) -> dict[str, Any]:
@@ -228,15 +226,15 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
         else {"proved": given.proved, "form": given.form, "reason": given.reason},
         "limits": [
             {
-                "of": own.specification.title,
-                "limit": own.specification.at_most,
-                "answer": own.answer,
-                "proved": None if own.bound is None else own.bound.level,
-                "sampled": own.worst,
-                "alpha": list(own.alpha),
-                "values": own.values,
+                "of": verified.specification.title,
+                "limit": verified.specification.at_most,
+                "answer": verified.answer,
+                "proved": None if verified.bound is None else verified.bound.level,
+                "sampled": verified.worst,
+                "alpha": list(verified.alpha),
+                "values": verified.values,
             }
-            for own in analysis.bounds
+            for verified in analysis.bounds
         ],
     }
 
@@ -293,7 +291,7 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
         return
     if gain is not None and not is_written(gain) and claims_file(Path(gain)) is not None:
         return
-    alpha = seeded(plant, len(plant.vertices) + BETWEEN)
+    alpha = seeded(plant, len(plant.vertices) + 200)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
     if analysis.region.contains(np.linalg.eigvals(A - B @ law.K)):
         more = len(alpha) - len(plant.vertices)
@@ -324,34 +322,34 @@ def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any
     if options.plot is not None and len(plant.parameters) > 2:
         raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
     with _finished_cells(table) as finished:
-        found = analyse_table(plant, table, region, options.depth, options.budget, finished)
-    say(f"{found.answer}: {found.summary}", verdict=found.answer)
-    say(*image_text(plant, region, found.answer == "proved"))
-    if found.cut:
+        analysis = analyse_table(plant, table, region, options.depth, options.budget, finished)
+    say(f"{analysis.answer}: {analysis.summary}", verdict=analysis.answer)
+    say(*image_text(plant, region, analysis.answer == "proved"))
+    if analysis.cut:
         say(CUT)
-    for values in found.counterexamples[:SHOWN]:
+    for values in analysis.counterexamples[:SHOWN]:
         say(f"  a pole is not in {region} at {values_text(plant, values)}")
-    if len(found.counterexamples) > SHOWN:
-        say(f"  and in {len(found.counterexamples) - SHOWN} more cells")
+    if len(analysis.counterexamples) > SHOWN:
+        say(f"  and in {len(analysis.counterexamples) - SHOWN} more cells")
     if options.output is not None:
-        saved(found.save(options.output))
+        saved(analysis.save(options.output))
     if options.json is not None:
-        write_json(options.json, _table_summary(found))
+        write_json(options.json, _table_summary(analysis))
     if options.plot is not None:
         from polefence.show.plots import table_figure
 
-        write_figure(options.plot, table_figure(found))
-    return PROVED if found.proved else NOT_PROVED
+        write_figure(options.plot, table_figure(analysis))
+    return PROVED if analysis.proved else NOT_PROVED
 
 
-def _table_summary(found: TableAnalysis) -> dict[str, Any]:
+def _table_summary(analysis: TableAnalysis) -> dict[str, Any]:
     return {
-        "plant": plant_summary(found.plant),
-        "region": found.region.document(),
-        "answer": found.answer,
-        "shares": found.shares,
-        "cells": len(found.cells),
-        "counterexamples": found.counterexamples,
+        "plant": plant_summary(analysis.plant),
+        "region": analysis.region.document(),
+        "answer": analysis.answer,
+        "shares": analysis.shares,
+        "cells": len(analysis.cells),
+        "counterexamples": analysis.counterexamples,
     }
 
 
@@ -361,11 +359,11 @@ def _finished_cells(table: GainTable) -> Iterator[Callable[[Cell], None]]:
     whole = float(prod(p.high - p.low for p in table.parameters))
     count, done = 0, 0.0
 
-    with stage("0 % of the box") as own:
+    with stage("0 % of the box") as progress:
 
         def finished(cell: Cell) -> None:
             nonlocal count, done
             count, done = count + 1, done + float(cell.volume) / whole
-            own.now(f"{count} cells, {100 * done:.0f} % of the box")
+            progress.now(f"{count} cells, {100 * done:.0f} % of the box")
 
         yield finished

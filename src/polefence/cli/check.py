@@ -120,14 +120,14 @@ def _files(path: Path) -> list[Path]:
     """Return a file, or those of claims in a folder."""
     if not path.is_dir():
         return [path]
-    found = [each for each in sorted(path.glob("*.json")) if is_proof_file(each)]
-    if not found:
+    claims = [file for file in sorted(path.glob("*.json")) if is_proof_file(file)]
+    if not claims:
         others = sorted(other.name for other in path.glob("*.json"))[:3]
         has = f"; it has {', '.join(others)}" if others else ""
         raise DesignFileError(
             f"{path}: has no file of claims; name the folder that `polefence design -o` wrote{has}"
         )
-    return found
+    return claims
 
 
 def _row(
@@ -159,23 +159,23 @@ def _say(row: dict[str, Any], spec: str | None) -> None:
 def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None:
     """Say how the plant of a file differs from a spec's in what the file's claims are about."""
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
-    found, samples = plant_of(document.plant), document.first(Samples)
+    claimed, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
-    if found.curve_degree > 1 and not sampled:
+    if claimed.curve_degree > 1 and not sampled:
         return "its plant is a polynomial of the parameters, the spec's is multi-affine"
     if samples is not None and sampled:
-        difference = _other_samples(samples, found, plant)
+        difference = _other_samples(samples, claimed, plant)
         if difference is not None:
             return difference
         plant = at_sample_time(plant, document.plant.step, samples.delay)
     if document.first(RmsRefutation) or document.first(Clipped):
-        plant = _weighted(plant, found, spec)
-    plant = _with_law(plant, found, spec)
-    if samples is not None and sampled and plant.shape == found.shape:
+        plant = _weighted(plant, claimed, spec)
+    plant = _with_law(plant, claimed, spec)
+    if samples is not None and sampled and plant.shape == claimed.shape:
         # of the same plant, as the claim proves: equal but for rounding
-        pairs = zip(found.vertices, plant.vertices, strict=True)
-        plant = replace(plant, vertices=tuple(_beside(*own, samples.width) for own in pairs))
-    difference = _difference(found, plant, letters)
+        pairs = zip(claimed.vertices, plant.vertices, strict=True)
+        plant = replace(plant, vertices=tuple(_beside(*pair, samples.width) for pair in pairs))
+    difference = _difference(claimed, plant, letters)
     for claim in document.claims:
         if difference is None and isinstance(claim, Observer):
             difference = _other_measured(claim, plant)
@@ -186,8 +186,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         if difference is None and isinstance(claim, Clipped | RmsRefutation) and claim.dampers:
             difference = _other_damper(claim.dampers, plant, spec)
     if difference is None and isinstance(document.law, Law) and document.law.measured:
-        own = [document.plant.signal(name) for name in document.law.measured]
-        difference = _other_signal(filter(None, own), document.plant, file_plant(plant))
+        measured = [document.plant.signal(name) for name in document.law.measured]
+        difference = _other_signal(filter(None, measured), document.plant, file_plant(plant))
     return difference
 
 
@@ -198,31 +198,33 @@ def _outputs_of(claim: Claim) -> Sequence[Output]:
     if isinstance(claim, Clipped):
         return claim.limit.outputs
     limits = claim.limits if isinstance(claim, RmsRefutation) else ()
-    return [own for limit in limits for own in limit.outputs]
+    return [output for limit in limits for output in limit.outputs]
 
 
-def _other_damper(found: Sequence[SemiActive], plant: UncertainPlant, spec: str) -> str | None:
+def _other_damper(claimed: Sequence[SemiActive], plant: UncertainPlant, spec: str) -> str | None:
     """Say how a claim's dampers differ from the spec's."""
     try:
-        expected = {own.number: own for own in (d.of(plant) for d in load_dampers(spec))}
+        expected = {damper.number: damper for damper in (d.of(plant) for d in load_dampers(spec))}
     except InputError as error:
         return f"other dampers: {error}"
-    if sorted(own.number for own in found) != sorted(expected):
-        return f"other dampers: {len(found)}, spec {len(expected)}"
-    for own in found:
-        if own != expected[own.number]:
-            return f"other dampers: {own.range_text}, spec {expected[own.number].range_text}"
+    if sorted(damper.number for damper in claimed) != sorted(expected):
+        return f"other dampers: {len(claimed)}, spec {len(expected)}"
+    for damper in claimed:
+        if damper != expected[damper.number]:
+            return f"other dampers: {damper.range_text}, spec {expected[damper.number].range_text}"
     return None
 
 
-def _weighted(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
-    """Return the plant with those filters of the spec's specifications that a file's plant has."""
-    known = {own.name for own in found.outputs}
+def _weighted(plant: UncertainPlant, claimed: UncertainPlant, spec: str) -> UncertainPlant:
+    """Return the plant with the filters of the spec's specifications that a file's plant has."""
+    known = {output.name for output in claimed.outputs}
     asked = [
-        own
-        for own in _specifications(spec)
+        specification
+        for specification in _specifications(spec)
         if {
-            f"{y.name}, {w.name}" for y, w in zip(own.outputs(plant), own.filters, strict=True) if w
+            f"{y.name}, {w.name}"
+            for y, w in zip(specification.outputs(plant), specification.filters, strict=True)
+            if w
         }
         <= known
     ]
@@ -237,114 +239,114 @@ def _specifications(spec: str) -> list[Specification]:
 
 def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
     """Say that a filter of a claim is not the one of its name."""
-    for own in claim.filters if isinstance(claim, SignalClaim) else ():
-        if own is None:
+    for weighting in claim.filters if isinstance(claim, SignalClaim) else ():
+        if weighting is None:
             continue
-        asked = (w for each in _specifications(spec) for w in each.filters if w)
+        asked = (w for s in _specifications(spec) for w in s.filters if w)
         known = {**{w.name: w for w in asked}, **WEIGHTS}
-        if own.name not in known or own != filter_of(known[own.name], step):
-            return f"its filter {quoted(own.name)} is not that of ISO 2631-1, or of the spec"
+        if weighting.name not in known or weighting != filter_of(known[weighting.name], step):
+            return f"its filter {quoted(weighting.name)} is not that of ISO 2631-1, or of the spec"
     return None
 
 
-def _beside(found: System, own: System, n: int) -> System:
-    """Return a vertex whose first n states move as those of another do."""
-    A = (*found.exact_A[:n], *own.exact_A[n:])
-    B, E = (*found.exact_B[:n], *own.exact_B[n:]), None
-    if found.exact_E is not None and own.exact_E is not None:
-        E = (*found.exact_E[:n], *own.exact_E[n:])
-    return System(A, B, E, own.name)
+def _beside(first: System, rest: System, n: int) -> System:
+    """Return a vertex with the first n rows of one and the other rows of another."""
+    A = (*first.exact_A[:n], *rest.exact_A[n:])
+    B, E = (*first.exact_B[:n], *rest.exact_B[n:]), None
+    if first.exact_E is not None and rest.exact_E is not None:
+        E = (*first.exact_E[:n], *rest.exact_E[n:])
+    return System(A, B, E, rest.name)
 
 
-def _with_law(plant: UncertainPlant, found: UncertainPlant, spec: str) -> UncertainPlant:
-    """Return the plant with the states of a law, where that of a file has any."""
-    own = own_states(found)
-    if not any(state.name.startswith((INTEGRAL, FILTER)) for state in states(found)):
-        return plant if own_states(plant) else with_states(plant, own)
+def _with_law(plant: UncertainPlant, claimed: UncertainPlant, spec: str) -> UncertainPlant:
+    """Return the plant with the states of a law, if the file's plant has any."""
+    law_states = own_states(claimed)
+    if not any(state.name.startswith((INTEGRAL, FILTER)) for state in states(claimed)):
+        return plant if own_states(plant) else with_states(plant, law_states)
     structure = load_structure(spec)
     if structure is None or not structure.kind:
         return plant
     larger = structure.extended(plant)[0]
-    return with_rates_as_inputs(larger, own) if own else larger
+    return with_rates_as_inputs(larger, law_states) if law_states else larger
 
 
-def _other_samples(samples: Samples, found: UncertainPlant, plant: UncertainPlant) -> str | None:
-    """Say how the plant that a file's is the samples of differs from a spec's."""
-    own = sampling_of(samples, found).plant
+def _other_samples(samples: Samples, claimed: UncertainPlant, plant: UncertainPlant) -> str | None:
+    """Say how the continuous plant behind a file's sampled one differs from a spec's."""
+    sampled = sampling_of(samples, claimed).plant
     bare = replace(plant, outputs=(), vehicle=None, noise=())
-    return _difference(own, bare, "ABE" if samples.E else "AB")
+    return _difference(sampled, bare, "ABE" if samples.E else "AB")
 
 
-def _difference(found: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:
-    """Say how a design's plant differs from a spec's, None where it does not.
+def _difference(claimed: UncertainPlant, plant: UncertainPlant, letters: str = "AB") -> str | None:
+    """Say how a design's plant differs from a spec's; None if it does not.
 
-    Bounds on signals are about E too, which the digest leaves out. Names and units count: bounds
-    are claimed of signals by their names.
+    Bounds on signals depend on E too, which the digest leaves out. Names and units count, because
+    a bound names its signal.
     """
-    other = _first_difference(found, plant, letters)
+    other = _first_difference(claimed, plant, letters)
     if other is not None:
         return other
-    if found.digest != plant.digest:
+    if claimed.digest != plant.digest:
         return "other vertices"
-    if found.sample_time != plant.sample_time:
-        times = (_time(each.sample_time) for each in (found, plant))
+    if claimed.sample_time != plant.sample_time:
+        times = (_time(side.sample_time) for side in (claimed, plant))
         return "other time: {}, spec {}".format(*times)
     ours, theirs = (
-        [(p.name, p.low, p.high, p.through) for p in each.parameters] for each in (found, plant)
+        [(p.name, p.low, p.high, p.through) for p in side.parameters] for side in (claimed, plant)
     )
     if ours != theirs:
         return "other parameter ranges"
-    if [p.rate for p in found.parameters] != [p.rate for p in plant.parameters]:
+    if [p.rate for p in claimed.parameters] != [p.rate for p in plant.parameters]:
         return "other rates of parameters"
-    return _other_name(found, plant)
+    return _other_name(claimed, plant)
 
 
 def _other_measured(observer: Observer, plant: UncertainPlant) -> str | None:
-    """Say how what an observer measures differs from the states of those names."""
+    """Say how an observer's measurements differ from the states of the same names."""
     if not observer.measured:
         return None
     try:
         expected = read_measured(plant, observer.measured)[0]
     except InputError as error:
         return f"other measurements: {error}"
-    for own, C in zip(observer.C, expected, strict=True):
-        for k, (row, state) in enumerate(zip(own, C, strict=True)):
+    for measured, C in zip(observer.C, expected, strict=True):
+        for k, (row, state) in enumerate(zip(measured, C, strict=True)):
             if tuple(row) != state:
                 return f"other measurements: C[{k + 1}] is not {quoted(observer.measured[k])} alone"
     return None
 
 
-def _other_signal(outputs: Iterable[Output], found: Plant, plant: Plant) -> str | None:
-    """Say which output of a claim, or of a law, is another than the spec's of that name.
+def _other_signal(outputs: Iterable[Output], claimed: Plant, plant: Plant) -> str | None:
+    """Say which output of a claim, or of a law, differs from the spec's of the same name.
 
-    One that neither has is the file's own, and the claim says so.
+    An output that neither plant names is defined in the claim, which prints it.
     """
-    for own in outputs:
-        mine, theirs = found.signal(own.name), plant.signal(own.name)
+    for output in outputs:
+        mine, theirs = claimed.signal(output.name), plant.signal(output.name)
         if mine is None and theirs is None:
             continue
         if theirs is None:
-            return f"other signals: {quoted(own.name)} is not a signal of the spec"
-        if (own.C, own.D, own.F) != (theirs.C, theirs.D, theirs.F):
-            ours, other = (output_text(each.C, each.D, each.F) for each in (own, theirs))
+            return f"other signals: {quoted(output.name)} is not a signal of the spec"
+        if (output.C, output.D, output.F) != (theirs.C, theirs.D, theirs.F):
+            ours, other = (output_text(y.C, y.D, y.F) for y in (output, theirs))
             other = other if other != ours else f"the same to six digits: {other}"
-            return f"other signals: {quoted(own.name)} = {ours}, spec {other}"
+            return f"other signals: {quoted(output.name)} = {ours}, spec {other}"
         if mine is not None and mine.unit != theirs.unit:
             units = f"{quoted(mine.unit)}, spec {quoted(theirs.unit)}"
-            return f"other units: {quoted(own.name)} in {units}"
+            return f"other units: {quoted(output.name)} in {units}"
     return None
 
 
-def _other_name(found: UncertainPlant, plant: UncertainPlant) -> str | None:
+def _other_name(claimed: UncertainPlant, plant: UncertainPlant) -> str | None:
     """Say which name or unit differs."""
     for key in ("states", "inputs", "disturbances"):
-        ours, theirs = getattr(found, key), getattr(plant, key)
+        ours, theirs = getattr(claimed, key), getattr(plant, key)
         if len(ours) != len(theirs):
             return f"other names: {len(ours)} names of {key}, spec {len(theirs)}"
         for k, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
             if mine != other:
                 return f"other names: {key}[{k + 1}] = {quoted(mine)}, spec {quoted(other)}"
-    for p, q in zip(found.parameters, plant.parameters, strict=True):
+    for p, q in zip(claimed.parameters, plant.parameters, strict=True):
         if p.unit != q.unit:
             return f"other units: {p.name} in {quoted(p.unit)}, spec {quoted(q.unit)}"
         if p.label != q.label:
@@ -356,12 +358,12 @@ def _time(sample_time: Fraction | None) -> str:
     return "continuous" if sample_time is None else f"sample_time = {float(sample_time):.9g} s"
 
 
-def _first_difference(found: UncertainPlant, plant: UncertainPlant, letters: str) -> str | None:
-    if (len(found.vertices), found.shape) != (len(plant.vertices), plant.shape):
+def _first_difference(claimed: UncertainPlant, plant: UncertainPlant, letters: str) -> str | None:
+    if (len(claimed.vertices), claimed.shape) != (len(plant.vertices), plant.shape):
         return "other vertices: their number or their shapes differ"
-    for mine, theirs in zip(found.vertices, plant.vertices, strict=True):
+    for mine, theirs in zip(claimed.vertices, plant.vertices, strict=True):
         for letter in letters:
-            M, other = (getattr(each, f"exact_{letter}") or () for each in (mine, theirs))
+            M, other = (getattr(side, f"exact_{letter}") or () for side in (mine, theirs))
             if len(M) != len(other) or len(M and M[0]) != len(other and other[0]):
                 return f"other vertices: {theirs.name}: {letter} differs in its shape"
             for i, (row, expected) in enumerate(zip(M, other, strict=True)):

@@ -9,7 +9,6 @@ from typing import Any
 from polefence.cli.output import PROVED
 
 SHELLS = ("bash", "zsh", "fish")
-ASKED = "_ARGCOMPLETE"  # set where a shell asks what may follow
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +26,7 @@ def completion_command(options: Any) -> int:
 
 def complete(parser: argparse.ArgumentParser) -> None:
     """Answer a shell that asks what may follow, and end; do nothing otherwise."""
-    if ASKED in os.environ:
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what may follow
         import argcomplete  # deferred: nothing else needs it
 
         argcomplete.autocomplete(parser, always_complete_options=False)

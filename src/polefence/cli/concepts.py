@@ -24,7 +24,6 @@ if TYPE_CHECKING:  # imported where used: with scipy behind it
 
 HEAD = ("", "sensors", "proved", "drives", "acc.", "tyre", "travel", "force", "power", "gain")
 UNITS = ("", "", "", "", "[m/s2]", "[N]", "[mm]", "[N]", "[W]", "")
-WIDE = 21
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,37 +48,37 @@ def concepts_command(options: Any) -> int:
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))
-    found = concepts(subject.plant, least, subject.dampers, measured)
+    compared = concepts(subject.plant, least, subject.dampers, measured)
     if options.plot is not None:
         from polefence.show.plots import concepts_figure
 
-        write_figure(options.plot, concepts_figure(found))
+        write_figure(options.plot, concepts_figure(compared))
     if options.json is not None:
-        write_json(options.json, _document(found))
-    say(*_lines(found))
+        write_json(options.json, _document(compared))
+    say(*_lines(compared))
     return PROVED
 
 
-def _lines(found: Concepts) -> list[str]:
+def _lines(compared: Concepts) -> list[str]:
     """Return what to print."""
     from polefence.vehicle.concepts import ROADS, SECONDS
 
-    lines = [f"{found.plant.name}: {found.specification.title}", ""]
+    lines = [f"{compared.plant.name}: {compared.specification.title}", ""]
     lines += [_columns(HEAD), _columns(UNITS)]
-    lines += [_columns(_cells(one, ridden)) for one, ridden in found.rows]
+    lines += [_columns(_cells(one, ridden)) for one, ridden in compared.rows]
     lines.append("")
-    for what, level in (("semi-active law", found.semi_active), ("law", found.active)):
+    for what, level in (("semi-active law", compared.semi_active), ("law", compared.active)):
         if level is not None:
             lines.append(f"proved: no {what} goes below {digits_down(level)}")
-    reasons = [one.reason for one, _ in found.rows if one.level is None and one.reason]
+    reasons = [one.reason for one, _ in compared.rows if one.level is None and one.reason]
     lines += [f"not proved: {reason}" for reason in dict.fromkeys(reasons)]
-    error = max(own.error / own.cost for _, own in found.rows if math.isfinite(own.cost))
-    away = [one.name for one, own in found.rows if not math.isfinite(own.cost)]
+    error = max(ride.error / ride.cost for _, ride in compared.rows if math.isfinite(ride.cost))
+    away = [one.name for one, ride in compared.rows if not math.isfinite(ride.cost)]
     if away:
         why = "too fast for steps of 1 ms, or not stable at every value of the parameters"
         lines.append(f"{why}: {', '.join(away)}")
     lines.append(
-        f"drives: rms, the worst of {found.loads} values of the parameters, the mean of {ROADS} "
+        f"drives: rms, the worst of {compared.loads} values of the parameters, the mean of {ROADS} "
         f"roads of {SECONDS:g} s; standard error at most {error:.1%}"
     )
     return lines
@@ -105,14 +104,14 @@ def _cells(one: Concept, ridden: Ridden) -> tuple[str, ...]:
 
 def _columns(cells: tuple[str, ...]) -> str:
     first, *others = cells
-    return (f"{first:<{WIDE}}" + "".join(f"{cell:>9}" for cell in others)).rstrip()
+    return (f"{first:<21}" + "".join(f"{cell:>9}" for cell in others)).rstrip()
 
 
-def _document(found: Concepts) -> dict[str, Any]:
+def _document(compared: Concepts) -> dict[str, Any]:
     """Return all rows as plain data."""
     return {
-        "plant": plant_summary(found.plant),
-        "specification": found.specification.title,
+        "plant": plant_summary(compared.plant),
+        "specification": compared.specification.title,
         "rows": [
             {
                 "concept": one.name,
@@ -122,8 +121,8 @@ def _document(found: Concepts) -> dict[str, Any]:
                 "gain": one.gain,
                 "drives": asdict(ridden) if math.isfinite(ridden.cost) else None,
             }
-            for one, ridden in found.rows
+            for one, ridden in compared.rows
         ],
-        "no semi-active law below": found.semi_active,
-        "no law below": found.active,
+        "no semi-active law below": compared.semi_active,
+        "no law below": compared.active,
     }

@@ -90,9 +90,10 @@ def design_command(options: Any) -> int:
         )
         for part in region.parts:
             if part.decay_rate() < 0:
-                own = exactly(-part.decay_rate())
+                rate = exactly(-part.decay_rate())
                 lines.append(
-                    f"note: {part} lets poles go up to +{own}; left of -{own} is half_plane({own})"
+                    f"note: {part} lets poles go up to +{rate}; left of -{rate} is "
+                    f"half_plane({rate})"
                 )
     if errors:
         off = ", ".join(f"{name} by up to {digits_down(size, 6)}" for name, size in errors.items())
@@ -117,7 +118,7 @@ def errors_of(texts: list[str]) -> dict[str, Fraction]:
     InputError
         If one is not NAME=SIZE, or is there twice.
     """
-    found = dict[str, Fraction]()
+    errors = dict[str, Fraction]()
     for text in texts:
         name, _, size = text.partition("=")
         try:
@@ -126,10 +127,10 @@ def errors_of(texts: list[str]) -> dict[str, Fraction]:
             raise InputError(
                 f"--error {text!r} is not NAME=SIZE; write for example --error m1=20"
             ) from error
-        if name.strip() in found:
+        if name.strip() in errors:
             raise InputError(f"--error {name.strip()} is given twice; give it once")
-        found[name.strip()] = value
-    return found
+        errors[name.strip()] = value
+    return errors
 
 
 def _method(options: Any) -> Method:

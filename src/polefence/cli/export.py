@@ -24,7 +24,6 @@ from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
-LANGUAGES = ("c99", "fmu", "mat")
 BITS = 64
 OF_CODE = ("given", "limit", "sample_time", "observer")
 
@@ -34,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     design_argument(parser, "; or law.json of semi-active")
     parser.add_argument(
         "--lang",
-        choices=LANGUAGES,
+        choices=("c99", "fmu", "mat"),
         default="c99",
         help="c99; fmu: C with FMUs of FMI 2.0 and 3.0; mat: the numbers for MATLAB; default: c99",
     )
@@ -103,7 +102,7 @@ def export_command(options: Any) -> int:
         return _dampers(document, options)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
-    found = export_c99(
+    exported = export_c99(
         design,
         options.bits,
         name=options.name,
@@ -114,11 +113,11 @@ def export_command(options: Any) -> int:
         allow_unproved=options.allow_unproved,
     )
     if options.lang == "fmu":
-        found = with_fmus(found, compiler=os.environ.get("CC") or "cc")
-    paths = found.save(options.output)
-    _print(found)
+        exported = with_fmus(exported, compiler=os.environ.get("CC") or "cc")
+    paths = exported.save(options.output)
+    _print(exported)
     saved(*paths)
-    return PROVED if found.proved else NOT_PROVED
+    return PROVED if exported.proved else NOT_PROVED
 
 
 def _dampers(document: Document, options: Any) -> int:
@@ -157,18 +156,18 @@ def _matlab(options: Any) -> int:
     if options.bits != BITS or unused:
         told = ", ".join(unused) or "--float"
         raise InputError(f"{told}: applies to code, which --lang mat does not write; leave it out")
-    own = {f"{options.name}.mat": HEADER}
-    check_folder(options.output, own)
+    files = {f"{options.name}.mat": HEADER}
+    check_folder(options.output, files)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
-    content = dict.fromkeys(own, mat_bytes(design))
-    saved(*write_folder(options.output, content, own))
+    content = dict.fromkeys(files, mat_bytes(design))
+    saved(*write_folder(options.output, content, files))
     return PROVED if design.proved else NOT_PROVED
 
 
-def _print(found: Exported) -> None:
-    made = found.guarantee
-    say(f"{found.texts.title}: {found.program.number.c_type} code")
-    for line in found.texts.statement:
+def _print(exported: Exported) -> None:
+    made = exported.guarantee
+    say(f"{exported.texts.title}: {exported.program.number.c_type} code")
+    for line in exported.texts.statement:
         say(f"  {line}")
     if made.tolerated > 0:
         room = f"tolerated {digits_down(made.tolerated, 3)}"

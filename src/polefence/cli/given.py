@@ -30,8 +30,6 @@ from polefence.requirements.text import parse_specification
 OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
 WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
 NONE, SPEC = "none", "spec"  # of limits: the poles alone; all that a spec asks for
-MOST_TEXT = 100_000  # characters of a matrix on the command line
-PRINTED = re.compile(r"\[([-+.0-9eE\s,;]+)\]")
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,8 @@ class Given:
         """Return the region of the options, else the spec's, else stability."""
         if options.region is not None:
             return parse_region(options.region)
-        own = load_region(options.spec) if self.arrays is None else None
-        return own or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
+        region = load_region(options.spec) if self.arrays is None else None
+        return region or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
 
     def limits(self, asked: Sequence[str], options: Any) -> list[Specification]:
         """Return the limits that are asked for, or that the spec asks for; of a table none."""
@@ -197,7 +195,7 @@ def read_gain(
     """
     if is_written(what):
         name, text = option, what
-        if len(text) > MOST_TEXT:
+        if len(text) > 100_000:
             raise InputError(f"{option} has {len(text)} characters; write a file")
     else:
         path = Path(what)
@@ -227,10 +225,10 @@ def read_gain(
 
 def _as_json(text: str) -> str:
     """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
-    found = PRINTED.fullmatch(text.strip())
-    if found is None:
+    matrix = re.fullmatch(r"\[([-+.0-9eE\s,;]+)\]", text.strip())
+    if matrix is None:
         return text
-    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in found[1].split(";"))
+    rows = (re.split(r"[\s,]+", row.strip(" ,\t\r\n")) for row in matrix[1].split(";"))
     return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
 
 

@@ -7,7 +7,6 @@ import shutil
 import textwrap
 from collections.abc import Mapping
 
-WIDTH = 100  # columns of help, at most
 NAMES = 14  # columns of the names of commands
 
 # Every command once, in the order in which they are listed.
@@ -85,7 +84,7 @@ class Formatter(argparse.RawDescriptionHelpFormatter):
 
 def columns() -> int:
     """Return the columns of help: those of the terminal, at most 100."""
-    return min(shutil.get_terminal_size().columns, WIDTH)
+    return min(shutil.get_terminal_size().columns, 100)
 
 
 def listing(texts: Mapping[str, str]) -> str:

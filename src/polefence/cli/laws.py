@@ -123,12 +123,12 @@ def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
 
 def distinct(laws: Sequence[Named]) -> list[Named]:
     """Return laws with a number behind every name that has been there before."""
-    found = list[Named]()
+    named = list[Named]()
     for law in laws:
-        count = sum(other.name == law.name for other in laws[: len(found)])
+        count = sum(other.name == law.name for other in laws[: len(named)])
         name = f"{law.name} ({count + 1})" if count else law.name
-        found.append(Named(name, law.law, law.design, law.proved))
-    return found
+        named.append(Named(name, law.law, law.design, law.proved))
+    return named
 
 
 def of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
@@ -157,23 +157,23 @@ def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
     if K.shape != plant.shape[::-1] or any(behind):
         shape = f"{len(claim.K)} x {len(claim.K[0])}"
         raise InputError(f"{path}: a gain of {shape} does not fit {plant.name}")
-    own, level = file_plant(plant), digits_up(claim.limit.level)
+    bare, level = file_plant(plant), digits_up(claim.limit.level)
     named = ", ".join(y.name for y in claim.limit.outputs)
     proved = f"rms of [{named}] <= {level}, for every constant value, with the dampers in its file"
-    if not _is_within(own, claim):
+    if not _is_within(bare, claim):
         proved = "nothing: its proof is about another plant"
     elif not prove(claim).proved:
         proved = "nothing: the proof in its file fails"
     return Named(path.stem, K, proved=proved)
 
 
-def _is_within(own: Plant, claim: Clipped) -> bool:
+def _is_within(bare: Plant, claim: Clipped) -> bool:
     """Whether a claim is about a plant, or about it with filters behind its signals."""
-    n = own.n
+    n = bare.n
     first = ([row[:n] for row in M[:n]] for M in claim.A)
     behind = [x for M in claim.A for row in M[:n] for x in row[n:]]
-    B, E = ([M[:n] for M in each] for each in (claim.B, claim.E))
-    return (list(first), B, E) == (own.A, own.B, own.E) and not any(behind)
+    B, E = ([M[:n] for M in vertices] for vertices in (claim.B, claim.E))
+    return (list(first), B, E) == (bare.A, bare.B, bare.E) and not any(behind)
 
 
 def _identity(plant: UncertainPlant) -> tuple[Any, ...]:

@@ -125,24 +125,24 @@ def _centres(plant: UncertainPlant, options: Any) -> list[float]:
 
 def _fitted(plant: UncertainPlant, methods: list[Method], chosen: bool) -> list[Method]:
     """Return the methods that are not too large; only those that were chosen are refused."""
-    found = {}
+    small = {}
     for method in methods:
-        own = fitting(plant, method)
-        if not (chosen or is_checkable(plant, own)):
+        fitted = fitting(plant, method)
+        if not (chosen or is_checkable(plant, fitted)):
             say(
-                f"note: without {method_label(own)}: {blocks(plant, own)} inequalities in "
+                f"note: without {method_label(fitted)}: {blocks(plant, fitted)} inequalities in "
                 f"{plant.shape[0]} states are too large"
             )
             continue
-        if own != method:
+        if fitted != method:
             say(
                 f"note: {method_label(method)} has {blocks(plant, method)} inequalities on the "
-                f"simplex; {method_label(own)} has {blocks(plant, own)}"
+                f"simplex; {method_label(fitted)} has {blocks(plant, fitted)}"
             )
-        found[method_label(own)] = own
-    if not found:
+        small[method_label(fitted)] = fitted
+    if not small:
         raise InputError(f"{plant.name}: {plant.size_text}: too large for every method")
-    return list(found.values())
+    return list(small.values())
 
 
 class _Table:

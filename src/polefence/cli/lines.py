@@ -25,22 +25,22 @@ MOST_GAINS = 8  # vertices whose gains are printed one by one
 
 def order_lines(plant: UncertainPlant, structure: Structure | None) -> list[str]:
     """Say that a law has fewer states than were asked for; nothing of any other."""
-    order, own = 0 if structure is None else structure.order, states_of_a_law(plant)
-    if own >= order:
+    order, states = 0 if structure is None else structure.order, states_of_a_law(plant)
+    if states >= order:
         return []
     return [
-        f"  a law of order {own}: none of order {order} that was found is better by a thousandth"
+        f"  a law of order {states}: none of order {order} that was found is better by a thousandth"
     ]
 
 
 def samples_text(plant: UncertainPlant) -> list[str]:
     """Say what the samples of a plant are, that a law was designed for; nothing of any other."""
-    own = plant.sampling
-    if own is None or plant.sample_time is None:
+    sampling = plant.sampling
+    if sampling is None or plant.sample_time is None:
         return []
     time, late = milliseconds_text(plant.sample_time), ""
-    if own.delay:
-        late = f", inputs act {plural(own.delay, 'sample')} late"
+    if sampling.delay:
+        late = f", inputs act {plural(sampling.delay, 'sample')} late"
     return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
 
 
@@ -69,13 +69,13 @@ def motion_lines(
 
 def _decay_text(plant: UncertainPlant, region: Region) -> str:
     """Say how fast motions decay in a region; "" where it says nothing of them."""
-    found = decays(plant, region)
-    if not found:
+    rates = decays(plant, region)
+    if not rates:
         return ""
     if plant.sample_time is not None:
-        fast = f"decays by {digits_up(min(found))}^k in k samples"
-        return fast if min(found) < 1 else "is exponentially stable"
-    decay = max(found)
+        fast = f"decays by {digits_up(min(rates))}^k in k samples"
+        return fast if min(rates) < 1 else "is exponentially stable"
+    decay = max(rates)
     if decay > 0:
         return f"decays by exp(-{digits_down(decay)} t)"
     if decay < 0:

@@ -150,9 +150,11 @@ class _Parser(argparse.ArgumentParser):
     """Errors of usage in one line."""
 
     def error(self, message: str) -> NoReturn:
-        found = re.match(r"argument COMMAND: invalid choice: '(.*?)' \(choose", message)
-        if found is not None:
-            message = f"no command {shown(found[1])}; {suggest(found[1], [c[0] for c in COMMANDS])}"
+        unknown = re.match(r"argument COMMAND: invalid choice: '(.*?)' \(choose", message)
+        if unknown is not None:
+            message = (
+                f"no command {shown(unknown[1])}; {suggest(unknown[1], [c[0] for c in COMMANDS])}"
+            )
         say(f"{self.prog}: {message}; see: {self.prog} --help", file=sys.stderr)
         self.exit(BAD_INPUT)
 

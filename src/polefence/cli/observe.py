@@ -57,7 +57,7 @@ def observe_command(options: Any) -> int:
     region = required_region(plant, options)
     method = method_of(options.method or "scheduled", options)
     check_results(options, FILE_NAME)
-    known = {name for own in plant.signals for name in (own.name, own.label)}
+    known = {name for signal in plant.signals for name in (signal.name, signal.label)}
     measured = [
         name
         for text in options.measured

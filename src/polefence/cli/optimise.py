@@ -77,13 +77,10 @@ from polefence.search.optimise import Optimised, optimise
 from polefence.search.rows import plant_summary
 from polefence.vehicle.rest import Rest, held_words, rests
 
-# Poles computed in doubles may lie outside by so much of the region's size.
-ROUNDING = 1e-6
 TOO_LARGE = (
     "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
     "ask for a region that bounds the poles' speed, such as a disk"
 )
-TOLD = 1.2  # times as large: what gains would have to be at least, for a line that says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -186,15 +183,14 @@ class Row:
     ----------
     bound : Bound
     unit : str
-    own : Sampled
-        With the law.
+    with_law : Sampled
     passive : Sampled, optional
         A quarter car's without control, where that is stable in this signal.
     """
 
     bound: Bound
     unit: str
-    own: Sampled
+    with_law: Sampled
     passive: Sampled | None
 
     @property
@@ -215,7 +211,7 @@ class Row:
     @property
     def conservatism(self) -> float | None:
         """Ratio of the proved bound to the worst sample; None where that is zero."""
-        return self.bound.level / self.own.worst if self.own.worst > 0 else None
+        return self.bound.level / self.with_law.worst if self.with_law.worst > 0 else None
 
 
 @small_matrices()
@@ -223,11 +219,11 @@ def rows_of(done: Optimised) -> list[Row]:
     """Sample every bound of a law."""
     plant, alpha = done.plant, seeded(done.plant)
     asked = [bound.specification for bound in done.bounds]
-    own = each_sampled(plant, done.law, asked, alpha)
+    with_law = each_sampled(plant, done.law, asked, alpha)
     passive: Sequence[Sampled | None] = [None] * len(asked)
     if plant.vehicle is not None:
         passive = [_passive(plant, one, alpha) for one in asked]
-    every = zip(done.bounds, own, passive, strict=True)
+    every = zip(done.bounds, with_law, passive, strict=True)
     return [Row(bound, bound.specification.unit(plant), one, alone) for bound, one, alone in every]
 
 
@@ -247,10 +243,10 @@ def require_agreement(rows: Sequence[Row]) -> None:
         If a sample passes a bound by more than its own rounding.
     """
     for row in rows:
-        if row.own.worst > row.bound.level * (1 + AGREED):
+        if row.with_law.worst > row.bound.level * (1 + AGREED):
             raise NotProvedError(
                 f"{row.bound} is proved of the law as a real matrix, but evaluated in doubles it "
-                f"shows {row.own.worst:.6g}: this law cannot run in "
+                f"shows {row.with_law.worst:.6g}: this law cannot run in "
                 "doubles; limit the gain norm, or "
                 "ask for a region that bounds the poles, such as a disk"
             )
@@ -258,7 +254,7 @@ def require_agreement(rows: Sequence[Row]) -> None:
 
 def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     """Return what was proved, line by line; bounds rounded up and samples down."""
-    count = len(rows[0].own.alpha)
+    count = len(rows[0].with_law.alpha)
     width = max(len(row.label) for row in rows)
     alone = any(row.passive is not None for row in rows)
     domains = {bound.claim.subject.on for bound in done.bounds}
@@ -270,12 +266,12 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     ]
     for row in rows:
         ratio = row.conservatism
-        cells = [digits_up(row.bound.level), digits_down(row.own.worst)]
+        cells = [digits_up(row.bound.level), digits_down(row.with_law.worst)]
         cells.append("-" if ratio is None else digits_up(ratio, 5))
         if alone:
             cells.append("-" if row.passive is None else digits_down(row.passive.worst))
         note = "minimised" if row.minimised else "limit"
-        if row.minimised and is_loose(row.bound.level, row.own.worst):
+        if row.minimised and is_loose(row.bound.level, row.with_law.worst):
             note += ", not tight: the worst case lies between"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
@@ -291,7 +287,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         )
     if done.design.note:
         lines.append(done.design.note)
-    elif not _samples_keep_region(done, rows[0].own.alpha):
+    elif not _samples_keep_region(done, rows[0].with_law.alpha):
         lines.append(TOO_LARGE)
     lines += _rest_lines(done, rows)
     return lines + law_lines(done.law)
@@ -316,7 +312,7 @@ def _closer_lines(done: Optimised) -> Iterator[str]:
     if done.closer is None:
         return
     times = done.closer.gain / done.closer.own if done.closer.own > 0 else 0.0
-    if times >= TOLD:
+    if times >= 1.2:  # a smaller price is not worth a line
         share = digits_up(100 * (1 - done.closer.level / done.bounds[0].level), 2)
         yield f"  {share} % less would take a gain {times:.2g} times as large, in typical sizes"
 
@@ -337,22 +333,22 @@ def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
     asked = {output.name: output for s in known for output in s.outputs(done.plant)}
     if not asked or any(v.E is None for v in done.plant.vertices):
         return ()
-    return rests(done.plant, done.law, rows[0].own.alpha, tuple(asked.values()))
+    return rests(done.plant, done.law, rows[0].with_law.alpha, tuple(asked.values()))
 
 
 def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
     """Say where a disturbance that stays leaves the signals, and what is beyond its limit there."""
     lines, beyond = [], dict[str, float]()
     limits = [row.bound.specification for row in rows if row.bound.specification.limits_rms]
-    found = _rests(done, rows)
-    for source in dict.fromkeys(rest.source.label for rest in found):
-        own = [rest for rest in found if rest.source.label == source]
+    moved = _rests(done, rows)
+    for source in dict.fromkeys(rest.source.label for rest in moved):
+        here = [rest for rest in moved if rest.source.label == source]
         left = (
-            ", ".join(rest.words for rest in own if rest.size) or "every signal above returns to 0"
+            ", ".join(rest.words for rest in here if rest.size) or "every signal above returns to 0"
         )
-        held = held_words(done.plant, own[0].source)
+        held = held_words(done.plant, here[0].source)
         lines.append(f"  steady state under constant {held}, sampled: {left}")
-        for rest in own:
+        for rest in here:
             if any(rest.size > most for most in _limits_on(done, limits, rest)):
                 beyond[rest.signal.name] = max(rest.size, beyond.get(rest.signal.name, 0.0))
     if beyond:
@@ -369,25 +365,27 @@ def _rest_lines(done: Optimised, rows: Sequence[Row]) -> list[str]:
 
 
 def _limits_on(done: Optimised, limits: Sequence[Specification], rest: Rest) -> Iterator[float]:
-    """Yield limits on the signal of what this disturbance moves; on a vector each entry has its."""
-    for own in limits:
-        acting = own.disturbances is None or rest.source.name in dict(own.disturbances)
-        each = zip(own.outputs(done.plant), own.filters, strict=True)
+    """Yield the limits on the signal that this disturbance moves, and on vectors with it."""
+    for limit in limits:
+        acting = limit.disturbances is None or rest.source.name in dict(limit.disturbances)
+        pairs = zip(limit.outputs(done.plant), limit.filters, strict=True)
         # no filter passes what stays
-        names = [output.name for output, weighting in each if weighting is None]
-        if own.at_most is not None and acting and rest.signal.name in names:
-            yield own.at_most
+        names = [output.name for output, weighting in pairs if weighting is None]
+        if limit.at_most is not None and acting and rest.signal.name in names:
+            yield limit.at_most
 
 
 def _samples_keep_region(done: Optimised, alpha: Any) -> bool:
     region = done.design.region
     distance = region.distance(done.design.poles(alpha[:1000]))
-    return bool(np.all(distance < ROUNDING * region.size))
+    # computed in doubles, poles may lie outside by the rounding
+    return bool(np.all(distance < 1e-6 * region.size))
 
 
-def _weights(own: Specification) -> list[str] | None:
+def _weights(specification: Specification) -> list[str] | None:
     """Return the weighting of each entry, none where no entry has one."""
-    return [w.name if w else PLAIN for w in own.filters] if any(own.filters) else None
+    filters = specification.filters
+    return [w.name if w else PLAIN for w in filters] if any(filters) else None
 
 
 def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, Any]:
@@ -397,7 +395,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "region": done.design.region.document(),
         "method": label,
         "answer": "proved",
-        "sampled": len(rows[0].own.alpha),
+        "sampled": len(rows[0].with_law.alpha),
         "bounds": [
             {
                 "kind": row.bound.specification.kind,
@@ -408,7 +406,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "limit": row.bound.specification.at_most,
                 "proved": row.bound.level,
                 "degree": row.bound.degree,
-                "worst sampled": row.own.worst,
+                "worst sampled": row.with_law.worst,
                 "conservatism": row.conservatism,
                 "passive": None if row.passive is None else row.passive.worst,
             }
@@ -436,7 +434,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
     """Draw bounds and samples over the first parameter, or over the first vertex's weight."""
     from polefence.show.plots import BoundsPanel, bounds_figure
 
-    alpha, plant = rows[0].own.alpha, done.plant
+    alpha, plant = rows[0].with_law.alpha, done.plant
     every = max(1, len(alpha) // 2000)
     some = alpha[::every]
     if plant.parameters:
@@ -449,7 +447,7 @@ def figure_of(done: Optimised, rows: Sequence[Row]) -> Any:
         BoundsPanel(
             row.words("\n"),
             row.bound.level,
-            row.own.values[::every],
+            row.with_law.values[::every],
             None if row.passive is None else row.passive.values[::every],
         )
         for row in rows

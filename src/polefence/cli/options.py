@@ -20,10 +20,7 @@ from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.text import RoadSpectrum, parse_names
 
-KINDS = ("disk", "half_plane", "sector")
 SIGNAL_METHODS = ("quadratic", "scheduled")
-METHOD_OPTIONS = ("degree", "elevation", "on")
-STRUCTURE = ("measured", "schedule", "degree", "order", "largest_gain")
 
 
 # What is asked about
@@ -113,7 +110,7 @@ def kind_argument(parser: Any, required: bool = False, instead: str = "") -> Non
     parser.add_argument(
         "--of",
         type=lambda word: word.lower().replace("-", "_"),
-        choices=KINDS,
+        choices=("disk", "half_plane", "sector"),
         required=required,
         help=f"{instead}disk: the smallest radius about --centre; half_plane: the largest decay "
         "rate; sector: the largest damping ratio",
@@ -315,8 +312,9 @@ def budget_argument(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--budget", type=float, metavar="SECONDS", help=text)
 
 
-def given_options(options: Any, names: Sequence[str] = METHOD_OPTIONS) -> dict[str, Any]:
-    """Return those of some options that were given, by name."""
+def given_options(options: Any, *names: str) -> dict[str, Any]:
+    """Return the options that were given, by name: those of a method, unless others are named."""
+    names = names or ("degree", "elevation", "on")
     return {key: v for key in names if (v := getattr(options, key, None)) is not None}
 
 
@@ -417,7 +415,7 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
     InputError
         If an option cannot be used, or the structure does not fit the plant.
     """
-    given = given_options(options, STRUCTURE)
+    given = given_options(options, "measured", "schedule", "degree", "order", "largest_gain")
     method = getattr(options, "method", None)
     measurable = own_states(plant)
     on_road = len(measurable) < plant.shape[0]

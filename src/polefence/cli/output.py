@@ -131,5 +131,5 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
 def finished_rows(total: int) -> Iterator[Callable[[str], None]]:
     """Show how many rows of a sweep are finished; takes the words of each as it is."""
     done = count(1)
-    with stage(f"0 of {plural(total, 'row')}") as own:
-        yield lambda last: own.now(f"{next(done)} of {plural(total, 'row')}, the last {last}")
+    with stage(f"0 of {plural(total, 'row')}") as progress:
+        yield lambda last: progress.now(f"{next(done)} of {plural(total, 'row')}, the last {last}")

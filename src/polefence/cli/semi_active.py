@@ -122,7 +122,7 @@ def semi_active_command(options: Any) -> int:
     except NotProvedError as error:
         reason = str(error)
     logics = (("semi-active law", others.dampers), ("law", ()))
-    below = {name: lowest(plant, least, others.passive, own) for name, own in logics}
+    below = {name: lowest(plant, least, others.passive, logic) for name, logic in logics}
     answer = Answer(plant, least, others, law, reason, below)
     if options.output is not None:
         proof = below["semi-active law"]
@@ -141,7 +141,7 @@ def _lines(answer: Answer) -> list[str]:
     """Return what to print."""
     law, others = answer.law, answer.others
     stays = zip(others.dampers, others.coefficients, strict=True)
-    fixed = ", ".join(f"{c:g} N s/m for {own.force}" for own, c in stays)
+    fixed = ", ".join(f"{c:g} N s/m for {damper.force}" for damper, c in stays)
     if law is None:
         lines = [f"not proved: {answer.reason}"]
     else:
@@ -151,9 +151,9 @@ def _lines(answer: Answer) -> list[str]:
             f"  u = K x, clipped to what the dampers give; K = {matrix_text(law.K)}",
         ]
     lines.append(f"  with the best fixed dampers, {fixed}: {others.passive:.6g}")
-    for name, found in answer.below.items():
-        if found is not None:
-            proof, level = found
+    for name, limit in answer.below.items():
+        if limit is not None:
+            proof, level = limit
             lines.append(f"  proved: no {name} goes below {digits_down(level)} at {proof.where}")
     return lines
 
@@ -175,16 +175,16 @@ def _document(answer: Answer) -> dict[str, Any]:
         **proved,
         "dampers": [
             {
-                "force": own.force,
-                "deflection": own.deflection,
-                "range": [float(own.low), float(own.high)],
+                "force": damper.force,
+                "deflection": damper.deflection,
+                "range": [float(damper.low), float(damper.high)],
                 "best that stays": c,
             }
-            for own, c in zip(others.dampers, others.coefficients, strict=True)
+            for damper, c in zip(others.dampers, others.coefficients, strict=True)
         ],
         "best that stay": others.passive,
         **{
-            f"no {name} below": None if own is None else own[1]
-            for name, own in answer.below.items()
+            f"no {name} below": None if limit is None else limit[1]
+            for name, limit in answer.below.items()
         },
     }

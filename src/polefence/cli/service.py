@@ -23,8 +23,6 @@ from polefence.cli.terminal import say
 from polefence.proof.text import exactly
 from polefence.region.text import digits_up, parse_region
 
-EDGE = 1e-9  # of an interval: a margin so near to its width is all of it
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `service`."""
@@ -86,8 +84,8 @@ def _explained(service: Margins) -> Iterator[str]:
     stable = "the loop is exponentially stable"
     if service.decay:
         stable += f", with a decay rate of {exactly(service.decay)} 1/s"
-    own = service["gain"].design
-    if own is not None and own.certificate.in_parts:
+    exact = service["gain"].design
+    if exact is not None and exact.certificate.in_parts:
         yield (
             "note: the region is proved in parts of the box; rates, and errors of the estimate, "
             "need one Lyapunov polynomial of all of it"
@@ -112,7 +110,7 @@ def _whole_interval_text(margin: Margin, design: Design) -> str:
         return ", the whole intervals: no parameter need be known"
     widths = {p.name: float(p.high - p.low) for p in design.plant.parameters}
     width = widths.get(margin.parameter)
-    if width is None or margin.value < width * (1 - EDGE):
+    if width is None or margin.value < width * (1 - 1e-9):  # but for rounding
         return ""
     return ", the whole interval: it need not be known"
 

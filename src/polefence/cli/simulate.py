@@ -51,9 +51,7 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SET = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})")
 JUMP = re.compile(rf"(?P<name>\w+)=(?P<value>{NUMBER})@(?P<begin>{NUMBER})")
 DRIFT = re.compile(rf"{JUMP.pattern}\.\.(?P<end>{NUMBER})")
-LASTING = 10.0  # time constants that are followed
-STEPS, MARGIN = 1000, 4.0  # of a response at least; of the longest step, over the family
-ROADS = ("road", "bump", "pothole", "kerb", "grade", "profile")
+STEPS = 1000  # of a response at least
 
 # What most drives are looked at for: the first signal whose name has one of these words in it.
 OFTEN = (
@@ -61,7 +59,6 @@ OFTEN = (
     ("suspension deflection",),
     ("tyre force",),
 )
-OFF = "tyre off the road"
 DEMANDED, ESTIMATED = " demanded", " estimated"  # drawn into the panel of what they are of
 
 
@@ -136,12 +133,12 @@ def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Samplin
             "--law: a design at a sample time is simulated alone, with the states that its "
             "computer keeps; leave out the other laws"
         )
-    found, named = running(plant, design), of_design(plant, design, Path(options.law[0]))
-    period = found.sampling.period
+    run, named = running(plant, design), of_design(plant, design, Path(options.law[0]))
+    period = run.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design has {period:g} s; leave it out")
-    law = replace(named, law=found.law, design=None)
-    return replace(subject, plant=found.plant), law, found.sampling
+    law = replace(named, law=run.law, design=None)
+    return replace(subject, plant=run.plant), law, run.sampling
 
 
 def _require_end(runs: Mapping[str, Run]) -> None:
@@ -155,7 +152,7 @@ def _require_end(runs: Mapping[str, Run]) -> None:
 
 
 def _margins(setup: Setup, law: Named) -> Any:
-    """Return what is proved of moving and wrongly known parameters, where that is asked."""
+    """Return the proved margins for moving and wrongly known parameters, where these occur."""
     if setup.still or law.design is None:
         return None
     return (*estimation_error(law.design), *parameter_rate(law.design))
@@ -164,7 +161,7 @@ def _margins(setup: Setup, law: Named) -> Any:
 def _write(
     setup: Setup, runs: Mapping[str, Run], summaries: list[dict[str, Any]], options: Any
 ) -> None:
-    """Write all files; first of all those: nobody need read the output to its end."""
+    """Write all files, before anything is printed: a reader may close the output early."""
     panels = [] if options.plot is None else picked(panels_of(setup, runs), options.signals)
     if options.output is not None:
         from polefence.response.columns import write_table
@@ -195,7 +192,7 @@ def _write(
 
 
 def _starting(setup: Setup) -> dict[str, float]:
-    """Parameters, or weights of the vertices, at the first instant."""
+    """Return the parameters, or the weights of the vertices, at time 0."""
     values = setup.trajectories.at(np.zeros(1))[0, 0]
     return dict(zip(setup.trajectories.space.names, values.tolist(), strict=True))
 
@@ -308,14 +305,14 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def setup_of(subject: Subject, options: Any, law: Any, sampling: Sampling | None = None) -> Setup:
-    """Return what the options ask to be followed.
+    """Return the simulation that the options describe.
 
     Parameters
     ----------
     law : law
-        Whose loop says how long and how finely, where the options do not.
+        Its loop gives duration and step where the options do not.
     sampling : Sampling, optional
-        That of the law's design.
+        Of the law's design.
 
     Raises
     ------
@@ -355,7 +352,9 @@ def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
     from polefence.vehicle import excitation
 
     plant, car = subject.plant, subject.car
-    roads = [getattr(options, key) for key in ROADS]
+    roads = [
+        getattr(options, key) for key in ("road", "bump", "pothole", "kerb", "grade", "profile")
+    ]
     others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
     if any(road is not None for road in roads):
         turns = _manoeuvres(car, options)
@@ -379,29 +378,29 @@ def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
             raise InputError("--input says what moves the plant, and how long; leave the rest out")
         return excitation.recorded(plant, options.input, options.step)
     duration, step = _time(plant, options, law)
-    steps, impulses, start = (_sizes(own, key) for key, own in others.items())
+    steps, impulses, start = (_sizes(texts, key) for key, texts in others.items())
     return excitation.excited(plant, duration, step, steps, impulses, start)
 
 
 def _manoeuvres(car: Car | None, options: Any) -> dict[str, float]:
-    """Return how a car brakes and corners on its road, of which nothing else moves it."""
-    known = [] if car is None else [split(own)[0] for own in car.manoeuvres]
+    """Return sizes of braking and cornering, which alone may be added to a car's road."""
+    known = [] if car is None else [split(label)[0] for label in car.manoeuvres]
     if options.impulse_in or options.initial or options.input or (options.step_in and not known):
         of_car = options.step_in and car is not None
         remedy = " (--step-in braking=3 needs the height of car.body)" if of_car else ""
         raise InputError(f"a road is all that moves a car; leave out the other excitation{remedy}")
-    found = _sizes(options.step_in, "step_in")
-    for name in found:
+    sizes = _sizes(options.step_in, "step_in")
+    for name in sizes:
         if name not in known:
             raise InputError(
                 f"--step-in {name!r}: beside a road a car has {' and '.join(known)} alone"
             )
-    return found
+    return sizes
 
 
 def _also(plant: UncertainPlant, moved: Excitation, sizes: Mapping[str, float]) -> Excitation:
     """Return an excitation with steps of disturbances beside it."""
-    names = [own.name for own in disturbances(plant)]
+    names = [disturbance.name for disturbance in disturbances(plant)]
     w = np.array(moved.w)
     for name, size in sizes.items():
         w[:, names.index(name)] += size
@@ -412,7 +411,7 @@ def _also(plant: UncertainPlant, moved: Excitation, sizes: Mapping[str, float]) 
 def _on_wheels(
     plant: UncertainPlant, car: Car, road: Road, duration: float | None, options: Any
 ) -> Excitation:
-    """Return a road under all wheels; random ones differ on both sides in short waves."""
+    """Return a road under all wheels; left and right of a random road differ in short waves."""
     from polefence.plant.tracks import SHARE, own_states
     from polefence.vehicle.excitation import on_wheels
     from polefence.vehicle.roads import both_sides, random_road
@@ -431,19 +430,19 @@ def _on_wheels(
 
 
 def _sizes(texts: list[str], key: str) -> dict[str, float]:
-    """Return sizes by the names of signals, which may have blanks in them."""
-    option, found = f"--{key.replace('_', '-')}", dict[str, float]()
+    """Read NAME=SIZE; names of signals may contain blanks."""
+    option, sizes = f"--{key.replace('_', '-')}", dict[str, float]()
     for text in texts:
         name, equal, value = text.rpartition("=")
         if not equal or not re.fullmatch(NUMBER, value.strip()):
             raise InputError(f"{option} {text!r}; write NAME=SIZE, as in {option} 'gust=1.5'")
-        _once(found, name := split(name)[0], option)
-        found[name] = float(value)
-    return found
+        _once(sizes, name := split(name)[0], option)
+        sizes[name] = float(value)
+    return sizes
 
 
 def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
-    """Return duration and step [s], as the loop at the middle of the family asks for them."""
+    """Return duration and step [s]; by default from the loop at the middle of the family."""
     from polefence.response.closed import close
     from polefence.response.grid import longest_step
     from polefence.response.stationary import growth
@@ -456,19 +455,20 @@ def _time(plant: UncertainPlant, options: Any, law: Any) -> tuple[float, float]:
         slowest = -float(growth(loops.poles(), loops.step).max())
         if slowest <= 0:
             raise InputError("--duration is missing: the response does not decay")
-        duration = LASTING / slowest
+        duration = 10 / slowest  # ten time constants
     duration = positive(duration, "--duration [s]")
     if step is None:
         if loops.step:
             return duration, loops.step
         if options.sampling is not None:
             return duration, _step(options, duration / STEPS)
-        step = duration / max(STEPS, math.ceil(duration / longest_step(loops) * MARGIN))
+        # a quarter of the longest step that keeps a response exact enough, for the whole family
+        step = duration / max(STEPS, math.ceil(4 * duration / longest_step(loops)))
     return duration, positive(step, "--step [s]")
 
 
 def _road(options: Any) -> tuple[Road, float | None]:
-    """Return the road, long enough, and the duration where one is given or chosen."""
+    """Return a road that is long enough, and the duration; None for a measured road's length."""
     from polefence.response.weighting import positive
     from polefence.vehicle import roads
 
@@ -497,7 +497,7 @@ def _road(options: Any) -> tuple[Road, float | None]:
 
 
 def _step(options: Any, longest: float = math.inf) -> float:
-    """Return the step of a drive [s], no longer than that."""
+    """Return the step of a drive [s], at most ``longest``."""
     from polefence.response.weighting import positive
     from polefence.vehicle.roads import LONGEST_STEP
 
@@ -518,25 +518,25 @@ def _parameters(plant: UncertainPlant, options: Any) -> Any:
 
     space, given = Space(plant), dict[str, Any]()
     for text in options.set:
-        found = _read(SET, text, "--set", "NAME=VALUE, as in m1=300", space.names)
-        _once(given, found["name"], "--set")
-        given[found["name"]] = float(found["value"])
+        match = _read(SET, text, "--set", "NAME=VALUE, as in m1=300", space.names)
+        _once(given, match["name"], "--set")
+        given[match["name"]] = float(match["value"])
     changes = dict[str, Any]()
     if (options.jump or options.drift) and not plant.parameters:
         raise InputError(f"{plant.name} has no parameters that could move; give it some")
     middle = {p.name: float(p.low + p.high) / 2 for p in plant.parameters}
     start = middle | given
     for text in options.jump:
-        found = _read(JUMP, text, "--jump", "NAME=VALUE@TIME, as in m1=340@5", space.names)
-        _once(changes, name := found["name"], "--jump or --drift")
-        changes[name] = Jump(float(found["begin"]), start[name], float(found["value"]))
+        match = _read(JUMP, text, "--jump", "NAME=VALUE@TIME, as in m1=340@5", space.names)
+        _once(changes, name := match["name"], "--jump or --drift")
+        changes[name] = Jump(float(match["begin"]), start[name], float(match["value"]))
     for text in options.drift:
-        found = _read(
+        match = _read(
             DRIFT, text, "--drift", "NAME=VALUE@BEGIN..END, as in beta=10@2..8", space.names
         )
-        _once(changes, name := found["name"], "--jump or --drift")
-        begin, end = float(found["begin"]), float(found["end"])
-        changes[name] = Ramp(start[name], float(found["value"]), begin, end)
+        _once(changes, name := match["name"], "--jump or --drift")
+        begin, end = float(match["begin"]), float(match["end"])
+        changes[name] = Ramp(start[name], float(match["value"]), begin, end)
     if plant.parameters:
         return start | changes
     if not given:
@@ -553,13 +553,13 @@ def _parameters(plant: UncertainPlant, options: Any) -> Any:
 def _read(
     pattern: re.Pattern[str], text: str, option: str, form: str, names: tuple[str, ...]
 ) -> re.Match[str]:
-    found = pattern.fullmatch(text.replace(" ", ""))
-    if found is None:
+    match = pattern.fullmatch(text.replace(" ", ""))
+    if match is None:
         raise InputError(f"{option} {text!r}; write {form}")
-    if found["name"] not in names:
-        name = found["name"]
+    if match["name"] not in names:
+        name = match["name"]
         raise InputError(f"{option} {text!r}: no parameter {name!r}; {suggest(name, names)}")
-    return found
+    return match
 
 
 def _once(known: dict[str, Any], name: str, option: str) -> None:
@@ -568,7 +568,7 @@ def _once(known: dict[str, Any], name: str, option: str) -> None:
 
 
 def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
-    """Return time, disturbances and all signals, in that order; of several laws under its name."""
+    """Return time, disturbances and all signals; with several laws their names come first."""
     from polefence.response.columns import Table
 
     moved = setup.excitation
@@ -577,8 +577,10 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
         labels.append("road height [m]")
         columns.append(moved.height)
     taken = {signal.label for signal in setup.plant.signals}
-    for own, values in zip(disturbances(setup.plant), moved.samples.T, strict=True):
-        labels.append(f"disturbance {own.label}" if own.label in taken else own.label)
+    for disturbance, values in zip(disturbances(setup.plant), moved.samples.T, strict=True):
+        labels.append(
+            f"disturbance {disturbance.label}" if disturbance.label in taken else disturbance.label
+        )
         columns.append(values)
     for name, run in runs.items():
         before = f"{name}: " if len(runs) > 1 else ""
@@ -589,16 +591,16 @@ def table_of(setup: Setup, runs: Mapping[str, Run]) -> Table:
 
 
 def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
-    """Return panels for what moves the plant, signals and moving parameters; laws in one panel."""
+    """Return panels for excitation, signals and moving parameters; all laws share a panel."""
     from polefence.show.plots import BESIDE, Panel
     from polefence.vehicle.driving.drive import static_load
 
-    moved, found = setup.excitation, dict[str, dict[str, Array]]()
+    moved, curves = setup.excitation, dict[str, dict[str, Array]]()
     if moved.height is not None:
-        found["road height [m]"] = {"": moved.height}
+        curves["road height [m]"] = {"": moved.height}
     else:
         pairs = zip(disturbances(setup.plant), moved.samples.T, strict=True)
-        found |= {own.label: {"": values} for own, values in pairs if values.any()}
+        curves |= {source.label: {"": values} for source, values in pairs if values.any()}
     for law, run in runs.items():
         for name, unit, values in run.columns:
             of = name.removesuffix(DEMANDED).removesuffix(ESTIMATED)
@@ -608,42 +610,42 @@ def panels_of(setup: Setup, runs: Mapping[str, Run]) -> list[Panel]:
             wheel = _wheel_of(setup, of)
             if wheel:
                 of = of.removeprefix(f"{wheel} ")
-            own = found.setdefault(_label(of, unit), {})
+            panel = curves.setdefault(_label(of, unit), {})
             curve = f"{law}, {wheel}" if wheel and len(runs) > 1 else wheel or law
             if name.endswith(DEMANDED):
-                own[curve + BESIDE] = values
+                panel[curve + BESIDE] = values
             else:  # a parameter is the same for all laws, only its estimates are not
-                own["" if common else curve] = values
+                panel["" if common else curve] = values
     floors = dict[str, dict[str, Array]]()
     for name, load in static_load(setup).items():
         wheel = _wheel_of(setup, name)
         label = _label(name.removeprefix(f"{wheel} "), "N")
-        floors.setdefault(label, {})[f"{wheel} {OFF}".strip()] = -load
-    return [Panel(label, curves, floors.get(label, {})) for label, curves in found.items()]
+        floors.setdefault(label, {})[f"{wheel} tyre off the road".strip()] = -load
+    return [Panel(label, panel, floors.get(label, {})) for label, panel in curves.items()]
 
 
 def usual(panels: Sequence[Panel]) -> list[Panel]:
-    """Return the four panels that say most of a drive, and those of parameters that move.
+    """Return the four panels that tell most about a drive, and those of moving parameters.
 
-    What moves the plant; of its signals an acceleration, a deflection and the tyre's force, or the
-    first ones there are.
+    These are the excitation, an acceleration, a deflection and the tyre's force; where the plant
+    lacks one, the first of the other signals.
     """
     first, *others = panels
-    found = [
+    usual = [
         next((p for word in words for p in others if word in p.label), None) for words in OFTEN
     ]
-    chosen = [panel for panel in found if panel is not None]
+    chosen = [panel for panel in usual if panel is not None]
     chosen += [panel for panel in others if panel not in chosen][: 3 - len(chosen)]
     return [first, *(p for p in others if p in chosen or "" in p.curves)]
 
 
 def picked(panels: Sequence[Panel], text: str | None) -> list[Panel]:
-    """Return the panels that were asked for: "all", or names of signals with commas between.
+    """Return the panels of --signals: "all", or names with commas between.
 
     Raises
     ------
     InputError
-        If there is none of a name.
+        If no signal has a name.
     """
     if text is None:
         return usual(panels)
@@ -656,13 +658,13 @@ def picked(panels: Sequence[Panel], text: str | None) -> list[Panel]:
 
 
 def _wheel_of(setup: Setup, name: str) -> str:
-    """Return the wheel of a car on several wheels that a signal is of, "" if it is of none."""
-    names = [] if setup.car is None else [own.name for own in setup.car.wheels]
-    return max((own for own in names if name.startswith(f"{own} ")), key=len, default="")
+    """Return the wheel that a signal of a car belongs to, or ""."""
+    names = [] if setup.car is None else [wheel.name for wheel in setup.car.wheels]
+    return max((wheel for wheel in names if name.startswith(f"{wheel} ")), key=len, default="")
 
 
 def summary_of(law: Named, run: Run) -> dict[str, Any]:
-    """Return peaks, rms, comfort and what is outside of the guarantee, as plain data."""
+    """Return peaks, rms, comfort, and where the guarantee does not hold, as plain data."""
     car = run.setup.car
     return {
         "law": law.name,
@@ -686,25 +688,25 @@ def text_of(summary: Mapping[str, Any]) -> list[str]:
         numbers = f"{_digits(row['peak']):>12}{_digits(row['at']):>10}{_digits(row['rms']):>12}"
         lines.append(f"  {_label(row['signal'], row['unit']):<44}{numbers}")
     lines += [f"  {line}" for line in _comfort_lines(summary["comfort"])]
-    for name, found in summary.get("comfort at seats", {}).items():
-        lines += [f"  {name}: {line}" for line in _comfort_lines(found)]
+    for name, comfort in summary.get("comfort at seats", {}).items():
+        lines += [f"  {name}: {line}" for line in _comfort_lines(comfort)]
     lines.append(f"  proved of this law: {summary['proved']}")
     return lines + [f"  {line}" for line in summary["report"]]
 
 
 def _signal(time: Array, name: str, unit: str, values: Array) -> dict[str, Any]:
-    """Peak with its sign, its time and rms; null where the loop ran away."""
-    own = {"signal": name, "unit": unit, "peak": None, "at": None, "rms": None}
+    """Return the signed peak, its time and the rms; null if the loop diverged."""
+    row = {"signal": name, "unit": unit, "peak": None, "at": None, "rms": None}
     if not np.all(np.isfinite(values)):
-        return own
+        return row
     k = int(np.argmax(np.abs(values)))
     size = float(np.abs(values[k])) or 1.0
     rms = size * math.sqrt(float(np.mean((values / size) ** 2)))
-    return own | {"peak": float(values[k]), "at": float(time[k]), "rms": rms}
+    return row | {"peak": float(values[k]), "at": float(time[k]), "rms": rms}
 
 
 def _comfort(run: Run) -> dict[str, Any]:
-    """Return what ISO 2631-1 makes of a car's acceleration, or why nothing; else no entry."""
+    """Return the ISO 2631-1 comfort of a quarter car; empty for other plants."""
     from polefence.vehicle.vehicle import ride
 
     known = ride(run.setup.plant)
@@ -712,51 +714,51 @@ def _comfort(run: Run) -> dict[str, Any]:
 
 
 def _at_seat(run: Run, name: str) -> dict[str, Any]:
-    """Return what ISO 2631-1 makes of a seat's acceleration, with the body's rotations."""
+    """Return the ISO 2631-1 comfort of a seat, with the body's rotations."""
     from polefence.vehicle.comfort import ROTATIONS, vibration_total
 
-    found, car = _felt(run, f"{name} acceleration"), run.setup.car
-    turns = [own for own in ROTATIONS if car is not None and own in car.body.motions]
-    if "weighted rms" not in found or not turns:
-        return found
-    record = {own: run.response.of(f"{own} acceleration")[0] for own in turns}
+    felt, car = _felt(run, f"{name} acceleration"), run.setup.car
+    turns = [motion for motion in ROTATIONS if car is not None and motion in car.body.motions]
+    if "weighted rms" not in felt or not turns:
+        return felt
+    record = {motion: run.response.of(f"{motion} acceleration")[0] for motion in turns}
     total = vibration_total(run.response.of(f"{name} acceleration")[0], run.setup.step, **record)
-    return found | {"total": float(total), "rotations": turns}
+    return felt | {"total": float(total), "rotations": turns}
 
 
 def _felt(run: Run, acceleration: str) -> dict[str, Any]:
-    """Return what ISO 2631-1 makes of an acceleration, or why nothing."""
+    """Return the ISO 2631-1 comfort of an acceleration, or why it is not evaluated."""
     from polefence.vehicle.comfort import comfort, comfort_reading
 
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            found = comfort(run.response.of(acceleration)[0], run.setup.step)
-        reading = comfort_reading(float(found.weighted_rms))
+            felt = comfort(run.response.of(acceleration)[0], run.setup.step)
+        reading = comfort_reading(float(felt.weighted_rms))
     except InputError as error:
         return {"not evaluated": str(error)}
     return {
-        "weighted rms": float(found.weighted_rms),
-        "mtvv": float(found.mtvv),
-        "vdv": float(found.vdv),
-        "msdv": float(found.msdv),
+        "weighted rms": float(felt.weighted_rms),
+        "mtvv": float(felt.mtvv),
+        "vdv": float(felt.vdv),
+        "msdv": float(felt.msdv),
         "reading": list(reading),
-        "shocks": bool(found.shocks),
+        "shocks": bool(felt.shocks),
     }
 
 
-def _comfort_lines(found: Mapping[str, Any]) -> Sequence[str]:
-    if not found:
+def _comfort_lines(comfort: Mapping[str, Any]) -> Sequence[str]:
+    if not comfort:
         return ()
-    if "not evaluated" in found:
-        return [f"comfort: not evaluated ({found['not evaluated']})"]
-    shocks = "; shocks: the rms says too little" if found["shocks"] else ""
-    turns = " and ".join(found.get("rotations", ()))
-    total = [f"  with {turns}: vibration total value {found['total']:.4g} m/s2"] if turns else []
+    if "not evaluated" in comfort:
+        return [f"comfort: not evaluated ({comfort['not evaluated']})"]
+    shocks = "; shocks: the rms says too little" if comfort["shocks"] else ""
+    turns = " and ".join(comfort.get("rotations", ()))
+    total = [f"  with {turns}: vibration total value {comfort['total']:.4g} m/s2"] if turns else []
     return (
-        f"comfort (ISO 2631-1): weighted rms {found['weighted rms']:.4g} m/s2, "
-        f"{' to '.join(found['reading'])}{shocks}",
-        f"  MTVV {found['mtvv']:.4g} m/s2, VDV {found['vdv']:.4g} m/s1.75, "
-        f"MSDV {found['msdv']:.4g} m/s1.5",
+        f"comfort (ISO 2631-1): weighted rms {comfort['weighted rms']:.4g} m/s2, "
+        f"{' to '.join(comfort['reading'])}{shocks}",
+        f"  MTVV {comfort['mtvv']:.4g} m/s2, VDV {comfort['vdv']:.4g} m/s1.75, "
+        f"MSDV {comfort['msdv']:.4g} m/s1.5",
         *total,
     )
 

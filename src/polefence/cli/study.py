@@ -26,7 +26,7 @@ from polefence.fleet.workers import Workers, here, processes
 from polefence.proof.text import plural
 from polefence.region.text import digits_down, digits_up
 
-SHOWN, BEST = 5, 10  # reasons of rows that are not proved; rows of --best
+BEST = 10  # rows of --best
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,11 +80,11 @@ def _estimated(study: Study) -> int:
     seconds, size, count = 0.0, 0.0, len(study.variants)
     for question in study.questions:
         few, begin = study.tried(question), time.perf_counter()
-        answers = [own for _, each in worked_out(few, here()) for own in each.values()]
-        own = (time.perf_counter() - begin) / len(answers)
-        seconds += count * own
+        answers = [answer for _, group in worked_out(few, here()) for answer in group.values()]
+        lasted = (time.perf_counter() - begin) / len(answers)
+        seconds += count * lasted
         size += count * sum(len(answer.document or "") for answer in answers) / len(answers)
-        say(f"  {question.name}: {question.words}: {own:.2g} s a variant")
+        say(f"  {question.name}: {question.words}: {lasted:.2g} s a variant")
     took = f"about {_lasting(seconds)} of one processor, {size / 1e6:.2g} MB"
     say(f"  {study.total} rows: {took}")
     return PROVED
@@ -135,7 +135,7 @@ def _of_results(store: Store, options: Any) -> int:
             raise InputError(f"--{key} is for a study, and {store.folder} is a folder of results")
     about = store.about
     questions = read_questions(about["questions"])
-    names = [own.name for own in questions]
+    names = [q.name for q in questions]
     if options.check:
         return _checked(store, options)
     if options.html is not None:
@@ -149,7 +149,7 @@ def _of_results(store: Store, options: Any) -> int:
     if options.html is not None:
         from polefence.show.fleet import fleet_page
 
-        pairs = [(own.name, own.largest) for own in questions]
+        pairs = [(q.name, q.largest) for q in questions]
         failed = alike([row for row in rows if row["status"] not in GOOD])
         valued = [row | {"value": value_of(row)} for row in rows]
         text = fleet_page(about["name"], about["names"], pairs, valued, failed)
@@ -163,12 +163,12 @@ def _of_results(store: Store, options: Any) -> int:
 def _checked(store: Store, options: Any) -> int:
     every, faults = 0, 0
     with stage("0 rows proved afresh") as progress:
-        for own in judged(store, _workers(options)):
+        for judgement in judged(store, _workers(options)):
             every += 1
             progress.now(f"{every} rows proved afresh")
-            if own.fault:
+            if judgement.fault:
                 faults += 1
-                say(f"variant {own.variant}, {own.question}: {own.fault}")
+                say(f"variant {judgement.variant}, {judgement.question}: {judgement.fault}")
     proofs = sum(1 for row in store.rows() if row["proof"])
     say(f"{store.folder}: {every} rows, {proofs} with proofs; {faults} faults")
     return NOT_PROVED if faults else PROVED
@@ -176,18 +176,20 @@ def _checked(store: Store, options: Any) -> int:
 
 def _best(rows: Sequence[Row], question: Question, about: Mapping[str, Any]) -> int:
     """Print the rows with the best bounds."""
-    found, names = [(value_of(row), row) for row in rows], about["names"]
-    known = [(value, row) for value, row in found if value is not None]
+    valued, names = [(value_of(row), row) for row in rows], about["names"]
+    known = [(value, row) for value, row in valued if value is not None]
     if not known:
         raise InputError(f"no row of {question.name} has a bound")
     sign = -1 if question.largest else 1
-    known.sort(key=lambda own: (sign * own[0], own[1]["variant"]))
+    known.sort(key=lambda pair: (sign * pair[0], pair[1]["variant"]))
     digits, head = _weaker(question), [f"{name:>12}" for name in names]
     title = "bound" if known[0][1]["bound"] is not None else "sample"
     say(f"{'variant':>8}  {title:>10}  {'unit':<6}{''.join(head)}  label".rstrip())
     for value, row in known[:BEST]:
-        own = "".join(f"{'-' if row[name] is None else f'{row[name]:.6g}':>12}" for name in names)
-        line = f"{row['variant']:>8}  {digits(value):>10}  {row['unit']:<6}{own}"
+        values = "".join(
+            f"{'-' if row[name] is None else f'{row[name]:.6g}':>12}" for name in names
+        )
+        line = f"{row['variant']:>8}  {digits(value):>10}  {row['unit']:<6}{values}"
         say(f"{line}  {row['label']}".rstrip())
     return PROVED
 
@@ -200,21 +202,24 @@ def _weaker(question: Question) -> Callable[[float], str]:
 def _said(rows: Sequence[Row], questions: Sequence[Question], total: int) -> int:
     """Say what rows are; return 1 where one is not proved, or missing."""
     for question in questions:
-        own = [row for row in rows if row["question"] == question.name]
-        counts = Counter(row["status"] for row in own)
+        answers = [row for row in rows if row["question"] == question.name]
+        counts = Counter(row["status"] for row in answers)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-        values = [value for row in own if (value := value_of(row)) is not None]
+        values = [value for row in answers if (value := value_of(row)) is not None]
         if question.together and counts[ROW_PROVED]:
-            laws = Counter(row["law"] for row in own if row["law"])
-            each = ", ".join(str(count) for _, count in laws.most_common())
-            said += f"; by {plural(len(laws), 'law')}: of {each} variants"
+            laws = Counter(row["law"] for row in answers if row["law"])
+            sizes = ", ".join(str(count) for _, count in laws.most_common())
+            said += f"; by {plural(len(laws), 'law')}: of {sizes} variants"
         if values:
-            digits, unit = _weaker(question), next((row["unit"] for row in own if row["unit"]), "")
+            digits, unit = (
+                _weaker(question),
+                next((row["unit"] for row in answers if row["unit"]), ""),
+            )
             span = f"{digits(min(values))} to {digits(max(values))} {unit}"
             said += f"; {span.rstrip()}"
         say(f"  {question.name}: {said or 'nothing yet'}")
     bad = [row for row in rows if row["status"] not in GOOD]
-    for row, count in alike(bad)[:SHOWN]:
+    for row, count in alike(bad)[:5]:
         variants = f"variant {row['variant']}" + f" and {count - 1} more" * (count > 1)
         say(f"  {row['question']}, {variants}: {row['status']}: {row['reason']}")
     return NOT_PROVED if bad or len(rows) < total else PROVED

@@ -18,9 +18,7 @@ from typing import TextIO
 from polefence.certify.progress import progress
 from polefence.proof.text import visible
 
-EVERY = 0.2  # [s] between two drawings
 COLUMNS = 80  # of a terminal that does not say
-MOST_COLUMNS = 100  # of text on a terminal
 COLOURS = {"proved": "1;32", "refuted": "1;31", "undecided": "1;33"}
 
 
@@ -54,7 +52,7 @@ class Line:
             pass
 
     def _draw(self) -> None:
-        while not self.over.wait(EVERY):
+        while not self.over.wait(0.2):  # [s] between two drawings
             words = f"{self.words} ({time.monotonic() - self.begin:.0f} s)" if self.words else ""
             with self.lock:
                 if words != self.drawn and not self.over.is_set():
@@ -115,8 +113,8 @@ def say(*lines: object, file: TextIO | None = None, verdict: str = "") -> None:
     stream = sys.stdout if file is None else file
     code = getattr(stream, "encoding", None) or "utf-8"
     with aside():
-        for k, own in enumerate(lines):
-            shown = visible(str(own)).encode(code, "backslashreplace").decode(code)
+        for k, line in enumerate(lines):
+            shown = visible(str(line)).encode(code, "backslashreplace").decode(code)
             shown = folded(shown, stream) if stream.isatty() else shown
             if k == 0 and verdict in COLOURS and coloured(stream):
                 shown = shown.replace(verdict, f"\x1b[{COLOURS[verdict]}m{verdict}\x1b[0m", 1)
@@ -126,7 +124,7 @@ def say(*lines: object, file: TextIO | None = None, verdict: str = "") -> None:
 def folded(text: str, stream: TextIO) -> str:
     """Fold a sentence for a terminal; a table's row and a file that was written stay one line."""
     start = len(text) - len(text.lstrip())
-    width = min(_columns(stream), MOST_COLUMNS)
+    width = min(_columns(stream), 100)
     if len(text) <= width or "   " in text[start:] or text.startswith("saved: "):
         return text
     further = " " * (start + 4)

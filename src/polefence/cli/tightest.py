@@ -84,10 +84,10 @@ def tightest_command(options: Any) -> int:
     ):
         disk = next(part for part in design.region.parts[::-1] if part.circle)
         half = float(f"{disk.size / 2:.2g}")
-        own = Disk(-half, half)
+        example = Disk(-half, half)
         lines.append(
             "note: a disk was added, or the gain would grow without bound; choose your own by "
-            f"--within, for example '{short_text(own)}'"
+            f"--within, for example '{short_text(example)}'"
         )
     if design.unrunnable is not None:
         lines.append(

@@ -157,11 +157,11 @@ def _methods(
 
 def _fitted(plant: UncertainPlant, methods: list[Method], count: int) -> list[Method]:
     """Return the methods that are not too large; all where none is, to be refused."""
-    found = [method for method in methods if is_optimisable(plant, method, count)]
-    for method in methods if found else []:
-        if method not in found:
+    small = [method for method in methods if is_optimisable(plant, method, count)]
+    for method in methods if small else []:
+        if method not in small:
             say(f"note: without {method_label(method)}: too large for {count} specifications")
-    return found or methods
+    return small or methods
 
 
 def _specifications(

@@ -14,8 +14,6 @@ from polefence.proof.regions import Part, parts_of, write_region
 from polefence.region.regions import Region
 from polefence.requirements.specification import Specification, claim_of
 
-NONE = Evidence([], transfer=True)  # for which no claim looks for more of its own
-
 
 def is_about(document: Document, plant: UncertainPlant) -> bool:
     """Whether a file is about this plant: its numbers, its time, its parameters and its names."""
@@ -28,12 +26,13 @@ def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> l
     Signal, filters, disturbances and whatever else the kind has are those that are claimed of this
     plant: the same numbers, not the same names.
     """
+    nothing = Evidence([], transfer=True)  # claims are compared without their evidence
     found = list[BoundClaim]()
-    for own in document.claims:
-        if isinstance(own, BoundClaim) and own.kind == asked.kind:
-            law, on = own.subject.law, own.subject.on
-            if claim_of(plant, law, on, asked, NONE, own.level).bare == own.bare:
-                found.append(own)
+    for claim in document.claims:
+        if isinstance(claim, BoundClaim) and claim.kind == asked.kind:
+            law, on = claim.subject.law, claim.subject.on
+            if claim_of(plant, law, on, asked, nothing, claim.level).bare == claim.bare:
+                found.append(claim)
     return found
 
 

@@ -16,7 +16,6 @@ from polefence.fleet.engine import Work
 from polefence.fleet.workers import Workers
 
 LOCAL = "local"
-PROFILE = "distributed.worker.profile.enabled"  # stops workers a hundred times a second
 PATIENCE = 10  # [s] for a scheduler, each time that it is looked for
 
 
@@ -68,7 +67,8 @@ def _opened(address: str, count: int) -> Iterator[Executor]:
     start_quiet_tracker()
     options = {"n_workers": count, "threads_per_worker": 1, "dashboard_address": None}
     with ExitStack() as stack:
-        stack.enter_context(config.set({PROFILE: False}))
+        # the profiler stops workers a hundred times a second
+        stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
         own = stack.enter_context(distributed.LocalCluster(**options))
         client = stack.enter_context(distributed.Client(own))
         yield client.get_executor(pure=False)

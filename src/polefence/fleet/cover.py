@@ -25,8 +25,6 @@ from polefence.requirements.specification import Specification
 
 _Known = tuple[UncertainPlant, Region, tuple[Specification, ...]]
 
-NONE = "no gain was found that keeps this variant, even alone"
-
 
 @dataclass(frozen=True)
 class _Given:
@@ -62,7 +60,8 @@ def covered(
     while left:
         with small_matrices():
             law, those = fleet.next(left)
-        found = {variants[those[0]]: Answer(NOT_PROVED, reason=NONE)}
+        reason = "no gain was found that keeps this variant, even alone"
+        found = {variants[those[0]]: Answer(NOT_PROVED, reason=reason)}
         if law is not None:
             found = _proofs(study, question, law, [variants[k] for k in those], workers)
         yield found

@@ -23,7 +23,6 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 STRIKES = 4  # times that a task may end the worker that has it alone
-BARREN = 40  # times that workers may die, one after the other, with no result
 Work = Callable[[Any], Any]
 Places = Callable[[], AbstractContextManager[Executor | None]]
 Dead = tuple[type[BaseException], ...]
@@ -126,7 +125,8 @@ def carried_out(
         return
     queue, barren = _Queue(chain(first, tasks)), 0
     broken = _Broken(BrokenExecutor, CancelledError, *lost)
-    while barren < BARREN:
+    # times that workers may die, one after the other, with no result
+    while barren < 40:
         with suppress(_Died), ExitStack() as stack:
             pool = broken.entered(stack, places)
             if not broken.seen and pool is None:

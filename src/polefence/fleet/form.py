@@ -21,9 +21,7 @@ from polefence.proof.matrices import identity
 from polefence.proof.short import Short
 from polefence.search.tune.tuner import KEPT
 
-MOST_POINTS = 10_000  # at which a gain is compared with the largest that was asked for
 FINE = tuple(Fraction(k, 4) for k in range(-4, 5))  # of a coordinate in [-1, 1]
-GRIDS = (FINE, FINE[::4])  # the finest that has no more points than that
 
 Rows = tuple[tuple[Fraction, ...], ...]  # a signal's, one a vertex
 Terms = dict[tuple[int, ...], Fraction]  # of an entry of a law, by exponent
@@ -189,9 +187,10 @@ class _Gain:
             return
         ends = FINE[:: len(FINE) - 1]
         curved = [max(e[k] for e in powers) > 1 for k in range(count)]
-        for grid in (*GRIDS, ends):
+        # the finest of these with at most 10,000 points
+        for grid in (FINE, FINE[::4], ends):
             axes = [grid if own else ends for own in curved]
-            if prod(map(len, axes)) <= MOST_POINTS or grid is ends:
+            if prod(map(len, axes)) <= 10_000 or grid is ends:
                 yield from product(*axes)
                 return
 

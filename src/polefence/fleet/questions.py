@@ -67,14 +67,11 @@ GOOD = (PROVED, SAMPLED)
 DIED = "the process that worked on it died each time: out of memory, or a bug"
 SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
-OF_METHOD = ("degree", "elevation", "on")
-FEW = 200  # points at which a law is sampled
-AGREED = 1 - 1e-9  # share of a size of a gain at which two machines, each in floats, agree on it
 
 
 @dataclass(frozen=True)
 class Answer(Short):
-    """What is found about one variant.
+    """The answer about one variant.
 
     Attributes
     ----------
@@ -105,7 +102,7 @@ class Answer(Short):
 
 @dataclass(frozen=True)
 class Question(Short):
-    """What is asked of each variant.
+    """What is asked of every variant.
 
     Attributes
     ----------
@@ -128,7 +125,7 @@ class Question(Short):
         SpecError
             Naming key, value and remedy.
         """
-        known = {own.name: own for own in fields(cls) if own.name != "name"}
+        known = {field.name: field for field in fields(cls) if field.name != "name"}
         for key in table:
             if key not in known:
                 raise SpecError(f"{where}: unknown key {shown(key)}; {suggest(key, known)}")
@@ -140,35 +137,35 @@ class Question(Short):
     def table(self) -> dict[str, Any]:
         """Return it as `read_questions` reads it."""
         chosen: dict[str, Any] = {"ask": self.kind, "name": self.name}
-        for own in fields(self)[1:]:
-            value = getattr(self, own.name)
-            if value != own.default:
-                chosen[own.name] = list(value) if isinstance(value, tuple) else value
+        for field in fields(self)[1:]:
+            value = getattr(self, field.name)
+            if value != field.default:
+                chosen[field.name] = list(value) if isinstance(value, tuple) else value
         return chosen
 
     @property
     def words(self) -> str:
         """The question with its options."""
-        own = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
-        return ", ".join([self.kind, *own])
+        options = [f"{key} = {x}" for key, x in self.table().items() if key not in ("ask", "name")]
+        return ", ".join([self.kind, *options])
 
     def plant(self, spec: str, states: int) -> UncertainPlant:  # noqa: ARG002
-        """Return the plant of a variant that a file of so many states has to be about.
+        """Return the plant that a file about a variant must have, with this number of states.
 
-        States beyond the variant's own are those of the law, where the question allows any.
+        States beyond the variant's are those of the law, where the question allows any.
         """
         return loads(spec, "variant")
 
     def fault(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Say how a file of claims answers another question of a variant; empty if it does not."""
+        """Say in which way a file of claims answers another question; "" if it answers this one."""
         return ""
 
     def form(self, spec: str, states: int) -> Form:
-        """Return what the law of a file of so many states may be."""
+        """Return the form of laws that is allowed in a file with this number of states."""
         raise NotImplementedError
 
     def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
-        """Whether an answer that is proved has a bound."""
+        """Whether a proved answer has a bound."""
         return False
 
     def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
@@ -176,38 +173,35 @@ class Question(Short):
         return ""
 
     def least(self, spec: str) -> float | None:  # noqa: ARG002
-        """Return what is out of reach, worked out and proved anew; None where nothing is."""
+        """Return the level that is proved to be out of reach, proved again; None without one."""
         return None
 
     def worst(self, document: Document, spec: str) -> float | None:  # noqa: ARG002
-        """Return the worst sample of a file's law, taken anew; None where none belongs to it."""
+        """Return the worst sample of a file's law, taken again; None if the question has none."""
         return None
 
     @property
     def largest(self) -> bool:
-        """Whether a bound is the better the larger it is."""
+        """Whether a larger bound is better."""
         return False
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
-        """Whether a file of claims that answers it of a variant has this bound."""
+        """Whether a file of claims, which answers the question, proves this bound."""
         return False
 
     @small_matrices()  # as workers have it, whose rows are the same to the last bit
     def answers(self, specs: Sequence[str]) -> list[Answer]:
-        """Return an answer for each spec, texts of variants.
-
-        Whatever happens to one, the others are answered.
-        """
+        """Return an answer for each of the variants' specs; an error of one leaves the others."""
         begin = time.perf_counter()
         plants = [_or_error(lambda text=text: loads(text, "variant")) for text in specs]
-        known = [k for k, own in enumerate(plants) if isinstance(own, UncertainPlant)]
-        found: dict[int, Answer] = {
-            k: _failed(own) for k, own in enumerate(plants) if isinstance(own, PolefenceError)
+        known = [k for k, plant in enumerate(plants) if isinstance(plant, UncertainPlant)]
+        answers: dict[int, Answer] = {
+            k: _failed(error) for k, error in enumerate(plants) if isinstance(error, PolefenceError)
         }
         answered = self._answered([plants[k] for k in known], [specs[k] for k in known])
         seconds = (time.perf_counter() - begin) / len(specs)
-        found |= dict(zip(known, answered, strict=True))
-        return [replace(found[k], seconds=seconds) for k in range(len(specs))]
+        answers |= dict(zip(known, answered, strict=True))
+        return [replace(answers[k], seconds=seconds) for k in range(len(specs))]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         raise NotImplementedError
@@ -227,15 +221,18 @@ class _OfMethod(Question):
     def options(self) -> Method:
         """The method with its options."""
         method_name(self.method)
-        own = {key: x for key in OF_METHOD if (x := getattr(self, key)) is not None}
-        if not own:
+        options = ("degree", "elevation", "on")
+        given = {key: x for key in options if (x := getattr(self, key)) is not None}
+        if not given:
             return self.method
         if self.method == "quadratic":
-            raise InputError(f"{next(iter(own))} belongs to scheduled and slack, not to quadratic")
-        return Slack(**own) if self.method == "slack" else Scheduled(**own)
+            raise InputError(
+                f"{next(iter(given))} belongs to scheduled and slack, not to quadratic"
+            )
+        return Slack(**given) if self.method == "slack" else Scheduled(**given)
 
     def form(self, spec: str, states: int) -> Form:  # noqa: ARG002
-        """Return one gain, or a law of the degree of a scheduled one."""
+        """Return one gain, or for a scheduled law its degree."""
         return _of_method(loads(spec), self.options)
 
 
@@ -257,13 +254,14 @@ class Place(_OfMethod):
         return in_time_of(loads(spec), parse_region(self.region))
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say that it is about another region."""
+        """Say that the file is about another region."""
         return fault_of(document, loads(spec), self._asked(spec), ())
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
-        found = many.place(plants, parse_region(self.region), self.options)
+        designs = many.place(plants, parse_region(self.region), self.options)
         return [
-            _failed(own) if isinstance(own, PolefenceError) else _of_design(own) for own in found
+            _failed(design) if isinstance(design, PolefenceError) else _of_design(design)
+            for design in designs
         ]
 
 
@@ -291,41 +289,41 @@ class Tightest(_OfMethod):
 
     @property
     def largest(self) -> bool:
-        """Whether that is a decay rate or a damping ratio."""
+        """Whether it is a decay rate or a damping ratio, not a radius."""
         return self.of != "disk"
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say that it is about no such region, or one that is not within what was asked."""
+        """Say that the file's region is of another kind, or not within the one that was asked."""
         if not self._parts(document) and not self._by_image(spec):
             return f"its file has no such {self.of}"
-        own, within = document.first(Poles), self._within
-        kept = within is None or set(parts_of(within.document())) <= set(own.region)
+        poles, within = document.first(Poles), self._within
+        kept = within is None or set(parts_of(within.document())) <= set(poles.region)
         return "" if kept else f"its file is not about poles within {self.within}"
 
     def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
-        """Say that it has the size of a region."""
+        """Return True: the size of the region."""
         return True
 
     def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Return that of a rate, none of a damping ratio."""
+        """Return 1/s, or "" for a damping ratio."""
         return "" if self.of == "sector" else "1/s"
 
     def least(self, spec: str) -> float | None:
-        """Return a radius that is out of the method's reach."""
+        """Return the radius that is out of the method's reach."""
         return self.answers([spec])[0].least
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:
-        """Whether that is the size of the region, in discrete time of one that has it inside."""
+        """Whether the region has this size; in discrete time, whether it lies inside its image."""
         if self._by_image(spec):
-            own = document.first(Poles)
-            with suppress(PolefenceError):  # of a bound that no region has
+            poles = document.first(Poles)
+            with suppress(PolefenceError):  # no region has such a bound
                 asked = HalfPlane(bound) if self.of == "half_plane" else Sector(bound)
-                return own is not None and is_inside(own.region, in_time_of(loads(spec), asked))
+                return poles is not None and is_inside(poles.region, in_time_of(loads(spec), asked))
             return False
         return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
 
     def _by_image(self, spec: str) -> bool:
-        """Whether a file has an image in the z-plane in place of what is asked."""
+        """Whether a file has, instead of the region that is asked for, its image in the z-plane."""
         return self.largest and loads(spec).sample_time is not None
 
     @property
@@ -333,25 +331,25 @@ class Tightest(_OfMethod):
         return parse_region(self.within, alone=False) if self.within else None
 
     def _parts(self, document: Document) -> list[Part]:
-        own = document.first(Poles)
+        poles = document.first(Poles)
         return [
             part
-            for part in (() if own is None else own.region)
+            for part in (() if poles is None else poles.region)
             if part.kind == self.of and (part.circle is None or part.circle[0] == self.centre)
         ]
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         kind, within = self.of, self._within
-        found = many.tightest(plants, self.centre, self.options, of=kind, within=within)
+        designs = many.tightest(plants, self.centre, self.options, of=kind, within=within)
         return [
-            _failed(own) if isinstance(own, PolefenceError) else _of_design(own, self.of)
-            for own in found
+            _failed(design) if isinstance(design, PolefenceError) else _of_design(design, self.of)
+            for design in designs
         ]
 
 
 @dataclass(frozen=True)
 class Service(Place):
-    """How wrong the gain or estimates of parameters may be, how fast these may move: of a law."""
+    """How wrong a law's gain or estimates may be, and how fast parameters may move."""
 
     margin: str = "gain"
     decay: float = 0.0
@@ -364,73 +362,78 @@ class Service(Place):
 
     @property
     def largest(self) -> bool:
-        """Margins are."""
+        """Return True: a larger margin is better."""
         return True
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say that it is about another margin or region; of rates, about a lower decay rate."""
-        own = document.first(MarginClaim)
-        if own is None or own.kind != KINDS.get(self.margin.partition("-")[0]):
+        """Say that the file is about another margin or region, or a lower decay rate."""
+        claim = document.first(MarginClaim)
+        if claim is None or claim.kind != KINDS.get(self.margin.partition("-")[0]):
             return f"its file is about no {self.margin}"
-        if isinstance(own, Rate):
-            slower = own.decay < self.decay
+        if isinstance(claim, Rate):
+            slower = claim.decay < self.decay
             return f"its file is about a decay rate below {self.decay:g}" if slower else ""
-        if isinstance(own, EachGain) and not _error_of_gains(document, own, self.margin):
+        if isinstance(claim, EachGain) and not _error_of_gains(document, claim, self.margin):
             return "its file is about other gains of the law"
-        same = write_region(own.subject.design.region) == self._asked(spec).document()
+        same = write_region(claim.subject.design.region) == self._asked(spec).document()
         return "" if same else f"its file is not about {self.region}"
 
     def is_bounded(self, spec: str) -> bool:  # noqa: ARG002
-        """Say that it has a margin."""
+        """Return True: the margin."""
         return True
 
     def unit(self, document: Document, spec: str) -> str:  # noqa: ARG002
-        """Return that of the margin."""
-        own, (kind, _, name) = document.first(MarginClaim), self.margin.partition("-")
-        known = {each.name.replace(" ", "-"): each.unit for each in own.subject.ranges}
-        endless = isinstance(own, Rate) and own.rates is None
+        """Return the unit of the margin."""
+        claim, (kind, _, name) = document.first(MarginClaim), self.margin.partition("-")
+        known = {range_.name.replace(" ", "-"): range_.unit for range_ in claim.subject.ranges}
+        endless = isinstance(claim, Rate) and claim.rates is None
         alone = unit_text(known[name]) if name in known else None
         return unit_of(kind, alone, bool(known), endless)
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
-        """Whether no more is said than that."""
-        own = document.first(MarginClaim)
-        if isinstance(own, EachGain):
-            return bound <= _error_of_gains(document, own, self.margin)
-        if isinstance(own, Estimate):
-            return bound <= self._of_parameters(own, own.errors)
-        if isinstance(own, Rate):
-            return own.rates is None or bound <= self._of_parameters(own, own.rates)
+        """Whether the file proves at least this margin."""
+        claim = document.first(MarginClaim)
+        if isinstance(claim, EachGain):
+            return bound <= _error_of_gains(document, claim, self.margin)
+        if isinstance(claim, Estimate):
+            return bound <= self._of_parameters(claim, claim.errors)
+        if isinstance(claim, Rate):
+            return claim.rates is None or bound <= self._of_parameters(claim, claim.rates)
         return False
 
-    def _of_parameters(self, own: MarginClaim, values: tuple[Fraction, ...]) -> Fraction:
-        """Return the value of the parameter that is asked about, or the least share of a range."""
-        name, ranges = self.margin.partition("-")[2], own.subject.ranges
+    def _of_parameters(self, claim: MarginClaim, values: tuple[Fraction, ...]) -> Fraction:
+        """Return the value of the margin's parameter, or the least share of the ranges."""
+        name, ranges = self.margin.partition("-")[2], claim.subject.ranges
         if name:
             pairs = zip(values, ranges, strict=True)
-            named = (value for value, each in pairs if each.name.replace(" ", "-") == name)
+            named = (
+                value for value, parameter in pairs if parameter.name.replace(" ", "-") == name
+            )
             return next(named, Fraction(-1))
-        spans = [each.high - each.low for each in ranges] or [Fraction(1)]
+        spans = [parameter.high - parameter.low for parameter in ranges] or [Fraction(1)]
         return min(value / span for value, span in zip(values, spans, strict=True))
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
-        found = many.place(plants, parse_region(self.region), self.options)
-        return [_failed(own) if isinstance(own, PolefenceError) else self._of(own) for own in found]
+        designs = many.place(plants, parse_region(self.region), self.options)
+        return [
+            _failed(design) if isinstance(design, PolefenceError) else self._of(design)
+            for design in designs
+        ]
 
     def _of(self, design: Design) -> Answer:
         try:
-            every = self._of_kind(design)
-            own = next((one for one in every if one.name == self.margin), None)
-            if own is None:
-                names = [one.name for one in every]
+            margins = self._of_kind(design)
+            margin = next((other for other in margins if other.name == self.margin), None)
+            if margin is None:
+                names = [other.name for other in margins]
                 raise InputError(
                     f"margin = {self.margin!r} is unknown; {suggest(self.margin, names)}"
                 )
         except PolefenceError as error:
             return _failed(error)
-        if not own.proved:
+        if not margin.proved:
             return Answer(NOT_PROVED, reason="no margin was proved")
-        return _proved(own.file(design), own.value, None, None, own.unit)
+        return _proved(margin.file(design), margin.value, None, None, margin.unit)
 
     def _of_kind(self, design: Design) -> tuple[Margin, ...]:
         kind = self.margin.partition("-")[0]
@@ -462,7 +465,7 @@ class Optimise(Question):
             method_name(self.method)
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say which limit it does not have, or that it is about another region."""
+        """Say which limit the file lacks, or that it is about another region."""
         plant = self.plant(spec, document.plant.n)
         with _as_file(spec) as path:
             region = self._region(path)
@@ -476,22 +479,23 @@ class Optimise(Question):
         """Whether what is minimised has this bound."""
         plant = self.plant(spec, document.plant.n)
         least, _ = self._extended(plant, spec)
-        found = [] if least is None else bounds(document, plant, least)
-        return any(own.level == bound for own in found)
+        claims = [] if least is None else bounds(document, plant, least)
+        return any(claim.level == bound for claim in claims)
 
     def plant(self, spec: str, states: int) -> UncertainPlant:
-        """Return the plant of a variant with the states of a law of the structure behind it."""
+        """Return the plant of a variant, with the states of the law appended."""
         return self.form(spec, states).plant
 
     def form(self, spec: str, states: int) -> Form:
-        """Return the structure of the law as a gain, or what the method gives."""
+        """Return the law's structure, or the form of the method's laws."""
         plant = super().plant(spec, states)
         with _as_file(spec) as path:
-            own = self._structure(path, plant)
-        if own is not None:
-            if own.order:  # a law of a lower order may be as good
-                own = replace(own, order=min(max(states - plant.shape[0], 0), own.order))
-            return Form(*own.extended(plant))
+            structure = self._structure(path, plant)
+        if structure is not None:
+            if structure.order:  # a law of a lower order may be as good
+                order = min(max(states - plant.shape[0], 0), structure.order)
+                structure = replace(structure, order=order)
+            return Form(*structure.extended(plant))
         measurable = own_states(plant)
         if self.method is None and len(measurable) < plant.shape[0]:
             return Form(plant, Structure(measured=measurable))
@@ -502,14 +506,14 @@ class Optimise(Question):
         return self._extended(super().plant(spec, 0), spec)[0] is not None
 
     def unit(self, document: Document, spec: str) -> str:
-        """Return that of what is minimised."""
+        """Return the unit of what is minimised."""
         plant = self.plant(spec, document.plant.n)
         least, _ = self._extended(plant, spec)
         return "" if least is None else least.unit(plant)
 
     @small_matrices()
     def worst(self, document: Document, spec: str) -> float | None:
-        """Return that of what is minimised."""
+        """Return the worst sample of what is minimised."""
         plant = self.plant(spec, document.plant.n)
         least, _ = self._extended(plant, spec)
         return None if least is None else _worst(plant, Certificate.of(document).law, least)
@@ -517,14 +521,14 @@ class Optimise(Question):
     def _extended(
         self, plant: UncertainPlant, spec: str
     ) -> tuple[Specification | None, tuple[Specification, ...]]:
-        """Return what is asked of a variant, of the plant with the states of its law."""
-        own = super().plant(spec, 0)
+        """Return what is asked of a variant, for its plant with the states of the law."""
+        variant = super().plant(spec, 0)
         with _as_file(spec) as path:
-            least, limits = self._wanted(own, path)
-        n, more = own.shape[0], plant.shape[0] - own.shape[0]
+            least, limits = self._wanted(variant, path)
+        n, more = variant.shape[0], plant.shape[0] - variant.shape[0]
         if not more:
             return least, limits
-        return least and least.extended(n, more), tuple(own.extended(n, more) for own in limits)
+        return least and least.extended(n, more), tuple(s.extended(n, more) for s in limits)
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:
         return [self._of(plant, text) for plant, text in zip(plants, specs, strict=True)]
@@ -550,21 +554,18 @@ class Optimise(Question):
 
     def _structure(self, spec: Path, plant: UncertainPlant) -> Structure | None:
         keys = ("measured", "schedule", "degree", "order")
-        own = {key: x for key in keys if (x := getattr(self, key)) is not None}
+        given = {key: x for key in keys if (x := getattr(self, key)) is not None}
         written = load_structure(spec)
-        if self.method is not None or (written is None and not own):
+        if self.method is not None or (written is None and not given):
             return None
-        given = (
-            {own.name: getattr(written, own.name) for own in fields(Structure)} if written else {}
-        )
-        found = Structure(**given | own)
-        found.require_fit(plant)
-        return found
+        structure = replace(written or Structure(), **given)
+        structure.require_fit(plant)
+        return structure
 
 
 @dataclass(frozen=True)
 class Cover(Question):
-    """As few gains as are found, one of which keeps each variant in a region and within limits."""
+    """A few gains: for every variant one that keeps it in a region and within limits."""
 
     region: str = ""
     limits: tuple[str, ...] = ()
@@ -587,7 +588,7 @@ class Cover(Question):
         return stable_region(plant) if region is None else in_time_of(plant, region), limits
 
     def fault(self, document: Document, spec: str) -> str:
-        """Say which limit it does not have, or that it is about another region."""
+        """Say which limit the file lacks, or that it is about another region."""
         return fault_of(document, loads(spec), *self.kept(spec))
 
     def form(self, spec: str, states: int) -> Form:  # noqa: ARG002
@@ -596,13 +597,13 @@ class Cover(Question):
 
     @small_matrices()
     def proved(self, K: Any, spec: str) -> Answer:
-        """Return what is proved of a gain about one variant."""
+        """Return what is proved about one variant with a gain."""
         begin = time.perf_counter()
         try:
-            own = self._proved(FixedGain(K), spec)
+            answer = self._proved(FixedGain(K), spec)
         except PolefenceError as error:
-            own = _failed(error)
-        return replace(own, seconds=time.perf_counter() - begin)
+            answer = _failed(error)
+        return replace(answer, seconds=time.perf_counter() - begin)
 
     def _proved(self, law: FixedGain, spec: str) -> Answer:
         region, limits = self.kept(spec)
@@ -632,9 +633,9 @@ class Ride(Question):
 
     def __post_init__(self) -> None:
         for key, known in (("law", NAMES), ("quantity", dict(QUANTITIES))):
-            own = getattr(self, key)
-            if own not in known:
-                raise InputError(f"{key} = {own!r} is unknown; {suggest(str(own), known)}")
+            name = getattr(self, key)
+            if name not in known:
+                raise InputError(f"{key} = {name!r} is unknown; {suggest(str(name), known)}")
         velocity_density(self.road, self.speed)
         if not isinstance(self.disk, tuple) or len(self.disk) != 2:
             raise InputError(f"disk = {self.disk!r} must be [CENTRE, RADIUS]")
@@ -646,18 +647,18 @@ class Ride(Question):
     def _of(self, plant: UncertainPlant) -> Answer:
         try:
             laws = standard_laws(plant, self.disk, (self.law,))
-            if isinstance(own := laws[self.law], NoLaw):
-                return Answer(NOT_PROVED, reason=own.reason)
-            found = compare(plant, laws, self.road, self.speed)
+            if isinstance(law := laws[self.law], NoLaw):
+                return Answer(NOT_PROVED, reason=law.reason)
+            compared = compare(plant, laws, self.road, self.speed)
         except PolefenceError as error:
             return _failed(error)
-        ridden = next(row for row in found.rows if row.quantity == self.quantity)
-        reason = f"the worst of {len(found.alpha)} points of the family; nothing is proved"
+        ridden = next(row for row in compared.rows if row.quantity == self.quantity)
+        reason = f"the worst of {len(compared.alpha)} points of the family; nothing is proved"
         return Answer(SAMPLED, worst=ridden.worst, unit=ridden.unit, reason=reason)
 
 
 QUESTIONS: dict[str, type[Question]] = {
-    own.kind: own for own in (Place, Tightest, Service, Optimise, Cover, Ride)
+    question.kind: question for question in (Place, Tightest, Service, Optimise, Cover, Ride)
 }
 LIMITS = "limits"  # asks for the tightest region of each method
 MOST = 1000  # questions
@@ -673,40 +674,40 @@ def read_questions(tables: Any) -> tuple[Question, ...]:
     """
     if (
         not isinstance(tables, list)
-        or not all(isinstance(own, dict) for own in tables)
+        or not all(isinstance(table, dict) for table in tables)
         or not tables
     ):
         raise SpecError('no question; write [[question]], ask = "tightest", centre = -40')
-    found = list[Question]()
+    questions = list[Question]()
     for k, table in enumerate(tables):
         where = f"question {k + 1}"
-        for name, one in _each(table, where):
-            if name in [other.name for other in found]:
+        for name, options in _questions(table, where):
+            if name in [other.name for other in questions]:
                 raise SpecError(f"{where}: two questions are called {name!r}; give each a name")
-            found.append(QUESTIONS[one.pop("ask")].read(name, one, where))
-    return tuple(found)
+            questions.append(QUESTIONS[options.pop("ask")].read(name, options, where))
+    return tuple(questions)
 
 
-def _each(table: Mapping[str, Any], where: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _questions(table: Mapping[str, Any], where: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the questions of a table: one for each value of an option that is a list of them."""
-    ask, own = table.get("ask"), dict(table)
+    ask, options = table.get("ask"), dict(table)
     if ask == LIMITS:
-        own = {"method": list(METHODS), "name": ask} | own | {"ask": Tightest.kind}
-    if own.get("ask") not in QUESTIONS:
+        options = {"method": list(METHODS), "name": ask} | options | {"ask": Tightest.kind}
+    if options.get("ask") not in QUESTIONS:
         known = (LIMITS, *QUESTIONS)
         raise SpecError(f"{where}: ask = {shown(ask)} is unknown; {suggest(str(ask), known)}")
-    name = own.pop("name", ask)
+    name = options.pop("name", ask)
     if not isinstance(name, str) or not name.strip():
         raise SpecError(f"{where}: name = {shown(name)} must be text")
-    single = [one.name for one in fields(QUESTIONS[own["ask"]]) if "tuple" not in str(one.type)]
-    several = {key: x for key, x in own.items() if key in single and isinstance(x, list)}
+    single = [one.name for one in fields(QUESTIONS[options["ask"]]) if "tuple" not in str(one.type)]
+    several = {key: x for key, x in options.items() if key in single and isinstance(x, list)}
     if math.prod(map(len, several.values())) > MOST:
         raise SpecError(f"{where}: more than {MOST} questions; give shorter lists")
     for key, values in several.items():
         if not values:
             raise SpecError(f"{where}: {key} = [] is empty; give one value, or several")
     for chosen in itertools.product(*several.values()):
-        one = own | dict(zip(several, chosen, strict=True))
+        one = options | dict(zip(several, chosen, strict=True))
         yield " ".join([name, *map(_short, chosen)]), one
 
 
@@ -733,37 +734,37 @@ def _failed(error: PolefenceError) -> Answer:
     return Answer(status, reason=" ".join(str(error).split()))
 
 
-def _of_design(own: Design, of: str = "") -> Answer:
-    """Return what a design answers: what is smallest of its region, if anything was."""
+def _of_design(design: Design, of: str = "") -> Answer:
+    """Return the answer of a design; with ``of`` its bound is that region's size."""
     bound, unit = None, ""
-    for part in (own.region if own.asked is None else own.asked).parts:
+    for part in (design.region if design.asked is None else design.asked).parts:
         if of and part.kind == of:
             bound, unit = getattr(part, SIZES[of]), "" if of == "sector" else "1/s"
-    return _proved(own.certificate.file(), bound, own.lower, None, unit)
+    return _proved(design.certificate.file(), bound, design.lower, None, unit)
 
 
 def _of_optimised(done: Optimised) -> Answer:
-    own = done.bounds[0] if done.bounds else None
+    first = done.bounds[0] if done.bounds else None
     document = bounds_file(done.design.certificate, [one.claim for one in done.bounds])
-    if own is None or own.specification.at_most is not None:
+    if first is None or first.specification.at_most is not None:
         return _proved(document)
-    worst = _worst(done.plant, done.law, own.specification)
-    unit = own.specification.unit(done.plant)
-    return _proved(document, own.level, None, worst, unit)
+    worst = _worst(done.plant, done.law, first.specification)
+    unit = first.specification.unit(done.plant)
+    return _proved(document, first.level, None, worst, unit)
 
 
 def _worst(plant: UncertainPlant, law: Law, specification: Specification) -> float:
-    """Return the worst of a few points of the family."""
-    alpha = seeded(plant, len(plant.vertices) + FEW)
+    """Return the worst of the vertices and 200 points between."""
+    alpha = seeded(plant, len(plant.vertices) + 200)
     return sampled(plant, law, specification, alpha).worst
 
 
 def _of_method(plant: UncertainPlant, method: Method) -> Form:
-    """Return one gain of all states, of "scheduled" one of its degree."""
-    own = normal(method)
+    """Return the form of a method's laws: one gain of all states, or a polynomial of a degree."""
+    known = normal(method)
     degree: int | str = 0
-    if method_name(own) == "scheduled":
-        degree = own.degree if isinstance(own, Scheduled) else Scheduled().degree
+    if method_name(known) == "scheduled":
+        degree = known.degree if isinstance(known, Scheduled) else Scheduled().degree
     return Form(plant, Structure(degree=MAX_DEGREE if degree == "auto" else int(degree)), True)
 
 
@@ -774,22 +775,23 @@ def _proved(
     worst: float | None = None,
     unit: str = "",
 ) -> Answer:
-    claim = "; ".join(own.said(document.plant) for own in document.claims)
+    claim = "; ".join(claimed.said(document.plant) for claimed in document.claims)
     return Answer(PROVED, bound, least, worst, unit, claim, document=document.dumps(None))
 
 
-def _error_of_gains(document: Document, own: EachGain, margin: str) -> Fraction:
-    """Return by what share of its size each gain of a law may be off; zero of another claim."""
-    law = replace(document, claims=(own.subject.design,))
+def _error_of_gains(document: Document, claim: EachGain, margin: str) -> Fraction:
+    """Return the share of its size by which every gain of a law may be off; 0 for other sizes."""
+    law = replace(document, claims=(claim.subject.design,))
     sizes = Gains.of(Design(Certificate.of(law)), own=margin != "gain").sizes
     shares = [
         claimed / Fraction(size)
-        for claims, row in zip(own.sizes, sizes.tolist(), strict=True)
+        for claims, row in zip(claim.sizes, sizes.tolist(), strict=True)
         for claimed, size in zip(claims, row, strict=True)
         if size
     ]
     least = min(shares, default=Fraction(0))
-    return own.error * (1 if least >= AGREED else least)
+    # two machines, each in floats, agree on a size to 1e-9 of it
+    return claim.error * (1 if least >= 1 - 1e-9 else least)
 
 
 @contextmanager

@@ -30,12 +30,7 @@ from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification
 from polefence.search.tune.tuner import at_vertices
 
-POINTS = 40  # of each plant, besides its vertices, at which a law is looked at
 INSIDE = 1e-3  # by which limits and region are asked for smaller than they are to be
-FEW = 12  # plants at most that one law is searched for
-MOST_KEPT = 4096  # plants of which what is looked at is kept
-TRIES = 3  # plants that a law is not stretched to, before it is done
-ROUNDS = 16  # of searches for one law of one set
 
 
 @dataclass(frozen=True)
@@ -101,7 +96,8 @@ class Fleet:
     def _grown(self, left: Sequence[int], best: _Shared) -> _Shared:
         """Return a law that keeps more of some plants: the ones that it just does not keep."""
         shut = set[int]()
-        while best.law is not None and len(shut) < TRIES:
+        # done after three plants that the law cannot be stretched to
+        while best.law is not None and len(shut) < 3:
             excess = {k: self.excess(k, best.law) for k in left}
             best = replace(best, kept=[k for k, own in excess.items() if own < 0])
             outside = [k for k, own in excess.items() if own >= 0 and k not in shut]
@@ -135,8 +131,9 @@ class Fleet:
         few = [self._middle(those)] if first is None else first.few
         law = None if first is None else first.law
         best = _Shared(None, [], few)
-        most = min(FEW, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
-        for _ in range(ROUNDS):
+        # one law is searched for at most 12 plants at once
+        most = min(12, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
+        for _ in range(16):
             law = self._searched(few, law) if len(few) <= most else None
             if law is None:
                 break
@@ -192,7 +189,7 @@ class Fleet:
     @cached_property
     def _seen(self) -> Callable[[int], _Seen]:
         """What is looked at of a plant, kept for some thousand of them."""
-        return lru_cache(MOST_KEPT)(lambda k: _Seen.of(self.plants[k], self.limits[k]))
+        return lru_cache(4096)(lambda k: _Seen.of(self.plants[k], self.limits[k]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +204,7 @@ class _Seen:
 
     @classmethod
     def of(cls, plant: UncertainPlant, limits: tuple[Specification, ...]) -> _Seen:
-        alpha = seeded(plant, len(plant.vertices) + POINTS)
+        alpha = seeded(plant, len(plant.vertices) + 40)
         return cls(plant, limits, alpha, *plant.at(alpha))
 
 

@@ -32,9 +32,6 @@ MAX_BYTES = 1_000_000_000
 TEXTS = ("label", "question", "ask", "status", "unit", "claim", "reason")
 NUMBERS = ("bound", "least", "worst", "seconds")
 MARKS = ("law", "version", "engine", "proof", "digest")
-LETTERS = 12  # of a law's digest
-NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
-OURS = ("variant", *TEXTS, *NUMBERS, *MARKS)
 
 Row = dict[str, Any]
 
@@ -171,7 +168,7 @@ class Store:
 def law_of(document: str | bytes) -> str:
     """Return what tells the law of a file of claims from others: the start of its SHA-256."""
     own = json.dumps(json.loads(document).get("law"), sort_keys=True)
-    return hashlib.sha256(own.encode()).hexdigest()[:LETTERS]
+    return hashlib.sha256(own.encode()).hexdigest()[:12]
 
 
 def value_of(row: Row) -> float | None:
@@ -184,7 +181,8 @@ def alike(rows: Sequence[Row]) -> list[tuple[Row, int]]:
     """Return the first of rows whose reasons differ in numbers alone, and how many there are."""
     first, counts = dict[tuple[str, ...], Row](), Counter[tuple[str, ...]]()
     for row in sorted(rows, key=lambda row: row["variant"]):
-        key = row["question"], row["status"], NUMBER.sub("#", row["reason"])
+        reason = re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "#", row["reason"])  # but for its numbers
+        key = row["question"], row["status"], reason
         first.setdefault(key, row)
         counts[key] += 1
     return [(first[key], count) for key, count in counts.most_common()]
@@ -209,7 +207,8 @@ def _table(rows: Sequence[Row], names: Sequence[str]) -> bytes:
     kinds = {"variant": own.int64()}
     kinds |= dict.fromkeys((*TEXTS, *MARKS), own.string())
     kinds |= dict.fromkeys((*NUMBERS, *names), own.float64())
-    schema = own.schema([(key, kinds[key]) for key in (*OURS, *names)])
+    columns = ("variant", *TEXTS, *NUMBERS, *MARKS, *names)
+    schema = own.schema([(key, kinds[key]) for key in columns])
     return table_bytes(own.Table.from_pylist(list(rows), schema), REMEDY)
 
 

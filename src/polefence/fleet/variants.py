@@ -23,8 +23,6 @@ from polefence.proof.short import Short
 MOST = 1_000_000  # variants of a study
 MAX_BYTES = 200_000_000
 LABEL = "label"  # the column that names a variant
-REMEDY = "pip install 'polefence[parquet]', or give a .csv"
-DIGITS = 6  # of a random number: so it is a decimal that anybody can write
 WAYS = ("latin hypercube", "uniform")
 
 
@@ -160,9 +158,8 @@ def _random(table: Any, _: Path) -> Variants:
         shares = (np.stack(slices, axis=1) + shares) / count
     low, high = np.array(ends).T
     rows = (low + (high - low) * shares).tolist()
-    return Variants(
-        tuple(table["of"]), [tuple(Fraction(f"{x:.{DIGITS}g}") for x in row) for row in rows]
-    )
+    # six digits: a decimal that anybody can write
+    return Variants(tuple(table["of"]), [tuple(Fraction(f"{x:.6g}") for x in row) for row in rows])
 
 
 def _listed(name: Any, folder: Path) -> Variants:
@@ -196,7 +193,8 @@ def _csv(path: Path) -> tuple[list[str], Iterable[list[str]]]:
 
 def _parquet(path: Path) -> tuple[list[str], Iterable[list[str]]]:
     content = read_bytes(path, MAX_BYTES, SpecError)
-    table = read_table(content, str(path), REMEDY, SpecError)
+    remedy = "pip install 'polefence[parquet]', or give a .csv"
+    table = read_table(content, str(path), remedy, SpecError)
     columns = [["" if x is None else str(x) for x in own.to_pylist()] for own in table.columns]
     return list(table.column_names), [list(row) for row in zip(*columns, strict=True)]
 

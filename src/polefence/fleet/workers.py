@@ -15,8 +15,6 @@ from polefence.base.processors import processors
 from polefence.fleet.engine import Dead, Places, R, T, Work, carried_out
 from polefence.proof.short import Short
 
-AHEAD = 2  # groups for each worker that are under way or wait for it
-
 
 @dataclass(frozen=True)
 class Workers(Short):
@@ -42,7 +40,8 @@ class Workers(Short):
     def done(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | None]]:
         """Yield tasks with their results, as `carried_out` does."""
         own = work if self.around is None else partial(self.around, work)
-        return carried_out(tasks, own, self.places, AHEAD * self.count, self.lost)
+        # two groups for each worker: one under way, one that waits
+        return carried_out(tasks, own, self.places, 2 * self.count, self.lost)
 
 
 def here() -> Workers:

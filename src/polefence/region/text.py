@@ -9,12 +9,13 @@ from pathlib import Path
 from polefence.base.errors import RegionError, suggest
 from polefence.base.explained import explained
 from polefence.plant.spec import region_text
+from polefence.proof.regions import MAX_PARTS
 from polefence.proof.text import digits_down, digits_up, exactly, plural
 from polefence.region.regions import CLASSES, Intersection, Region, require_left
 
 __all__ = ["digits_down", "digits_up", "load_region", "parse_region", "short_text"]
 
-MAX_LENGTH, MAX_PARTS = 1000, 16
+MAX_LENGTH = 1000
 
 EXAMPLE = "for example disk(-40, 31) & sector(0.3)"
 _PART = re.compile(r"\s*([A-Za-z][\w-]*)\s*\(([^()&]*)\)\s*", re.ASCII)

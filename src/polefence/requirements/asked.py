@@ -55,24 +55,24 @@ def wanted(
         least = in_units(_parsed(plant, minimise, of_least, road, known), written)
         if least.at_most is not None:
             raise InputError(f"{of_least} {minimise!r} has a limit; give it by {of_limit}")
-    found = {own.title: own for own in written}
-    if len(found) < len(written):
+    asked = {limit.title: limit for limit in written}
+    if len(asked) < len(written):
         raise SpecError(f"{spec}: two limits on one kind and signal; keep the lower one")
     given = set[str]()
     for text in limits:
-        own = in_units(_parsed(plant, text, of_limit, road, known), written)
-        if own.at_most is None:
+        limit = in_units(_parsed(plant, text, of_limit, road, known), written)
+        if limit.at_most is None:
             raise InputError(f"{of_limit} {text!r} has no limit; write for example {text!r} <= 1")
-        if own.title in given:
-            raise InputError(f"{of_limit}: {own.title} is given twice; give it once")
-        given.add(own.title)
-        found[own.title] = own
-    if least is None and not found:
+        if limit.title in given:
+            raise InputError(f"{of_limit}: {limit.title} is given twice; give it once")
+        given.add(limit.title)
+        asked[limit.title] = limit
+    if least is None and not asked:
         raise InputError(
             f"{spec}: nothing is asked; give {of_least} 'rms of SIGNAL' or {of_limit} 'rms of "
             "SIGNAL <= LIMIT', or write [[specification]] tables"
         )
-    return least, tuple(found.values())
+    return least, tuple(asked.values())
 
 
 def promised(
@@ -98,8 +98,7 @@ def promised(
     known = densities_of(every)
     if not limits:
         return every
-    each = (_parsed(plant, text, option, road, known) for text in limits)
-    return tuple(in_units(own, written) for own in each)
+    return tuple(in_units(_parsed(plant, text, option, road, known), written) for text in limits)
 
 
 def _of_spec(
@@ -110,12 +109,12 @@ def _of_spec(
     road = with_wheels(road, spec)
     if road is not None:
         _require_wheels(plant, spec, road)
-        written = tuple(road.acting(own, plant) for own in written)
+        written = tuple(road.acting(limit, plant) for limit in written)
         least = None if least is None else road.acting(least, plant)
-    written = tuple(_begun(own, plant) for own in written)
+    written = tuple(_begun(limit, plant) for limit in written)
     least = least and _begun(least, plant)
-    for own in (*written, *([least] if least else [])):
-        _known(plant, own, str(spec), road)
+    for requirement in (*written, *([least] if least else [])):
+        _known(plant, requirement, str(spec), road)
     return least, written, road
 
 
@@ -127,23 +126,23 @@ def _require_wheels(plant: UncertainPlant, spec: str | Path, road: RoadSpectrum)
             raise SpecError(f"{spec}: road: under: {plant.name} has no disturbance {quoted(name)}")
 
 
-def _begun(own: Specification, plant: UncertainPlant) -> Specification:
-    """Return a spec's own of a plant at a sample time: no input is on its way at first."""
+def _begun(requirement: Specification, plant: UncertainPlant) -> Specification:
+    """Return what a spec asks of a plant, at its sample time: no input is on its way at first."""
     if plant.sampling is None:
-        return own
+        return requirement
     n = plant.sampling.plant.shape[0]
-    return own.extended(n, plant.shape[0] - n)
+    return requirement.extended(n, plant.shape[0] - n)
 
 
 def densities_of(written: Sequence[Specification]) -> dict[str, float]:
     """Return the density by signal, as the spec's tables have it."""
-    return {own.name: d for own in written if (d := own.noise_density) is not None}
+    return {r.name: d for r in written if (d := r.noise_density) is not None}
 
 
-def in_units(own: Specification, limits: Sequence[Specification]) -> Specification:
-    """Return a gain norm in the units of the spec's own, if it has one: a line has none."""
-    same = next((limit for limit in limits if limit.kind == own.kind), None)
-    return own if same is None else own.in_units_of(same)
+def in_units(requirement: Specification, limits: Sequence[Specification]) -> Specification:
+    """Return a gain norm of a line, which has no units, in those that the spec's limit has."""
+    same = next((limit for limit in limits if limit.kind == requirement.kind), None)
+    return requirement if same is None else requirement.in_units_of(same)
 
 
 def _parsed(
@@ -154,24 +153,24 @@ def _parsed(
     known: Mapping[str, float],
 ) -> Specification:
     try:
-        own = parse_specification(text, road, known)
-        own = own if road is None else road.acting(own, plant)
+        requirement = parse_specification(text, road, known)
+        requirement = requirement if road is None else road.acting(requirement, plant)
     except InputError as error:
         raise InputError(f"{option} {error}") from error
-    _known(plant, own, f"{option} {text!r}", road)
-    return own
+    _known(plant, requirement, f"{option} {text!r}", road)
+    return requirement
 
 
 def _known(
-    plant: UncertainPlant, own: Specification, where: str, road: RoadSpectrum | None
+    plant: UncertainPlant, requirement: Specification, where: str, road: RoadSpectrum | None
 ) -> None:
     """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
     try:
-        own.require_fit(plant)
-        if road is not None and own.noise_density == road.density:
+        requirement.require_fit(plant)
+        if road is not None and requirement.noise_density == road.density:
             acting: Sequence[float] = plant.physical
-            if own.disturbances is not None:
-                acting = own.scales(plant) or (1.0,) * plant.disturbance_count
+            if requirement.disturbances is not None:
+                acting = requirement.scales(plant) or (1.0,) * plant.disturbance_count
             pairs = zip(disturbances(plant), acting, strict=True)
             names = [w.name for w, acts in pairs if acts]
             if len(names) != 1 and not set(names) <= set(road.under):

@@ -62,13 +62,13 @@ class Row(Short):
 
     def given(self, *keys: str) -> dict[str, Any]:
         """Return limit, disturbances and these keys as numbers, those of them that are given."""
-        own, where = self.table, self.where
-        found: dict[str, Any] = {
-            key: number(own[key], f"{where}: {key}") for key in ("at_most", *keys) if key in own
+        table, where = self.table, self.where
+        values: dict[str, Any] = {
+            key: number(table[key], f"{where}: {key}") for key in ("at_most", *keys) if key in table
         }
-        if "disturbances" in own:
-            found["disturbances"] = _chosen(own["disturbances"], f"{where}: disturbances")
-        return found
+        if "disturbances" in table:
+            values["disturbances"] = _chosen(table["disturbances"], f"{where}: disturbances")
+        return values
 
 
 @dataclass(frozen=True)
@@ -160,13 +160,14 @@ class Specification(Short):
     @property
     def entries(self) -> tuple[str | Output, ...]:
         """The signals, one or the entries of a vector."""
-        found = self.signal if isinstance(self.signal, tuple) else (self.signal,)
-        return cast("tuple[str | Output, ...]", found)  # one on the law has none, and is not asked
+        entries = self.signal if isinstance(self.signal, tuple) else (self.signal,)
+        # a bound on the law has no signal, and is not asked
+        return cast("tuple[str | Output, ...]", entries)
 
     @property
     def name(self) -> str:
         """The signal's name; of a vector its entries' names, ``[a, b]``."""
-        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        names = [entry if isinstance(entry, str) else entry.name for entry in self.entries]
         return listed(names) if len(names) > 1 else names[0]
 
     @property
@@ -236,14 +237,14 @@ class Specification(Short):
             physical = plant.physical
             if all(physical) or not (any(physical) or self.unnamed_noise):
                 return ()
-            return tuple(1.0 if own else self.unnamed_noise for own in physical)
+            return tuple(1.0 if acts else self.unnamed_noise for acts in physical)
         disturbance(plant)
-        names, chosen = [own.name for own in disturbances(plant)], dict(self.disturbances)
+        names, chosen = [w.name for w in disturbances(plant)], dict(self.disturbances)
         for name in chosen:
             if name not in names:
                 raise InputError(f"no disturbance {name!r}; {suggest(name, names)}")
-        found = tuple(float(chosen.get(name, 0.0)) for name in names)
-        return () if all(scale == 1 for scale in found) else found
+        scales = tuple(float(chosen.get(name, 0.0)) for name in names)
+        return () if all(scale == 1 for scale in scales) else scales
 
     @property
     def noise_density(self) -> float | None:
@@ -287,12 +288,12 @@ class Specification(Short):
         if degree == 1:
             return self.entering(plant), 1
         disturbance(plant)
-        found = domain.interpolated(plant.driven(domain.nodes(degree)), degree)
-        return np.asarray(self.scaled(plant, found)), degree
+        E = domain.interpolated(plant.driven(domain.nodes(degree)), degree)
+        return np.asarray(self.scaled(plant, E)), degree
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the unit of the bound, or the units of the entries where they differ."""
-        units = [own.unit for own in self.outputs(plant)]
+        units = [output.unit for output in self.outputs(plant)]
         if len(set(units)) > 1:
             return f"mixed units: {', '.join(unit or '1' for unit in units)}"
         return units[0]
@@ -318,7 +319,8 @@ class Specification(Short):
         """Return it as an LMI has it; with a ``unit`` its bound is not fixed."""
         outputs = self.exact_outputs(plant)
         C, D = (
-            np.concatenate([floats(getattr(own, key)) for own in outputs], axis=1) for key in "CD"
+            np.concatenate([floats(getattr(output, key)) for output in outputs], axis=1)
+            for key in "CD"
         )
         source, level = self.source(plant, domain), self.at_most if unit is None else unit
         level = 1.0 if level is None else level
@@ -352,14 +354,14 @@ class Specification(Short):
         InputError
             If a disturbance passes straight into one, unless it may, or goes through a filter.
         """
-        found = []
-        for own, behind in zip(self.outputs(plant), self.filters, strict=True):
-            acts = np.any(self.scaled(plant, own.arrays(plant)[2]))
+        outputs = []
+        for output, behind in zip(self.outputs(plant), self.filters, strict=True):
+            acts = np.any(self.scaled(plant, output.arrays(plant)[2]))
             direct = self.direct or behind is not None
-            C, D = rows(plant, replace(own, F=()) if own.F and not acts else own, direct)
-            F = tuple([list(row)] for row in own.exact(plant)[2]) if own.F else ()
-            found.append(proof.Output(C, D, own.name, F))
-        return tuple(found)
+            C, D = rows(plant, replace(output, F=()) if output.F and not acts else output, direct)
+            F = tuple([list(row)] for row in output.exact(plant)[2]) if output.F else ()
+            outputs.append(proof.Output(C, D, output.name, F))
+        return tuple(outputs)
 
     def claim(
         self,
@@ -407,9 +409,9 @@ class Specification(Short):
         raise NotImplementedError
 
 
-def limit_text(own: Specification) -> str:
+def limit_text(limit: Specification) -> str:
     """Return a specification and its limit, which reads back as it is."""
-    return own.title if own.at_most is None else f"{own.title} <= {exactly(own.at_most)}"
+    return limit.title if limit.at_most is None else f"{limit.title} <= {exactly(limit.at_most)}"
 
 
 def listed(names: Sequence[str], ends: Sequence[str] = ()) -> str:
@@ -430,25 +432,25 @@ def _signals(value: Any, kind: str, vector: bool) -> Any:
     """Return one signal, or a vector of them as a tuple."""
     if isinstance(value, str | Signal):
         return value
-    found = tuple(value) if isinstance(value, Sequence) else ()
-    if not found or not all(isinstance(own, str | Output) for own in found):
+    entries = tuple(value) if isinstance(value, Sequence) else ()
+    if not entries or not all(isinstance(entry, str | Output) for entry in entries):
         raise InputError(
             f"signal of {kind} = {value!r} must be a name, an Output or a list of them"
         )
-    names = [own if isinstance(own, str) else own.name for own in found]
+    names = [entry if isinstance(entry, str) else entry.name for entry in entries]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"signal {listed(names)}: {twice[0]!r} is given twice; give it once")
-    if len(found) == 1:
-        return found[0]
+    if len(entries) == 1:
+        return entries[0]
     if not vector:
         raise InputError(
             f"signal {listed(names)} is a vector; {kind} takes one "
             "signal, rms and gain take several"
         )
-    if len(found) > MAX_ENTRIES:
-        raise InputError(f"{kind} of {len(found)} signals; at most {MAX_ENTRIES} are supported")
-    return found
+    if len(entries) > MAX_ENTRIES:
+        raise InputError(f"{kind} of {len(entries)} signals; at most {MAX_ENTRIES} are supported")
+    return entries
 
 
 def _channels(value: Any) -> tuple[tuple[str, float], ...]:
@@ -524,13 +526,13 @@ def disturbance(plant: UncertainPlant) -> Array:
     InputError
         If the plant has none.
     """
-    found = [v.E for v in plant.vertices]
-    if any(E is None for E in found):
+    matrices = [v.E for v in plant.vertices]
+    if any(E is None for E in matrices):
         raise InputError(
             f"{plant.name} has no E, so no disturbance enters; give E for every vertex, or in "
             "[matrices]"
         )
-    return np.stack([E for E in found if E is not None])
+    return np.stack([E for E in matrices if E is not None])
 
 
 def rows(

@@ -37,8 +37,8 @@ from polefence.requirements.specification import (
 from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
-    str(own.kind): own
-    for own in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
+    str(kind.kind): kind
+    for kind in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
@@ -87,21 +87,21 @@ class RoadSpectrum(Short):
         """
         return velocity_density(self.road_class, self.speed)
 
-    def acting(self, own: Specification, plant: UncertainPlant) -> Specification:
+    def acting(self, requirement: Specification, plant: UncertainPlant) -> Specification:
         """Return an rms that names no disturbances as one of these roads, where others act too.
 
         Only what is no velocity is left out: a wheel whose road nobody named is refused later.
         """
-        chosen = own.disturbances is not None or not self.under
-        if chosen or own.noise_density != self.density:
-            return own
+        chosen = requirement.disturbances is not None or not self.under
+        if chosen or requirement.noise_density != self.density:
+            return requirement
         pairs = list(zip(disturbances(plant), plant.physical, strict=True))
         others = {w.unit for w, physical in pairs if physical and w.name not in self.under}
         if not others or VELOCITY in others:
-            return own
-        noise = {w.name: own.unnamed_noise for w, physical in pairs if not physical}
+            return requirement
+        noise = {w.name: requirement.unnamed_noise for w, physical in pairs if not physical}
         roads = {w.name: 1.0 for w, _ in pairs if w.name in self.under}
-        return replace(own, disturbances=roads | noise)
+        return replace(requirement, disturbances=roads | noise)
 
 
 @explained
@@ -123,18 +123,18 @@ def load_specifications(
         If the file cannot be read, or a table says something that cannot be used: one line with
         file, key, value and remedy.
     """
-    own = spec_road(path)  # even where another takes its place it must make sense
-    road = road or own
+    written = spec_road(path)  # even where another takes its place it must make sense
+    road = road or written
     tables, _ = specification_tables(path)
     try:
-        found = [_read(table, f"specification {k + 1}", road) for k, table in enumerate(tables)]
+        read = [_read(table, f"specification {k + 1}", road) for k, table in enumerate(tables)]
     except InputError as error:
         raise SpecError(f"{path}: {' '.join(str(error).split())}") from error
-    least = [each for each, minimised in found if minimised]
+    least = [one for one, minimised in read if minimised]
     if len(least) > 1:
         names = " and ".join(s.title for s in least)
         raise SpecError(f"{path}: minimise = true for {names}; keep it for one")
-    return least[0] if least else None, tuple(each for each, minimised in found if not minimised)
+    return least[0] if least else None, tuple(one for one, minimised in read if not minimised)
 
 
 def spec_road(path: str | Path) -> RoadSpectrum | None:
@@ -154,15 +154,15 @@ def spec_road(path: str | Path) -> RoadSpectrum | None:
 
 def with_wheels(road: RoadSpectrum | None, path: str | Path) -> RoadSpectrum | None:
     """Return a road under the wheels that a spec names, or the spec's own road in its place."""
-    own = spec_road(path)
-    if road is None or own is None:
-        return road or own
-    if own.in_tracks and own.speed != road.speed:
+    written = spec_road(path)
+    if road is None or written is None:
+        return road or written
+    if written.in_tracks and written.speed != road.speed:
         raise SpecError(
-            f"{path}: road.tracks: wheels behind are later by a speed of {own.speed:g} m/s, which "
-            "is in the plant; change it in the spec"
+            f"{path}: road.tracks: wheels behind are later by a speed of {written.speed:g} m/s, "
+            "which is in the plant; change it in the spec"
         )
-    return replace(road, under=own.under, in_tracks=own.in_tracks)
+    return replace(road, under=written.under, in_tracks=written.in_tracks)
 
 
 @explained
@@ -240,20 +240,20 @@ def parse_names(text: str) -> tuple[str, ...]:
     InputError
         If it is none.
     """
-    found = _items(text, text)
-    if any(scale is not None for _, scale in found):
+    items = _items(text, text)
+    if any(scale is not None for _, scale in items):
         raise InputError(f"{text!r}: names have no numbers here; write NAME, NAME")
-    return tuple(name for name, _ in found)
+    return tuple(name for name, _ in items)
 
 
 def _items(items: str, text: str) -> list[tuple[str, Fraction | None]]:
     """Return the names of a list, and what each is multiplied by."""
-    found, at = list[tuple[str, Fraction | None]](), 0
+    pairs, at = list[tuple[str, Fraction | None]](), 0
     while match := _ITEM.match(items, at):
         name, scale, at = match["name"], match["scale"], match.end()
-        found.append((_unquoted(name, text), None if scale is None else Fraction(scale)))
+        pairs.append((_unquoted(name, text), None if scale is None else Fraction(scale)))
         if at == len(items) and not items.endswith(","):
-            return found
+            return pairs
     raise InputError(f"{text!r}: cannot read [{items}]; write [NAME, NAME], or [NAME * 0.5]")
 
 
@@ -269,13 +269,13 @@ def _acting(items: str, text: str) -> dict[str, Fraction]:
     return _scaled(_items(items, text), text, "disturbance")
 
 
-def _scaled(found: list[tuple[str, Fraction | None]], text: str, what: str) -> dict[str, Fraction]:
+def _scaled(items: list[tuple[str, Fraction | None]], text: str, what: str) -> dict[str, Fraction]:
     """Return names with what each is multiplied by, one where that is left out."""
-    names = [name for name, _ in found]
+    names = [name for name, _ in items]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{text!r}: {what} {name!r} is given twice; give it once")
-    return {name: Fraction(1) if scale is None else scale for name, scale in found}
+    return {name: Fraction(1) if scale is None else scale for name, scale in items}
 
 
 def _value(word: str) -> Any:
@@ -316,12 +316,12 @@ def _read(
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
         raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
-    found = _specification(table, where, road)
+    specification = _specification(table, where, road)
     if minimised == ("at_most" in table):
         raise SpecError(
-            f"{where}, {found.title}: give at_most = LIMIT or minimise = true, one of them"
+            f"{where}, {specification.title}: give at_most = LIMIT or minimise = true, one of them"
         )
-    return found, minimised
+    return specification, minimised
 
 
 def _specification(
@@ -331,27 +331,27 @@ def _specification(
     known: Mapping[str, float] = NOTHING,
 ) -> Specification:
     kind = table.get("kind")
-    own = KINDS.get(kind) if isinstance(kind, str) else None
-    if own is not None and not own.of_signal:
+    asked = KINDS.get(kind) if isinstance(kind, str) else None
+    if asked is not None and not asked.of_signal:
         table = {"signal": LAW} | dict(table)
     for key in ("kind", "signal"):
         if key not in table:
             raise SpecError(f"{where}: {key} is missing; {_remedy(key)}")
     if not isinstance(kind, str):
         raise SpecError(f"{where}: kind = {shown(kind)} must be text; {_remedy('kind')}")
-    if own is None:
+    if asked is None:
         raise SpecError(f"{where}: kind = {shown(kind)} is unknown; {suggest(kind, KINDS)}")
     try:
-        signal = _words(own.signal_of(table["signal"]))
+        signal = _words(asked.signal_of(table["signal"]))
     except SpecError as error:
         raise SpecError(f"{where}: {error}") from error
-    if not own.of_signal and signal != LAW:
+    if not asked.of_signal and signal != LAW:
         raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
     where = f"{where}, {kind} of {signal}"
-    _known(table, (*COMMON, *own.keys), where)
+    _known(table, (*COMMON, *asked.keys), where)
     try:
         density = known.get(signal) if road is None else road.density
-        return own.read(Row(table, where, density))
+        return asked.read(Row(table, where, density))
     except SpecError as error:
         raise SpecError(_placed(str(error), where)) from error
     except InputError as error:

@@ -19,7 +19,6 @@ from polefence.plant.system import Array
 from polefence.proof.text import visible
 
 REMEDY = "pip install 'polefence[parquet]', or name a .csv file"
-FORMATS = (".csv", ".parquet")
 ROWS = 100_000  # turned into text at once
 
 
@@ -59,7 +58,7 @@ def check_format(path: Path) -> None:
     MissingExtraError
         If it is Parquet, and pyarrow is not installed.
     """
-    if path.suffix not in FORMATS:
+    if path.suffix not in (".csv", ".parquet"):
         raise InputError(f"{path}: signals are written as .csv or .parquet; name such a file")
     if path.suffix == ".parquet":
         arrow(REMEDY)

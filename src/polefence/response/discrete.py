@@ -24,14 +24,9 @@ from polefence.response.weighting import positive
 # Samples that one product covers, and bytes of the buffer that it reads.
 BLOCK = 32
 BUFFER = 16_000_000
-# Higham's bound on the 1-norm up to which the approximant of order 13 is good to a rounding.
-PADE_NORM = 5.371920351148152
 PADE = tuple(
     math.factorial(26 - j) // (math.factorial(13 - j) * math.factorial(j)) for j in range(14)
 )
-# Of balancing: sweeps at most, and the share of the largest entry that stands for a zero row.
-SWEEPS = 20
-SMALL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -275,7 +270,8 @@ def exponential(M: Array) -> Array:
     d = balancing(M)
     M = M * (d[None, :] / d[:, None])
     norm = np.abs(M).sum(axis=-2).max(axis=-1)
-    squarings = np.ceil(np.log2(np.maximum(norm / PADE_NORM, 1.0))).astype(int)
+    # Higham's bound on the 1-norm up to which the approximant of order 13 is exact but for rounding
+    squarings = np.ceil(np.log2(np.maximum(norm / 5.371920351148152, 1.0))).astype(int)
     E = _pade(M * 2.0 ** -squarings[:, None, None])
     with np.errstate(over="ignore", invalid="ignore"):
         for done in range(squarings.max()):
@@ -292,12 +288,12 @@ def balancing(M: Array) -> Array:
     largest = np.abs(M).max(axis=0)
     n, own = len(largest), np.diagonal(largest).max()
     # What nothing follows, or follows nothing, as a disturbance: made small beside the rest.
-    small = SMALL * float(own or largest.max())
+    small = 1e-6 * float(own or largest.max())
     if small == 0 or not np.isfinite(largest).all():
         return np.ones(n)
     np.fill_diagonal(largest, 0.0)
     size, d = largest.tolist(), [1.0] * n  # plain numbers: n is small
-    for _ in range(SWEEPS):
+    for _ in range(20):  # sweeps at most
         even = True
         for i in range(n):
             column, row = sum(line[i] for line in size) or small, sum(size[i]) or small

@@ -19,8 +19,6 @@ from polefence.response.weighting import positive
 # longest step, x = 1; 0.08 % for the one that is chosen, x = 0.1.
 LONGEST = 1.0
 CHOSEN = 0.1
-# Of the slowest time constant: so long a response is followed, and in so many steps at most.
-FOLLOWED = 15.0
 MOST_CHOSEN = 20_000
 EVEN = 1e-6  # by which instants may be off an even spacing, relative
 # Of a result [bytes].
@@ -190,7 +188,7 @@ def _duration(loops: Loops, poles: npt.NDArray[np.complex128], fastest: float) -
     if len(bad) or not poles.size:
         where = point_text(loops.plant, loops.alpha[bad[0] if len(bad) else 0])
         raise InputError(f"the response does not die away at {where}; give a duration [s]")
-    return FOLLOWED / float(slowest.min())
+    return 15 / float(slowest.min())  # fifteen of the slowest time constants
 
 
 def _below(value: float) -> float:

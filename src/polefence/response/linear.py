@@ -47,8 +47,6 @@ FAR = 1e-5  # of the state that goes farthest: what its rounding leaves in the o
 
 Reference = Literal["final", "peak"]
 Flags = npt.NDArray[np.bool_]
-# A final value below this share of the peak is zero but for rounding.
-ZERO = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -626,7 +624,8 @@ def rms(time: Array, values: Array, since: float = 0.0) -> Array:
 
 
 def _returns(final: Array, size: Array) -> Flags:
-    return np.asarray(np.abs(final) <= ZERO * size, dtype=np.bool_)
+    # a final value below this share of the peak is zero but for rounding
+    return np.asarray(np.abs(final) <= 1e-9 * size, dtype=np.bool_)
 
 
 def _chunks(values: Array) -> Iterator[tuple[slice, Array]]:

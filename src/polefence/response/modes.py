@@ -12,10 +12,6 @@ from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.response.stationary import lyapunov
 
-# Of a Lyapunov equation: above that share of its terms it is solved without eigenvectors.
-RESIDUAL = 1e-9
-DEFECT = 1e-7  # by which a matrix without a full set of eigenvectors is moved
-
 
 @dataclass(frozen=True, eq=False)
 class Modes(Short):
@@ -99,7 +95,8 @@ def _checked(A: Array, X: Array, W: Array, step: float) -> Array:
         left = left + step * half @ np.swapaxes(A, 1, 2)
     rest = np.abs(left).max(axis=(1, 2))
     size = np.abs(half).max(axis=(1, 2)) + np.abs(W).max(axis=(1, 2))
-    bad = np.flatnonzero(~(rest <= RESIDUAL * size))
+    # where eigenvectors leave a larger residual, the equation is solved without them
+    bad = np.flatnonzero(~(rest <= 1e-9 * size))
     if len(bad):
         X[bad] = lyapunov(A[bad], W[bad], step)
     return X
@@ -109,5 +106,6 @@ def _moved(A: Array) -> tuple[Any, Any, Any]:
     """Return the parts of matrices moved a little, by which they have eigenvectors."""
     size = np.abs(A).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
     n = A.shape[-1]
-    poles, right = np.linalg.eig(A + DEFECT * size * np.cos(np.arange(n * n).reshape(n, n)))
+    # moved a little, so that it has a full set of eigenvectors
+    poles, right = np.linalg.eig(A + 1e-7 * size * np.cos(np.arange(n * n).reshape(n, n)))
     return poles, right, np.linalg.inv(right)

@@ -10,14 +10,8 @@ from polefence.plant.system import Array
 from polefence.response.modes import Modes
 from polefence.response.stationary import bilinear
 
-GRID = 24  # frequencies between the slowest and the fastest rate, besides the poles' own
-NEAR, MOST = 0.5, 5  # peaks that count: this share of the highest, so many a loop
-ZOOMS, POINTS = 7, 7  # into each peak
+MOST = 5  # peaks of a loop that are looked at
 CLOSE = 1e-7  # to which the highest is one, relative
-ON_AXIS = 1e-7  # real part of an eigenvalue that is imaginary, relative
-CLIMBS = 8
-AGREED = 1e-9  # of responses by modes, relative
-SAME, ONE = 1e-6, 1e-2  # frequencies of a grid, and of peaks, that are one, relative
 
 
 def response(A: Array, E: Array, C: Array, F: Array, s: Any) -> Any:
@@ -53,7 +47,7 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
     A, poles, height = modes.A, modes.poles, _height(modes, E, C, F)
     grid = _grid(poles)
     loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
-    for _ in range(CLIMBS):
+    for _ in range(8):  # at most: each round climbs every peak that still exceeds the best
         best = np.zeros(len(A))
         np.maximum.at(best, loops, top)
         higher = _higher(A, E, C, F, best * (1 + CLOSE))
@@ -77,9 +71,10 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
     np.maximum.at(best, loops, top)
     order = np.lexsort((-top, loops))
     some = list[int]()
-    for k in order[(top >= NEAR * best[loops])[order]]:
-        # the same peak, reached twice
-        again = (j for j in some if loops[j] == loops[k] and abs(w[j] - w[k]) <= ONE * w[k])
+    # peaks at least half as high as the highest
+    for k in order[(top >= 0.5 * best[loops])[order]]:
+        # one peak, reached twice: nearer than 1 %
+        again = (j for j in some if loops[j] == loops[k] and abs(w[j] - w[k]) <= 1e-2 * w[k])
         if next(again, None) is None:
             some.append(int(k))
     some.sort(key=lambda k: (loops[k], w[k]))
@@ -125,7 +120,7 @@ def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
 
     w = np.abs(poles)
     known = solved(w)
-    agreed = np.abs(summed(w) - known) <= AGREED * known.max(axis=1, keepdims=True)
+    agreed = np.abs(summed(w) - known) <= 1e-9 * known.max(axis=1, keepdims=True)
     return summed if np.all(agreed) else solved
 
 
@@ -134,7 +129,8 @@ def _grid(poles: Any) -> Array:
     sizes = np.abs(poles)
     fast = np.maximum(sizes.max(axis=1), np.finfo(float).tiny)
     slow = np.maximum(sizes.min(axis=1), 1e-6 * fast)
-    share = np.linspace(0, 1, GRID)
+    # frequencies between the slowest and the fastest rate, besides the poles' own
+    share = np.linspace(0, 1, 24)
     even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
     own = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
     ends = np.stack([0 * fast, 1e4 * fast], axis=1)
@@ -144,7 +140,7 @@ def _grid(poles: Any) -> Array:
 def _apart(w: Array) -> Array:
     """Return frequencies rising, those that are nearly equal put beyond the others."""
     w = np.sort(w)
-    new = np.append(True, np.diff(w) > SAME * w[1:])
+    new = np.append(True, np.diff(w) > 1e-6 * w[1:])
     return np.append(w[new], w[-1] * np.arange(2.0, 2 + np.count_nonzero(~new)))
 
 
@@ -169,9 +165,9 @@ def _zoomed(height: Any, loops: Any, around: Array) -> tuple[Array, Array]:
     """Return the highest point within intervals (k, 3): low, a point inside, high."""
     low, best, high = around.T
     top = height(best[:, None], loops)[:, 0]
-    share = np.linspace(0, 1, POINTS + 2)
+    share = np.linspace(0, 1, 9)
     each = np.arange(len(loops))
-    for _ in range(ZOOMS):
+    for _ in range(7):  # each leaves a quarter of the interval
         w = np.sort(np.append(low[:, None] + (high - low)[:, None] * share, best[:, None], 1), 1)
         values = height(w, loops)
         j = values.argmax(axis=1)
@@ -199,7 +195,8 @@ def _higher(A: Array, E: Array, C: Array, F: Array, level: Array) -> list[Array]
     H = np.block([[middle, up * scale], [-down / scale, -np.swapaxes(middle, 1, 2)]])
     values = np.linalg.eigvals(H)
     for k, own in zip(some, values, strict=True):
-        imaginary = np.abs(own.real) <= ON_AXIS * np.abs(own).max()
+        # on the imaginary axis but for rounding
+        imaginary = np.abs(own.real) <= 1e-7 * np.abs(own).max()
         w = np.sort(own.imag[imaginary & (own.imag >= 0)])
         found[k] = w
     return found

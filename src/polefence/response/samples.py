@@ -31,11 +31,7 @@ from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
-ROOM = 1.01  # of the remainder over what it has to hold
-SMALL, TINY = 0.01, 1e-13  # terms left out, over what entries are off by, and over themselves
-BITS = 24  # of its numbers
-CURVED, LEAST = 40, 1e-300  # of those of the curve, below the largest entry; what is none
-ENOUGH, DEGREES, MOST = 1e-4, (1, 2, 3, 4), 125  # of the change in a sample; degrees; coefficients
+ENOUGH, MOST = 1e-4, 125  # of the change in a sample; coefficients
 
 
 @explained
@@ -100,7 +96,7 @@ def _degrees(plant: UncertainPlant) -> list[int]:
     """Return degrees of the curve worth trying; of one vertex there is none."""
     if len(plant.vertices) == 1:
         return [1]
-    return [d for d in DEGREES if d == 1 or plant.domain.count(d) <= MOST]
+    return [d for d in (1, 2, 3, 4) if d == 1 or plant.domain.count(d) <= MOST]
 
 
 def _change(held: list[tuple[Array, Array, Array]], units: Array) -> float:
@@ -147,7 +143,8 @@ def _with_remainder(
     except FormatError as problem:
         raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
     entries = np.array([[float(x) for x in row] for row in exact])
-    rows = (entries + float(rest)) * ROOM * units[:n, None] / units
+    # 1 % of room over what it has to hold
+    rows = (entries + float(rest)) * 1.01 * units[:n, None] / units
     found = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
     return replace(bare, remainder=replace(wide, entries=found), sampling=own)
 
@@ -168,8 +165,9 @@ def _curve(
     """Return the Bernstein coefficients of what is added to the vertices' combination."""
     domain, shape = plant.domain, (delay, *plant.shape, plant.disturbance_count)
     found = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
-    largest = np.maximum(np.abs(found).max(axis=0), LEAST)
-    unit = 2.0 ** (np.floor(np.log2(largest)) - CURVED)
+    # to 40 bits of the largest entry; 1e-300 stands for zero
+    largest = np.maximum(np.abs(found).max(axis=0), 1e-300)
+    unit = 2.0 ** (np.floor(np.log2(largest)) - 40)
     rounded = (_placed(M, bare, *shape) for M in np.round(found / unit) * unit)
     return tuple(tuple(tuple(map(Fraction, row.tolist())) for row in M) for M in rounded)
 
@@ -303,7 +301,8 @@ def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
         power = most[:, :n] @ power / k
         powers.append(power)
     left = np.cumsum(powers[::-1], axis=0)[::-1]  # of the k-th term and all behind it
-    enough = np.maximum(SMALL * about, TINY * left[0])
+    # terms are left out where they are 1 % of what entries are off by, or of the size of rounding
+    enough = np.maximum(0.01 * about, 1e-13 * left[0])
     good = [bool(np.all(own <= enough)) for own in left]
     return min(good.index(True) if True in good else MAX_TERMS, MAX_TERMS) or 1
 
@@ -312,6 +311,6 @@ def _up(values: Array) -> tuple[Fraction, ...]:
     """Round up to numbers of few digits."""
     found = []
     for value in values.tolist():
-        unit = Fraction(2) ** (math.frexp(value)[1] - BITS)
+        unit = Fraction(2) ** (math.frexp(value)[1] - 24)  # 24 bits
         found.append(math.ceil(Fraction(value) / unit) * unit if value else Fraction(0))
     return tuple(found)

@@ -23,8 +23,6 @@ Gains = npt.NDArray[np.complex128]
 
 # A one-third-octave band reaches from its centre by this factor up and down (base ten).
 HALF_BAND = 10**0.05
-# So many of its longest time constants after a record, a filter is taken to be at rest: e^-20.
-RING_OUT = 20
 # Samples filtered at once: bounds the memory of a large batch.
 BLOCK = 4_000_000
 
@@ -98,7 +96,7 @@ class Weighting(Short):
     def settling(self) -> float:
         """Time [s] in which the slowest free motion falls to e^-20 of itself."""
         # Slowest real part of s^2 + s w0/Q + w0^2; every Q of the standard is above a half.
-        return RING_OUT / min(w0 / (2 * Q) for _, w0, Q in self.stages())
+        return 20 / min(w0 / (2 * Q) for _, w0, Q in self.stages())
 
     def apply(self, signal: Any, step: float) -> Array:
         """Weight sampled signals, at rest before their first sample.

@@ -17,12 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = Mapping[str, Any]
-MOST_REASONS = 20
 FAILED = "#b2182b"
-SHARED = "cover"  # the question of which few laws cover all variants
-MOST_LAWS, MOST_LABELS = 20, 12
 MARKERS = "osD^v"
-DOT, MOST_RINGS = 14.0, 3  # size of a point in a map; larger ones behind it
 
 
 def fleet_page(
@@ -55,7 +51,7 @@ def fleet_page(
         own = [row for row in rows if row["question"] == question]
         if any(_finite(row) for row in own):
             sections.append(_question(question, largest, names, own))
-        elif own and own[0]["ask"] == SHARED and any(row["law"] for row in own):
+        elif own and own[0]["ask"] == "cover" and any(row["law"] for row in own):
             sections.append(_laws(question, names, own))
     if failed:
         sections.append(_failures(failed))
@@ -139,7 +135,7 @@ def _laws(question: str, names: Sequence[str], rows: Sequence[Row]) -> Section:
     counts = Counter(row["law"] for row in rows if row["law"]).most_common()
     cells = [
         (law, str(count), str(next(row["variant"] for row in rows if row["law"] == law)))
-        for law, count in counts[:MOST_LAWS]
+        for law, count in counts[:20]
     ]
     without = sum(not row["law"] for row in rows)
     laws = "1 law keeps" if len(counts) == 1 else f"{len(counts)} laws keep"
@@ -166,7 +162,7 @@ def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]
         style: dict[str, Any] = {"color": FAILED, "marker": "x"}
         if law:
             style = {"color": f"C{k % 10}", "marker": MARKERS[k // 10 % len(MARKERS)]}
-        label = (law or "none") if k < MOST_LABELS or not law else None
+        label = (law or "none") if k < 12 or not law else None
         if own.any():
             # the larger of two at one place lies behind
             for size in sorted(set(sizes[own].tolist()), reverse=True):
@@ -188,8 +184,9 @@ def _ringed(x: Sequence[float] | Array, y: Sequence[float] | Array) -> tuple[Any
     left, behind = Counter(places), np.zeros(len(places))
     for k, place in enumerate(places):
         left[place] -= 1
-        behind[k] = min(left[place], MOST_RINGS)
-    return np.argsort(-behind, kind="stable"), DOT * (1 + behind) ** 2
+        behind[k] = min(left[place], 3)
+    # points that others cover are drawn larger, behind them
+    return np.argsort(-behind, kind="stable"), 14.0 * (1 + behind) ** 2
 
 
 def _most_varied(names: Sequence[str], rows: Sequence[Row]) -> list[str]:
@@ -200,12 +197,12 @@ def _number(row: Row, name: str) -> float:
     return np.nan if row[name] is None else float(row[name])
 
 
-def _failures(found: Sequence[tuple[Row, int]]) -> Section:
+def _failures(failures: Sequence[tuple[Row, int]]) -> Section:
     cells = [
         (row["question"], row["status"], str(count), str(row["variant"]), row["reason"])
-        for row, count in found[:MOST_REASONS]
+        for row, count in failures[:20]
     ]
-    more = len(found) - len(cells)
+    more = len(failures) - len(cells)
     text = (f"{more} more kinds of reasons are in the rows.",) if more else ()
     head = ("question", "status", "variants", "first", "its reason")
     return Section("Not proved", text, Table(head, tuple(cells)))

@@ -55,12 +55,10 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": "--", "color": "0.35", "marker": "x"},
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
-FLOOR = -60.0  # least d / sigma shown [%]
 COMPARED = ("weighted acceleration", "tyre load variation", "suspension travel", "actuator force")
 BELOW = "#f6d8c4"
 FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
 PANEL = 1.25  # width of a panel of poles over its height
-SQUARED = re.compile(r"\b(m|rad)/s2\b")
 NARROW = 4  # height over width from which a view of poles is stretched
 
 _STYLE: Any = {
@@ -76,9 +74,6 @@ _STYLE: Any = {
 }
 
 
-# An unbounded region is shown out to this many times its own scale, or that of most poles.
-FARTHEST = 12.0
-
 # Told apart in grey: light and plain, hatched, dark and plain.
 FILLS: dict[str, dict[str, Any]] = {
     "proved": {"facecolor": "#eaf3e6", "edgecolor": "0.72"},
@@ -86,7 +81,6 @@ FILLS: dict[str, dict[str, Any]] = {
     "undecided": {"facecolor": "0.62", "edgecolor": "0.45"},
 }
 MOST_MARKS = 150  # more would hide the map
-SAMPLES = 101  # along each side of the box, for the boundary
 HEIGHT = 0.35  # of the band that a single parameter is drawn as
 
 # Told apart in grey by shade, width and dashes; the second lies below the first.
@@ -101,23 +95,16 @@ LAW_STYLES: tuple[dict[str, Any], ...] = (
 COMMON: dict[str, Any] = {"color": "0.45", "ls": "-", "lw": 1.2, "zorder": 1.9}
 BESIDE = ", demanded"  # of a curve that goes with another: its colour, dotted
 DOTTED: dict[str, Any] = {"ls": (0, (1, 1.2)), "lw": 1.2, "zorder": 3.5}
-PIECES = 1500  # pieces that a curve is drawn in, each with its least and its largest value
-BLOWN_UP = 1e30  # no more a picture
 
 # Many curves, drawn one over the other; those of the vertices stand out, in grey too.
 MANY: dict[str, Any] = {"color": "0.72", "lw": 0.5, "zorder": 1}
 VERTEX: dict[str, Any] = {"color": "#b2182b", "lw": 1.1, "zorder": 2}
-CURVES = 120  # drawn of the many
-CURVE_POINTS = 800  # drawn of each
 
 # Told apart in grey: filled and dark, open and light.
 OWN: dict[str, Any] = {"color": "#2166ac", "marker": ".", "ms": 2.2, "ls": "", "mew": 0}
 PASSIVE: dict[str, Any] = {"color": "0.65", "marker": ".", "ms": 2.2, "ls": "", "mew": 0}
 BOUND: dict[str, Any] = {"color": "black", "ls": "--", "lw": 1.4}
-SHOWN = 2000  # points of each cloud
 SAMPLED_STYLE: dict[str, Any] = {"ls": "none", "marker": ".", "ms": 4, "zorder": 3}
-SAMPLED_LABEL = "the same laws, worst of a sample"
-ALIKE = 1e-3  # of limits that are drawn as one
 REFERENCE: dict[str, Any] = {"ls": "none", "marker": "*", "ms": 9, "color": "black", "mfc": "white"}
 
 
@@ -154,7 +141,7 @@ def styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def limits_figure(
     panels: Mapping[str, Sequence[Mapping[str, Any]]],
-    floor: float = FLOOR,
+    floor: float = -60.0,
     published: Mapping[str, Sequence[Mapping[str, Any]]] = MappingProxyType({}),
 ) -> Figure:
     """Draw d / sigma over the centre for each method; one panel a sweep.
@@ -395,7 +382,7 @@ def _as_written(figure: Figure) -> None:
 
 def typeset(text: str) -> str:
     """Return a text with m/s² and rad/s² for the m/s2 and rad/s2 of specs and terminals."""
-    return SQUARED.sub(r"\1/s²", text)
+    return re.sub(r"\b(m|rad)/s2\b", r"\1/s²", text)
 
 
 def view_of(region: Region, poles: Array) -> View:
@@ -408,7 +395,8 @@ def view_of(region: Region, poles: Array) -> View:
     if np.isfinite(low):
         seen = np.ones(x.shape, dtype=bool)
     else:
-        seen = x >= -FARTHEST * max(scale, typical)
+        # an unbounded region is shown out to so many times its own scale, or that of most poles
+        seen = x >= -12.0 * max(scale, typical)
         low = min(-1.3 * scale, float(x[seen].min(initial=0.0)))
     low, high = min(low, float(x[seen].min(initial=low))), max(high, float(x[seen].max(initial=0)))
     height = max(height, float(y[seen].max(initial=0.0)), 0.35 * (high - low))
@@ -491,7 +479,7 @@ def _sampled_boundary(ax: Axes, analysis: TableAnalysis) -> Any:
     """Draw where sampled poles reach the region's boundary; return its line for the legend."""
     from matplotlib.lines import Line2D
 
-    sides = [np.linspace(float(p.low), float(p.high), SAMPLES) for p in analysis.plant.parameters]
+    sides = [np.linspace(float(p.low), float(p.high), 101) for p in analysis.plant.parameters]
     x, y = np.meshgrid(*sides, indexing="ij")
     poles = analysis.poles(np.stack([x.ravel(), y.ravel()], axis=1))
     distance = analysis.region.distance(poles).max(axis=1).reshape(x.shape)
@@ -640,8 +628,8 @@ def _shade(ax: Axes, time: Array, outside: Any) -> None:
 
 def _drawn(time: Array, values: Array) -> tuple[Array, Array]:
     """Return a long record with the extremes of every piece only."""
-    values = np.where(np.abs(values) < BLOWN_UP, values, np.nan)
-    size = len(time) // PIECES
+    values = np.where(np.abs(values) < 1e30, values, np.nan)  # larger ones make no picture
+    size = len(time) // 1500  # each piece shows its least and its largest value
     if size < 3:
         return time, values
     whole = len(time) // size * size
@@ -674,7 +662,7 @@ def responses_figure(
         figure, axes = _grid(first.signals, len(columns), sharey="row")
     for column, (title, response) in zip(axes.T, columns.items(), strict=True):
         shown = response.time <= (response.time[-1] if until is None else until)
-        every = max(1, int(shown.sum()) // CURVE_POINTS)
+        every = max(1, int(shown.sum()) // 800)
         time = response.time[shown][::every]
         for i, (ax, signal) in enumerate(zip(column, response.signals, strict=True)):
             rows = response.values[:, shown, i][:, ::every]
@@ -791,7 +779,7 @@ def _curves(ax: Axes, x: Array, rows: Array, alpha: Array) -> None:
 
     vertices = np.flatnonzero(alpha.max(axis=1) == 1)
     others = np.setdiff1d(np.arange(len(rows)), vertices)
-    others = others[:: max(1, len(others) // CURVES)]
+    others = others[:: max(1, len(others) // 120)]
     lines = [np.column_stack([x, row]) for row in rows[others]]
     ax.add_collection(LineCollection(lines, rasterized=True, **MANY), autolim=True)
     for row in rows[vertices]:
@@ -857,7 +845,7 @@ def bounds_figure(x: Array, x_label: str, panels: Sequence[BoundsPanel]) -> Figu
     columns = min(2, len(panels))
     rows = math.ceil(len(panels) / columns)
     figure, axes = new_grid(rows, columns, 0.6 + 4.3 * columns, 0.7 + 2.5 * rows, sharex=True)
-    every = max(1, len(x) // SHOWN)
+    every = max(1, len(x) // 2000)
     for k, (ax, panel) in enumerate(zip(axes.flat, panels, strict=False)):
         if panel.passive is not None and panel.passive.any():
             ax.plot(x[::every], panel.passive[::every], **PASSIVE)
@@ -922,7 +910,7 @@ def front_figure(front: Front) -> Figure:
         seen = sorted(pair for pair in dots if None not in pair)
         x, y = [x for x, _ in seen], [y for _, y in seen]
         ax.plot(x, y, color=known[method]["color"], **SAMPLED_STYLE)
-    ax.plot([], [], color="0.3", label=SAMPLED_LABEL, **SAMPLED_STYLE)
+    ax.plot([], [], color="0.3", label="the same laws, worst of a sample", **SAMPLED_STYLE)
     for k, row in enumerate(front.references):
         ax.plot(row["over"], row["minimise"], **REFERENCE)
         place: dict[str, Any] = (
@@ -937,23 +925,25 @@ def front_figure(front: Front) -> Figure:
     return figure
 
 
-def comparison_figure(found: Comparison) -> Figure:
+def comparison_figure(compared: Comparison) -> Figure:
     """Draw comfort, grip, travel and force of each law: worst, median and best of the family."""
-    height = 1.2 + 0.5 * len(found.laws)
+    height = 1.2 + 0.5 * len(compared.laws)
     figure, axes = new_grid(2, 2, 9.5, 2 * height, sharey=True)
-    places = np.arange(len(found.laws))[::-1]
+    places = np.arange(len(compared.laws))[::-1]
     for ax, quantity in zip(axes.flat, COMPARED, strict=True):
-        rows = [found.row(law, quantity) for law in found.laws]
+        rows = [compared.row(law, quantity) for law in compared.laws]
         best, worst, middle = zip(*((r.best, r.worst, r.median) for r in rows), strict=True)
         ax.hlines(places, best, worst, color="#2166ac", lw=5, label="over the family")
         ax.plot(worst, places, "|", color="#b2182b", ms=14, mew=2.2, label="worst")
         ax.plot(middle, places, "o", color="white", mec="#2166ac", ms=5, label="median")
         ax.set(xlabel=f"{quantity} [{rows[0].unit}]", ylim=(-0.6, len(places) - 0.4))
-        ax.set_yticks(places, found.laws)
+        ax.set_yticks(places, compared.laws)
         ax.set_xlim(left=0)
     handles, _ = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
-    figure.suptitle(f"{found.plant.name}: class {found.road} at {found.speed:g} m/s", fontsize=9.5)
+    figure.suptitle(
+        f"{compared.plant.name}: class {compared.road} at {compared.speed:g} m/s", fontsize=9.5
+    )
     return figure
 
 
@@ -1009,7 +999,8 @@ def concepts_figure(found: Concepts) -> Figure:
     left.plot(costs, y, ls="", marker="o", ms=5.5, color="#2166ac", label="drives, worst load")
     lowest = {"no semi-active law below": (found.semi_active, "--")}
     lowest["no law below"] = (found.active, ":")
-    if found.active and found.semi_active and found.semi_active < found.active * (1 + ALIKE):
+    # limits that are nearer than a thousandth are drawn as one
+    if found.active and found.semi_active and found.semi_active < 1.001 * found.active:
         del lowest["no semi-active law below"]
     for label, (limit, dashes) in lowest.items():
         if limit is not None:

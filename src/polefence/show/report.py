@@ -51,11 +51,7 @@ from polefence.vehicle.rest import GRADE, is_grade, rests
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Centres of the limits curve, as multiples of the design's own.
-CENTRES = tuple(np.geomspace(0.25, 2.5, 13))
-SHARES = (0.05, 0.02)
 OURS = "this design"
-TITLE = "Comfort, grip and force on a road"
 MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
@@ -276,13 +272,13 @@ def _plant(plant: UncertainPlant) -> Section:
     return Section("The plant", tuple(text), Table(head, tuple(rows)))
 
 
-def _rate(own: Parameter) -> str:
-    if own.rate is None:
+def _rate(parameter: Parameter) -> str:
+    if parameter.rate is None:
         return "not"
-    if own.rate == ANY:
+    if parameter.rate == ANY:
         return "at any rate"
-    low, high = own.rate
-    return f"by {digits_up(low)} to {digits_down(high)} {rate_text(own.unit)}"
+    low, high = parameter.rate
+    return f"by {digits_up(low)} to {digits_down(high)} {rate_text(parameter.unit)}"
 
 
 @stage("poles")
@@ -312,7 +308,8 @@ def _limits(design: Design) -> Section | None:
     if region.circle is None or plant.sample_time is not None:
         return None
     centre, radius = region.circle
-    rows = limits(plant, [centre * share for share in CENTRES], METHODS, bounds=False)
+    centres = (centre * np.geomspace(0.25, 2.5, 13)).tolist()
+    rows = limits(plant, centres, METHODS, bounds=False)
     shown = [row.as_row() for row in rows if row.radius is not None and row.radius < -row.centre]
     here = 100 * (1 - radius / -centre)
     own = limits(plant, centre, METHODS)
@@ -496,8 +493,9 @@ def responses(design: Design) -> Section:
     except InputError as error:
         return Section("Responses", (f"None are drawn: {error}.",))
     name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
-    heads = tuple(f"within {100 * share:g} % [s]" for share in SHARES)
-    times = [found.settling(share).max(axis=0) for share in SHARES]
+    shares = (0.05, 0.02)
+    heads = tuple(f"within {100 * share:g} % [s]" for share in shares)
+    times = [found.settling(share).max(axis=0) for share in shares]
     left = _left(design, alpha, signals) if source is None else {}
     size = "" if source is not None else _size(plant)
     peaks = np.abs(found.peaks()[0]).max(axis=0)
@@ -542,14 +540,14 @@ def _seconds(value: float) -> str:
 @stage("comfort")
 def comfort(design: Design, road: str, speed: float) -> Section | None:
     """Return the ride of a quarter car beside other laws; None for any other plant."""
-    plant = design.plant
+    plant, title = design.plant, "Comfort, grip and force on a road"
     if plant.vehicle is None or any(v.E is None for v in plant.vertices):
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
-    found = compare(plant, laws, road, speed)
-    if OURS in found.left_out:
-        return Section(TITLE, (f"Nothing can be said of this design: {found.left_out[OURS]}.",))
-    ours, passive = (found.row(name) for name in (OURS, "passive"))
+    compared = compare(plant, laws, road, speed)
+    if OURS in compared.left_out:
+        return Section(title, (f"Nothing can be said of this design: {compared.left_out[OURS]}.",))
+    ours, passive = (compared.row(name) for name in (OURS, "passive"))
     if ours.best > passive.worst:
         verdict = "rougher than without control for every car of the family"
     elif ours.worst > passive.worst:
@@ -558,29 +556,30 @@ def comfort(design: Design, road: str, speed: float) -> Section | None:
         verdict = "smoother than without control in the worst case"
     reading = " to ".join(comfort_reading(ours.worst))
     return Section(
-        TITLE,
+        title,
         (
-            f"Stationary ride on a class {found.road} road of ISO 8608 at {speed:g} m/s, worst "
-            f"case and best over {len(found.alpha)} points of the family. The ride is {verdict}: "
+            f"Stationary ride on a class {compared.road} road of ISO 8608 at {speed:g} m/s, worst "
+            f"case and best over {len(compared.alpha)} points of the family. "
+            f"The ride is {verdict}: "
             f"weighted by ISO 2631-1, {ours.worst:.3g} m/s2 against {passive.worst:.3g} m/s2 in "
             f"the worst case, which people in public transport call {reading}.",
             "Pole location is no specification of comfort: a small disk far from the imaginary "
             "axis asks for speed.",
         ),
-        _comfort_table(found),
+        _comfort_table(compared),
     )
 
 
-def _comfort_table(found: Comparison) -> Table:
-    names = list(dict.fromkeys((row.quantity, row.unit) for row in found.rows))
+def _comfort_table(compared: Comparison) -> Table:
+    names = list(dict.fromkeys((row.quantity, row.unit) for row in compared.rows))
     rows = tuple(
         (
             f"{quantity} [{unit}]",
             *(
-                "{0.worst:.3g} ({0.best:.3g})".format(found.row(law, quantity))
-                for law in found.laws
+                "{0.worst:.3g} ({0.best:.3g})".format(compared.row(law, quantity))
+                for law in compared.laws
             ),
         )
         for quantity, unit in names
     )
-    return Table(("worst (best)", *found.laws), rows)
+    return Table(("worst (best)", *compared.laws), rows)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ARROW: Any = {"arrowstyle": "->", "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
-SUBSCRIPT = {"1": "₁", "2": "₂"}
 LINE: Any = {"color": "black", "lw": 1.3, "solid_capstyle": "round"}
 
 
@@ -35,7 +34,7 @@ def quarter_car_figure(values: Mapping[str, str]) -> Figure:
         ax.text(
             2.5,
             y + 0.5,
-            f"{name[0]}{SUBSCRIPT[name[1]]} = {values[name]}",
+            f"{name.replace('1', '₁').replace('2', '₂')} = {values[name]}",
             ha="center",
             va="center",
         )

@@ -20,11 +20,7 @@ from polefence.search.placed import tightest
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
 
-ROOM = 1.1  # times the smallest radius, that a session begins with
-PAUSE = 0.1  # [s] before a proof begins
-OFTEN = 0.5  # [s] between words about how far a search is
 THREAD = "polefence studio"  # name of threads
-AT_ONCE = 2  # one that ends where it next tells how far it is, and the newest
 MOST_KNOWN = 100  # answers that are kept
 
 
@@ -81,7 +77,8 @@ def first_region(subject: Subject) -> Region:
     tuned = Question(HalfPlane(0.0), subject.measured).structure(subject) is not None
     with suppress(PolefenceError):
         part = HalfPlane(0.0) if tuned else tightest(plant, -rate).region
-        radius = ROOM * part.size if part.circle else rate
+        # a little more room than the smallest radius
+        radius = 1.1 * part.size if part.circle else rate
         if radius < rate:
             return Disk(-rate, float(f"{max(radius, rate / 2):.3g}"))
     return HalfPlane(0.0)
@@ -114,7 +111,7 @@ def in_background(
     def heed(words: str = "") -> None:
         if not wanted():
             raise SupersededError
-        if words and time.monotonic() > told[0] + OFTEN:
+        if words and time.monotonic() > told[0] + 0.5:  # [s] between two reports
             told[0] = time.monotonic()
             going(words)
 
@@ -141,10 +138,10 @@ def settled(seconds: float) -> bool:
     A thread that is in the kernel while Python ends would abort the process.
     """
     end = time.monotonic() + seconds
-    threads = [own for own in threading.enumerate() if own.name == THREAD]
-    for own in threads:
-        own.join(max(end - time.monotonic(), 0.0))
-    return not any(own.is_alive() for own in threads)
+    threads = [thread for thread in threading.enumerate() if thread.name == THREAD]
+    for thread in threads:
+        thread.join(max(end - time.monotonic(), 0.0))
+    return not any(thread.is_alive() for thread in threads)
 
 
 class Newest:
@@ -166,7 +163,8 @@ class Newest:
         going: Callable[[int, str], object] = lambda number, words: None,  # noqa: ARG005
     ) -> None:
         self._subject, self._tell, self._going = subject, tell, going
-        self._room = threading.Semaphore(AT_ONCE)
+        # one search that ends at its next report of progress, and the newest
+        self._room = threading.Semaphore(2)
         self._lock, self._number = threading.Lock(), 0
         self._asked = threading.Condition(self._lock)
         self._known = dict[Question, Answer]()
@@ -185,19 +183,19 @@ class Newest:
         """Ask for a law; return the question's number. What was asked before is given up."""
         with self._lock:
             self._number += 1
-            own = Answer(self._number, question)
+            answer = Answer(self._number, question)
             self._asked.notify_all()
 
         def fault(reason: str) -> None:
-            self._say(replace(own, reason=reason))
+            self._say(replace(answer, reason=reason))
 
         in_background(
-            lambda: self._answer(own),
-            lambda: own.number == self._number,
+            lambda: self._answer(answer),
+            lambda: answer.number == self._number,
             fault,
-            lambda words: self._going(own.number, words),
+            lambda words: self._going(answer.number, words),
         )
-        return own.number
+        return answer.number
 
     def close(self) -> None:
         """Give up what is asked, and take no more."""
@@ -205,47 +203,50 @@ class Newest:
             self._number += 1
             self._asked.notify_all()
 
-    def _answer(self, own: Answer) -> None:
+    def _answer(self, answer: Answer) -> None:
         with self._room:
-            if own.number != self._number:
+            if answer.number != self._number:
                 return
-            known = self._known.get(own.question)
+            known = self._known.get(answer.question)
             if known is not None:
-                own = replace(known, number=own.number)
-            if own.found is None:
-                own = self._search(own)
+                answer = replace(known, number=answer.number)
+            if answer.found is None:
+                answer = self._search(answer)
             else:
-                self._say(replace(own, check=None))
-            if own.found is not None and own.check is None:
-                self._wait(own.number)
-                if own.number == self._number:
-                    own = replace(own, check=check_document(own.found.document, Path(FILE_NAME)))
-            self._say(own)
+                self._say(replace(answer, check=None))
+            if answer.found is not None and answer.check is None:
+                self._wait(answer.number)
+                if answer.number == self._number:
+                    answer = replace(
+                        answer, check=check_document(answer.found.document, Path(FILE_NAME))
+                    )
+            self._say(answer)
 
-    def _search(self, own: Answer) -> Answer:
+    def _search(self, answer: Answer) -> Answer:
         try:
-            own = replace(own, found=own.question.found(self._subject))
+            answer = replace(answer, found=answer.question.found(self._subject))
         except PolefenceError as error:
             refuted = getattr(error, "refutation", None) is not None
-            return replace(own, reason=" ".join(str(error).split()), refuted=refuted)
-        self._say(own)
-        return own
+            return replace(answer, reason=" ".join(str(error).split()), refuted=refuted)
+        self._say(answer)
+        return answer
 
     def _wait(self, number: int) -> None:
         """Wait a little for a newer question, whose law a proof of this one would only delay."""
         with self._asked:
-            self._asked.wait_for(lambda: number != self._number, PAUSE)
+            # [s] in which a newer question may come, before a proof begins
+            self._asked.wait_for(lambda: number != self._number, 0.1)
 
-    def _say(self, own: Answer) -> None:
+    def _say(self, answer: Answer) -> None:
         with self._lock:
-            if own.number == self._number:
-                if own.final:
-                    self._keep(own)
-                self._tell(own)
+            if answer.number == self._number:
+                if answer.final:
+                    self._keep(answer)
+                self._tell(answer)
 
-    def _keep(self, own: Answer) -> None:
-        if not own.reason.startswith("a fault"):
-            self._known.pop(own.question, None)
-            self._known[own.question] = own
+    def _keep(self, answer: Answer) -> None:
+        if not answer.reason.startswith("a bug"):
+            self._known.pop(answer.question, None)
+            self._known[answer.question] = answer
             for question in list(self._known)[:-MOST_KNOWN]:
                 del self._known[question]

@@ -23,8 +23,7 @@ from polefence.studio.templates import template
 BEFORE, SPACING = 12.0, 0.02  # [m] of level road that is drawn before it begins; of its points
 DASHES = ("solid", "dashed", "dotted", "dotdash")
 MOST = 3  # seats whose acceleration is drawn
-LOW, HIGH, ROW = 130, 200, 30  # traces of one wheel and of several, a legend: pixels
-FAINT = 0.6  # ghosts of several wheels
+ROW = 30  # [px] a legend
 PASSIVE, LAW = "passive", "with this law"
 
 
@@ -73,13 +72,13 @@ class Car:
         """Drive the car of a state, with a law and without; return who rides how, in words."""
         loads = self._loads(state)
         shown = self.scenes if len(loads) > 1 else [self.looked]
-        found = [self._driven(design, values, state) for _, values in loads]
-        self._arranged(shown, state, float(found[0][0].time[-1]))
+        rides = [self._driven(design, values, state) for _, values in loads]
+        self._arranged(shown, state, float(rides[0][0].time[-1]))
         for scene, (title, _) in zip(shown, loads, strict=True):
             scene.entitle(title, len(loads))
         self.traces[0].title.text = visible(loads[len(loads) // 2][0])
-        self._put(dict(zip(shown, found, strict=True)), state.speed)
-        pairs = zip(loads, found, strict=True)
+        self._put(dict(zip(shown, rides, strict=True)), state.speed)
+        pairs = zip(loads, rides, strict=True)
         return tuple(line for (title, _), both in pairs for line in self._said(title, both))
 
     def clear(self) -> None:
@@ -92,15 +91,15 @@ class Car:
         if not state.beside or not self.plant.parameters:
             return [("", values)]
         first = self.plant.parameters[0]
-        each = (float(first.low), values[first.name], float(first.high))
-        return [(_title(first, value), values | {first.name: value}) for value in each]
+        three = (float(first.low), values[first.name], float(first.high))
+        return [(_title(first, value), values | {first.name: value}) for value in three]
 
     def _driven(
         self, design: Design | None, values: dict[str, float], state: State
     ) -> tuple[Motion, Motion | None]:
-        own = (values, state.road, state.speed, state.travel_limit, self._dampers)
-        passive = ridden(self.plant, self.car, None, *own)
-        return passive, None if design is None else ridden(self.plant, self.car, design, *own)
+        drive = (values, state.road, state.speed, state.travel_limit, self._dampers)
+        passive = ridden(self.plant, self.car, None, *drive)
+        return passive, None if design is None else ridden(self.plant, self.car, design, *drive)
 
     def _arranged(self, shown: list[Scene], state: State, end: float) -> None:
         """Have these scenes beside each other, on the roads of a state."""
@@ -119,18 +118,18 @@ class Car:
 
     def _put(self, motions: dict[Scene, tuple[Motion, Motion | None]], speed: float) -> None:
         """Have motions in the scenes; the one looked at comes last, at which all are drawn."""
-        for scene in sorted(self.scenes, key=lambda own: own is self.looked):
+        for scene in sorted(self.scenes, key=lambda scene: scene is self.looked):
             passive, law = motions.get(scene, (None, None))
             scene.show(passive, law, speed)
 
     def _said(self, title: str, both: tuple[Motion, Motion | None]) -> list[tuple[str, str]]:
         """Say how a car rides, without a law and with it, at each seat."""
-        found = []
-        for who, own in zip((PASSIVE, LAW), both, strict=True):
-            for felt in () if own is None else own.felt:
+        texts = []
+        for who, ride in zip((PASSIVE, LAW), both, strict=True):
+            for felt in () if ride is None else ride.felt:
                 seat = "" if self.car is None else visible(felt.name)
-                found.append((", ".join(filter(None, (title, who, seat))), felt.text))
-        return found
+                texts.append((", ".join(filter(None, (title, who, seat))), felt.text))
+        return texts
 
     def _traces(self) -> list[Any]:
         wheels = [visible(name) for name in wheels_of(self.car)[0]]
@@ -149,7 +148,8 @@ class Car:
 
     def _trace(self, key: str, label: str, names: list[str]) -> Any:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
-        plot = small_figure(key, height=LOW if len(names) == 1 else HIGH)
+        # [px] for one wheel, for several
+        plot = small_figure(key, height=130 if len(names) == 1 else 200)
         plot.yaxis.axis_label = label
         plot.title.text_color = self._palette.ink
         plot.yaxis.axis_label_text_font_size = "10px"
@@ -162,7 +162,8 @@ class Car:
                     dash = DASHES[(i + i // len(shades)) % len(DASHES)]
                     style = {"color": shades[i % len(shades)], "line_dash": dash}
                 elif len(names) > 1:
-                    style |= {"line_alpha": FAINT}
+                    # several wheels' ghosts are faint
+                    style |= {"line_alpha": 0.6}
                 style["line_width"] = 1.5
                 # a legend shows no line that has no points when it is drawn
                 both = [plot.line("time", f"{key} {i}", source=own, **style), _unseen(plot, style)]
@@ -176,7 +177,7 @@ class Car:
     def _animated(self) -> None:
         """Have the browser draw one frame after the other, by itself."""
         models: dict[str, Any] = {
-            "cars": [own.models for own in self.scenes],
+            "cars": [scene.models for scene in self.scenes],
             "looked": self.looked.models,
         }
         models |= {"cursor": self.cursor, "play": self.play, "at": self.at}

@@ -18,9 +18,6 @@ from polefence.show.report import MARK
 from polefence.studio.session import DESIGN, MOST_BYTES, SESSION
 from polefence.studio.taking import CODE, REPORT
 
-OURS = (SESSION, DESIGN, CODE)  # what a page writes, and the report; its spec is there before
-NAME = re.compile(r"\w[\w .-]{0,79}")
-
 
 class TakenError(InputError):
     """Another session is saved in a folder.
@@ -94,17 +91,17 @@ class Folders:
         InputError
             If it is no name, or another session is saved there; with a name that is free.
         """
-        own = self._pages[page]
-        with own.lock:
+        entry = self._pages[page]
+        with entry.lock:
             with self._lock:
-                folder = self._claimed(page, own, name)
+                folder = self._claimed(page, entry, name)
             try:
                 yield folder
             finally:
-                own.saved[folder] = _session(folder)
+                entry.saved[folder] = _session(folder)
 
-    def _claimed(self, page: Any, own: _Own, name: str) -> Path:
-        if not NAME.fullmatch(name) or name != name.strip(" ."):
+    def _claimed(self, page: Any, entry: _Own, name: str) -> Path:
+        if not re.fullmatch(r"\w[\w .-]{0,79}", name) or name != name.strip(" ."):
             raise InputError(
                 f"name = {shown(name)} must be letters, digits, spaces, dots, - and _; it is that "
                 "of a folder"
@@ -114,7 +111,7 @@ class Folders:
             raise OutputError(
                 f"{folder}: is a symbolic link, and links are not written through; move it away"
             )
-        if folder in own.saved and own.saved[folder] == _session(folder):
+        if folder in entry.saved and entry.saved[folder] == _session(folder):
             return folder
         if not self._is_free(folder, page):
             raise TakenError(folder, self._called(self._free(page)))
@@ -126,7 +123,7 @@ class Folders:
         except OSError as error:
             why = f"{error.strerror}; choose another place"
             raise OutputError(f"{folder}: cannot be written: {why}") from error
-        own.saved[folder] = None
+        entry.saved[folder] = None
         return folder
 
     def _called(self, folder: Path) -> str:
@@ -138,15 +135,15 @@ class Folders:
         return self.first.with_name(name) if self.first.name else self.first / name
 
     def _free(self, page: Any) -> Path:
-        own = self._called(self.first)
-        names = (own if k == 1 else f"{own}-{k}" for k in count(1))
-        kept = {each.kept for other, each in self._pages.items() if other is not page}
-        folders = (each for each in map(self._named, names) if each not in kept)
-        return next(each for each in folders if self._is_free(each, page))
+        first = self._called(self.first)
+        names = (first if k == 1 else f"{first}-{k}" for k in count(1))
+        kept = {entry.kept for other, entry in self._pages.items() if other is not page}
+        folders = (folder for folder in map(self._named, names) if folder not in kept)
+        return next(folder for folder in folders if self._is_free(folder, page))
 
     def _is_free(self, folder: Path, page: Any) -> bool:
         """Whether no other page saved there, and nothing of a studio lies there."""
-        if any(folder in own.saved for each, own in self._pages.items() if each is not page):
+        if any(folder in entry.saved for other, entry in self._pages.items() if other is not page):
             return False
         if folder.is_file() or folder.is_symlink():
             return False
@@ -154,7 +151,8 @@ class Folders:
         if not report.is_symlink() and begins_with(report, MARK):
             return False
         # what is a stranger's, or a link, is refused where it would be written
-        return not any(own.exists() and not own.is_symlink() for own in map(folder.joinpath, OURS))
+        written = (folder / name for name in (SESSION, DESIGN, CODE))
+        return not any(path.exists() and not path.is_symlink() for path in written)
 
 
 def _session(folder: Path) -> str | None:

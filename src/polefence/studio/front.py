@@ -23,7 +23,6 @@ from polefence.studio.templates import template
 from polefence.studio.words import plain
 
 COUNT = 8  # limits that are tried
-DIGITS = 3  # of these
 
 
 class Front:
@@ -84,8 +83,8 @@ class Front:
 
     def over(self, title: str) -> Specification:
         """Return what is limited, of a title; the first where there is none of it."""
-        bare = [replace(own, at_most=None) for own in self.subject.overs]
-        return next((own for own in bare if own.title == title), bare[0])
+        bare = [replace(limit, at_most=None) for limit in self.subject.overs]
+        return next((limit for limit in bare if limit.title == title), bare[0])
 
     @property
     def limits(self) -> list[float]:
@@ -109,12 +108,12 @@ class Front:
         """Put the dot on what a question asks for, and name the axes."""
         plant, wanted = self.subject.plant, self.subject.wanted
         asked = question.ride and question.over == self.swept.title
-        own = [row for row in self._proved() if asked and row["value"] == question.limit]
+        chosen = [row for row in self._proved() if asked and row["value"] == question.limit]
         self.dot.data = {
-            key: [row[k] for row in own] for key, k in (("x", "value"), ("y", "proved"))
+            key: [row[k] for row in chosen] for key, k in (("x", "value"), ("y", "proved"))
         }
         if wanted is not None:
-            over, least = (label_of(plant, own) for own in (self.swept, wanted.least))
+            over, least = (label_of(plant, asked_for) for asked_for in (self.swept, wanted.least))
             self.figure.xaxis.axis_label = plain(f"limit on {over}")
             self.figure.title.text = plain(f"proved: least {least}") if self.rows else ""
 
@@ -160,7 +159,7 @@ class Front:
             if row["answer"] == "proved" and row["law_of"] == row["value"]:
                 law = front.design(row["value"], TUNED), front.file(row["value"], TUNED)
                 kept = ((subject.wanted.least, row["proved"]), *_bounds(subject, over, row))
-                texts = tuple(f"{own.title} <= {digits_up(level)}" for own, level in kept)
+                texts = tuple(f"{limit.title} <= {digits_up(level)}" for limit, level in kept)
                 know(replace(asked, limit=row["value"]), Found(*law, texts))
         show(front.rows)
 
@@ -171,7 +170,7 @@ class Front:
         if bound is None or not bound.level > 0:
             raise NotProvedError(f"nothing is proved of {over.title} without a limit on it")
         shares = ((k + 1) / COUNT for k in range(COUNT))
-        return list(dict.fromkeys(float(f"{bound.level * s:.{DIGITS}g}") for s in shares))
+        return list(dict.fromkeys(float(f"{bound.level * s:.3g}") for s in shares))
 
     def command(self, question: Question) -> str:
         """Return the command line that works the rows out."""
@@ -212,7 +211,7 @@ def _bounds(
 ) -> Iterator[tuple[Specification, float]]:
     """Yield what else is proved of a row's law."""
     limits: Iterable[Specification] = () if subject.wanted is None else subject.wanted.limits
-    known = {own.title: own for own in (*limits, over)}
-    for own in row["bounds"]:
-        if own["specification"] in known:
-            yield known[own["specification"]], own["proved"]
+    known = {limit.title: limit for limit in (*limits, over)}
+    for bound in row["bounds"]:
+        if bound["specification"] in known:
+            yield known[bound["specification"]], bound["proved"]

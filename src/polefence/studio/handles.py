@@ -13,10 +13,7 @@ import numpy as np
 from polefence.plant.system import Array
 from polefence.region.regions import Curve, Region, View, require_left
 
-DIGITS = 4  # of numbers that are dragged
-NEAR = 0.02  # of the view's width: of an edge and a corner so near, the corner is enough
 WIDE = 100.0  # times the view, that an outline reaches: so far one can zoom out, or pan
-ANGLES = 361  # points on the upper half of a round part, as far as it is shown
 LITTLE = 0.02  # of the view's width: a boundary of which less is seen is not seen
 
 
@@ -43,7 +40,8 @@ def handles(region: Region, view: View) -> list[Handle]:
     """Return the handles of a region within a view (least and largest real part, height)."""
     corners = list(_corners(region, view))
     low, high, height = view
-    near = NEAR * (high - low)
+    # where an edge is this near to a corner, the corner is enough
+    near = 0.02 * (high - low)
     edges = (
         own
         for own in _edges(region, view)
@@ -106,7 +104,7 @@ def _curved(part: Region, low: float, high: float) -> Array:
         return np.empty(0)
     real, centre = part.half_axes[0], sum(part.ends) / 2
     first, last = (np.arccos(np.clip((x - centre) / real, -1, 1)) for x in (low, high))
-    x = centre + real * np.cos(np.linspace(first, last, ANGLES))
+    x = centre + real * np.cos(np.linspace(first, last, 361))
     return np.asarray(np.clip(x, low, high))
 
 
@@ -170,7 +168,7 @@ def _close(view: View) -> float:
 
 
 def _short(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+    return float(f"{value:.4g}")
 
 
 def _dragged(part: Region, handle: Handle, place: complex) -> Region:

@@ -38,7 +38,7 @@ class Map:
         self.plant, self._palette, self._choose = plant, palette, choose
         self._ranges = [(float(p.low), float(p.high)) for p in plant.parameters[:2]]
         x, y = (low + (high - low) * (np.arange(SIDE) + 0.5) / SIDE for low, high in self._ranges)
-        self._x, self._y = (own.ravel() for own in np.meshgrid(x, y))
+        self._x, self._y = (axis.ravel() for axis in np.meshgrid(x, y))
         empty = np.full(SIDE**2, palette.paper)
         self.cells = ColumnDataSource({"x": self._x, "y": self._y, "colour": empty})
         self.here = ColumnDataSource({"x": [], "y": []})
@@ -86,7 +86,7 @@ class Map:
     def python(self, state: State) -> str:
         """Return the Python that finds the cells in which a design keeps the region."""
         values, (x, y) = dict(state.values), (p.name for p in self.plant.parameters[:2])
-        (left, right), (low, high) = ((own[0], own[-1]) for own in (self._x, self._y))
+        (left, right), (low, high) = ((axis[0], axis[-1]) for axis in (self._x, self._y))
         rest = "".join(f", {p.name!r}: {values[p.name]!r}" for p in self.plant.parameters[2:])
         lines = [
             "import numpy as np",
@@ -108,6 +108,6 @@ class Map:
     def _tapped(self, event: Any) -> None:
         """Choose the car that is pointed at."""
         places = ((event.x, *self._ranges[0]), (event.y, *self._ranges[1]))
-        values = [min(max(float(own), low), high) for own, low, high in places]
+        values = [min(max(float(place), low), high) for place, low, high in places]
         names = (p.name for p in self.plant.parameters[:2])
         self._choose(dict(zip(names, values, strict=True)))

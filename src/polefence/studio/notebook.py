@@ -26,12 +26,7 @@ from polefence.studio.server import HOST, free_port, listening, shown
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
 
-THREAD = "polefence notebook"  # name of the server's
-SESSION = "notebook"  # all frames look at this one, so that they are in step
-NEVER = 2**31 - 1  # [ms] until a session ends that nobody looks at
-WHOLE, PANE = 1950, 560  # heights in pixels: of the page, of a pane that is in no table
 HEIGHTS = {"poles": 600, "car": 680, "traces": 800, "service": 260}
-WIDTH = 760  # of a pane at most
 
 
 @dataclass(frozen=True)
@@ -95,10 +90,13 @@ class Notebook:
         self._title = visible(subject.plant.name)
         self._token, self._port = secrets.token_urlsafe(24), free_port()
         theme = "dark" if dark else "default"
-        path = f"/{self._token}/?bokeh-session-id={SESSION}&theme={theme}"
+        # all frames show one session, so that they are in step
+        path = f"/{self._token}/?bokeh-session-id=notebook&theme={theme}"
         self.address = f"http://{HOST}:{self._port}{path}"
         ready = SimpleQueue[Any]()
-        threading.Thread(target=self._serve, args=(ready,), name=THREAD, daemon=True).start()
+        threading.Thread(
+            target=self._serve, args=(ready,), name="polefence notebook", daemon=True
+        ).start()
         self._server = ready.get()
         if isinstance(self._server, OutputError):
             raise self._server
@@ -107,13 +105,14 @@ class Notebook:
     def _serve(self, ready: SimpleQueue[Any]) -> None:
         """Serve in this thread: a cell that is at work does not keep the page waiting."""
         try:
+            # the longest there is: a session stays for as long as the notebook does
             server = listening(
                 self._shown,
                 self._token,
                 self._port,
                 self._title,
                 generate_session_ids=False,
-                unused_session_lifetime_milliseconds=NEVER,
+                unused_session_lifetime_milliseconds=2**31 - 1,
             )
         except OutputError as error:
             ready.put(error)
@@ -157,8 +156,8 @@ class Notebook:
         """
         if name not in self.names:
             raise InputError(f"no pane {name!r}; {suggest(name, self.names)}")
-        height = HEIGHTS.get(name, PANE) if height is None else height
-        return Frame(f"{self.address}&pane={name}", f"{self._title}: {name}", height, f"{WIDTH}px")
+        height = HEIGHTS.get(name, 560) if height is None else height
+        return Frame(f"{self.address}&pane={name}", f"{self._title}: {name}", height, "760px")
 
     @property
     def design(self) -> Design | None:
@@ -172,7 +171,7 @@ class Notebook:
         return self.page.history.now.region
 
     def _repr_html_(self) -> str:
-        return Frame(self.address, self._title, WHOLE)._repr_html_()
+        return Frame(self.address, self._title, 1950)._repr_html_()
 
     def close(self) -> None:
         """End what is under way, and the server."""

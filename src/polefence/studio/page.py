@@ -39,12 +39,13 @@ from polefence.studio.subject import Subject
 from polefence.studio.words import of_parameter, paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
-LARGE, SMALL = {"flex": "3 1 520px"}, {"flex": "2 1 340px"}
 ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
-STYLES = {name: SMALL for names in ROWS for name in names} | {"poles": LARGE, "car": LARGE}
-AIMS = {"a law for the region": False, "the best ride": True}
-LONG, OFTEN = 3.0, 1.0  # [s] after which a search or a proof says how long it takes; how often
-FOLLOWED = 0.2  # [s] after a change: Panel sends then what it has kept back
+OFTEN = 1.0  # [s] between two words about how long a search or a proof takes
+STYLES = {
+    name: {"flex": "3 1 520px" if name in ("poles", "car") else "2 1 340px"}
+    for names in ROWS
+    for name in names
+}
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
 
@@ -92,7 +93,7 @@ class Page:
         self._loop = None if document is None else IOLoop.current()
         self.newest = Newest(
             subject,
-            lambda own: self._soon(partial(self._answered, own)),
+            lambda answer: self._soon(partial(self._answered, answer)),
             lambda number, words: self._soon(
                 partial(self._if_newest, number, partial(self._going, words))
             ),
@@ -127,7 +128,11 @@ class Page:
         state = self.history.now
         self.region = pn.widgets.TextInput(label="Region", value=str(state.region), **WIDE)
         self.region.param.watch(self._typed, "value")
-        self.aim = pn.widgets.RadioButtonGroup(label="Look for", options=AIMS, stylesheets=[CHOSEN])
+        self.aim = pn.widgets.RadioButtonGroup(
+            label="Look for",
+            options={"a law for the region": False, "the best ride": True},
+            stylesheets=[CHOSEN],
+        )
         self.aim.param.watch(lambda event: self._asked(ride=event.new), "value")
         self.method = pn.widgets.Select(label="Method", options=list(METHODS), **WIDE)
         self.method.param.watch(lambda event: self._asked(method=event.new), "value")
@@ -144,8 +149,8 @@ class Page:
         self.back.on_click(lambda _: self._asked_again(self.history.back()))
         self.forward.on_click(lambda _: self._asked_again(self.history.forward()))
         self.fit.on_click(lambda _: self.poles.fit())
-        for own, name in ((self.save, "save"), (self.report, "report"), (self.code, "code")):
-            own.on_click(lambda _, name=name: self._take(name))
+        for button, name in ((self.save, "save"), (self.report, "report"), (self.code, "code")):
+            button.on_click(lambda _, name=name: self._take(name))
         self.find = pn.widgets.Button(label="Show the car that fails", visible=False)
         self.find.on_click(lambda _: self._find())
         self.worth = pn.widgets.Button(label="What is each sensor worth?")
@@ -155,7 +160,7 @@ class Page:
 
     def _slider(self, parameter: Any, value: float) -> Any:
         low, high = float(parameter.low), float(parameter.high)
-        own = pn.widgets.FloatSlider(
+        slider = pn.widgets.FloatSlider(
             label=visible(of_parameter(parameter)),
             start=low,
             end=high,
@@ -165,8 +170,8 @@ class Page:
             stylesheets=[FITTED],
             **WIDE,
         )
-        own.param.watch(lambda event: self._slid(parameter.name, event.new), "value")
-        return own
+        slider.param.watch(lambda event: self._slid(parameter.name, event.new), "value")
+        return slider
 
     def _roads(self) -> None:
         slider = pn.widgets.FloatSlider
@@ -188,7 +193,7 @@ class Page:
             self.beside.label = f"Also show the smallest and the largest {name}"
 
     def _trade(self) -> None:
-        titles = {visible(own.title): own.title for own in self.subject.overs} or {"": ""}
+        titles = {visible(limit.title): limit.title for limit in self.subject.overs} or {"": ""}
         self.over = pn.widgets.Select(label="Trade-off over", options=titles, **WIDE)
         self.over.param.watch(lambda _: self._swept(), "value")
         self.draw = pn.widgets.Button(label="Draw the trade-off")
@@ -199,24 +204,24 @@ class Page:
 
     def panes(self) -> dict[str, Any]:
         """Return all panes of this session, by their names."""
-        found = {
+        panes = {
             "poles": pn.pane.Bokeh(self.poles.figure, sizing_mode="scale_width", min_width=280),
             "asked": self._asked_pane(),
         }
         if self.car is not None:
-            found |= self._car_panes(*self.car.views)
+            panes |= self._car_panes(*self.car.views)
         if self.map is not None:
-            own = pn.pane.Bokeh(self.map.figure, min_width=280, **WIDE)
-            found["map"] = pn.Column(own, self.count, self.takes["map"], **WIDE)
+            plot = pn.pane.Bokeh(self.map.figure, min_width=280, **WIDE)
+            panes["map"] = pn.Column(plot, self.count, self.takes["map"], **WIDE)
         if self.front is not None:
-            own = pn.pane.Bokeh(self.front.figure, min_width=280, **WIDE)
-            front = (self.over, self.draw, self.progress, own, self.limit, self.takes["front"])
-            found["front"] = pn.Column(*front, **WIDE)
+            plot = pn.pane.Bokeh(self.front.figure, min_width=280, **WIDE)
+            front = (self.over, self.draw, self.progress, plot, self.limit, self.takes["front"])
+            panes["front"] = pn.Column(*front, **WIDE)
         worth = (self.worth,) if self.subject.wanted is not None else ()
         sensors = (self.sensors.view, *worth, self.takes["sensors"])
-        found["sensors"] = pn.Column(*sensors, **WIDE)
-        found["service"] = pn.Column(self.service.view, self.takes["service"], **WIDE)
-        return found
+        panes["sensors"] = pn.Column(*sensors, **WIDE)
+        panes["service"] = pn.Column(self.service.view, self.takes["service"], **WIDE)
+        return panes
 
     def _asked_pane(self) -> Any:
         aim = (self.aim,) if self.subject.wanted is not None else ()
@@ -236,11 +241,11 @@ class Page:
         )
 
     def _car_panes(self, scene: Any, traces: Any) -> dict[str, Any]:
-        drawn = [pn.pane.Bokeh(own, min_width=280, **WIDE) for own in (scene, traces)]
+        drawn = [pn.pane.Bokeh(plot, min_width=280, **WIDE) for plot in (scene, traces)]
         beside = (self.beside,) if self.plant.parameters else ()
         asked = (self.road, self.speed, self.travel, *beside, self.ride)
-        own = pn.Column(*asked, drawn[1], self.takes["drive"], **WIDE)
-        return {"car": drawn[0], "traces": own}
+        column = pn.Column(*asked, drawn[1], self.takes["drive"], **WIDE)
+        return {"car": drawn[0], "traces": column}
 
     def _soon(self, work: Callable[[], object]) -> None:
         """Have something done in the page's own thread."""
@@ -265,7 +270,8 @@ class Page:
             work()
         if not self._following:
             self._following = True
-            self._loop.call_later(FOLLOWED, self._follow)
+            # [s] by which Panel has sent what it kept back
+            self._loop.call_later(0.2, self._follow)
 
     def _follow(self) -> None:
         self._following = False
@@ -277,8 +283,8 @@ class Page:
         with pn.io.hold(self._document):
             for root in self._document.roots[:1]:
                 self._changes += 1
-                own = [tag for tag in root.tags if not isinstance(tag, int)]
-                root.tags = [*own, self._changes]
+                others = [tag for tag in root.tags if not isinstance(tag, int)]
+                root.tags = [*others, self._changes]
 
     @_together
     def _go(self, history: History) -> None:
@@ -386,8 +392,8 @@ class Page:
     def _told(self) -> None:
         now, asked = self.history.now, self.history.now.question
         self.aim.value, self.method.value = asked.ride, asked.method
-        own = self.subject.structure
-        self.method.disabled = own is not None and own.schedule is not None
+        structure = self.subject.structure
+        self.method.disabled = structure is not None and structure.schedule is not None
         self.road.value, self.speed.value = now.road, now.speed
         self.travel.value, self.beside.value = 1e3 * now.travel_limit, now.beside
         self.sensors.look(asked)
@@ -405,7 +411,7 @@ class Page:
         """Offer the limits of the trade-off, and the one that is asked for."""
         now = self.history.now.question.limit or 0.0
         known = {now} - {0.0} | set(() if self.front is None else self.front.limits)
-        options = dict([OWN]) | {f"{own:g}": own for own in sorted(known)}
+        options = dict([OWN]) | {f"{limit:g}": limit for limit in sorted(known)}
         if options != self.limit.options:
             self.limit.options = options
         self.limit.value = now
@@ -414,7 +420,7 @@ class Page:
         """Have each view show the command line and the Python that give it."""
         now, subject = self.history.now, self.subject
         asked, python = now.question, now.python(subject)
-        found = {
+        texts = {
             "law": (asked.command(subject), python),
             "service": (
                 f"polefence service {quote(asked.given or 'design')}",
@@ -423,12 +429,12 @@ class Page:
             "sensors": self.sensors.recipe(asked),
         }
         if self.car is not None:
-            found["drive"] = (now.drive(subject), f"{python}\n{now.drive_python(subject)}")
+            texts["drive"] = (now.drive(subject), f"{python}\n{now.drive_python(subject)}")
         if self.map is not None:
-            found["map"] = ("", f"{python}\n{self.map.python(now)}")
+            texts["map"] = ("", f"{python}\n{self.map.python(now)}")
         if self.front is not None and self.front.rows:
-            found["front"] = (self.front.command(asked), self.front.python(asked))
-        for key, pair in found.items():
+            texts["front"] = (self.front.command(asked), self.front.python(asked))
+        for key, pair in texts.items():
             self.takes[key].object = taken(*pair)
 
     def _ask(self) -> None:
@@ -468,7 +474,7 @@ class Page:
         what = "being searched" if self.answer is None else "being proved"
         said, seconds = [f"{what}: {self.history.now.region}"], time.monotonic() - self._since
         said += [self._far] if self._far else []
-        said += [f"for {seconds:.0f} s now"] if seconds >= LONG else []
+        said += [f"for {seconds:.0f} s now"] if seconds >= 3.0 else []
         self._say("working", "; ".join(said))
 
     def _takeable(self, proved: bool) -> None:
@@ -513,27 +519,27 @@ class Page:
             self._settled()
             self._go(replace(self.history, now=self.history.now.at(name, value)))
 
-    def _answered(self, own: Answer) -> None:
+    def _answered(self, answer: Answer) -> None:
         """Show an answer, unless a newer question has been asked meanwhile."""
-        if own.number != self.newest.number:
+        if answer.number != self.newest.number:
             return
-        self.answer = own
-        if own.final:
-            self._say(*_words(own))
+        self.answer = answer
+        if answer.final:
+            self._say(*_words(answer))
         else:
             self._begun()
-        self.find.visible = own.check is not None and own.check.alpha is not None
-        self.service.allow(own.proved)
-        self._takeable(own.proved)
-        if own.check is None:
-            self._drawn(own)
-        if own.final:
+        self.find.visible = answer.check is not None and answer.check.alpha is not None
+        self.service.allow(answer.proved)
+        self._takeable(answer.proved)
+        if answer.check is None:
+            self._drawn(answer)
+        if answer.final:
             self._recipes()
             self._followed()
 
-    def _drawn(self, own: Answer) -> None:
+    def _drawn(self, answer: Answer) -> None:
         """Show the poles of a law, and none where there is none."""
-        self.poles.show(own.design, own.question.region)
+        self.poles.show(answer.design, answer.question.region)
         if not self._fitted:
             self._fitted = True
             self.poles.fit()
@@ -557,7 +563,7 @@ class Page:
         alpha = None if check is None else check.alpha
         values = None if alpha is None else values_at(self.plant, alpha)
         if values is None:
-            weights = ", ".join(str(own) for own in alpha or ())
+            weights = ", ".join(map(str, alpha or ()))
             self.message.object = paragraph(f"leaves the region at alpha = ({weights})")
             return
         state = self.history.now
@@ -569,11 +575,11 @@ class Page:
     @_together
     def _wrong(self) -> None:
         """Work out what errors the law bears in service; drop them for a newer law."""
-        own = self.answer
-        if own is None or own.design is None:
+        answer = self.answer
+        if answer is None or answer.design is None:
             return
         self.service.wait()
-        number, design = own.number, own.design
+        number, design = answer.number, answer.design
 
         def show(text: str) -> None:
             self._soon(partial(self._if_newest, number, partial(self.service.show, text)))
@@ -597,10 +603,10 @@ class Page:
         complain: Callable[[str], object],
     ) -> None:
         """Do a job in a thread of its own, in place of an older one of this name."""
-        own = self._jobs[job] = self._jobs.get(job, 0) + 1
+        number = self._jobs[job] = self._jobs.get(job, 0) + 1
 
         def still() -> bool:
-            return not self._closed and own == self._jobs[job] and wanted()
+            return not self._closed and number == self._jobs[job] and wanted()
 
         in_background(work, still, lambda reason: self._soon(partial(complain, reason)))
 
@@ -640,8 +646,8 @@ class Page:
             return same and self.over.value == over.title
 
         def show(rows: Sequence[Row]) -> None:
-            own = tuple(rows)
-            self._soon(lambda: self._rows(own) if wanted() else None)
+            known = tuple(rows)
+            self._soon(lambda: self._rows(known) if wanted() else None)
 
         def complain(reason: str) -> None:
             self.progress.object = paragraph(reason)
@@ -699,21 +705,21 @@ def _of_ride(question: Question) -> Question:
     return replace(question, ride=True, given="")
 
 
-def _words(own: Answer) -> tuple[str, str]:
+def _words(answer: Answer) -> tuple[str, str]:
     """Return the class of a badge, and what it says."""
-    region = own.question.region
-    if own.found is None:
-        return "refuted" if own.refuted else "undecided", own.reason
-    if own.check is None:  # which says itself how far it is
+    region = answer.question.region
+    if answer.found is None:
+        return "refuted" if answer.refuted else "undecided", answer.reason
+    if answer.check is None:  # which says itself how far it is
         return "working", ""
-    proved = "; ".join((f"proved: all poles in {region}", *own.found.bounds))
-    if own.found.design.note:
-        proved += f"; {own.found.design.note}"
-    if not implies_stability(own.found.design.plant, region):
+    proved = "; ".join((f"proved: all poles in {region}", *answer.found.bounds))
+    if answer.found.design.note:
+        proved += f"; {answer.found.design.note}"
+    if not implies_stability(answer.found.design.plant, region):
         proved += "; note: this region does not imply stability"
     words = {
         "proved": proved,
         "refuted": f"refuted: poles of this law leave {region}",
-        "undecided": f"undecided: {own.check.reason}",
+        "undecided": f"undecided: {answer.check.reason}",
     }
-    return own.check.answer, words[own.check.answer]
+    return answer.check.answer, words[answer.check.answer]

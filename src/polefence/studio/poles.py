@@ -23,11 +23,6 @@ from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State
 from polefence.studio.templates import template
 
-CLOUD = 250  # plants besides the vertices
-STEPS = 40  # of a trail
-REACH = 24  # from a handle to where it is grabbed, in pixels
-
-
 ASKED = ("x", "y", "handle", "begin", "end", "number")  # of a place that is dragged to
 
 
@@ -51,7 +46,7 @@ class Poles:
         palette: Palette = LIGHT,
     ) -> None:
         self.plant, self._drag, self._palette = plant, drag, palette
-        self._alpha = seeded(plant, CLOUD + len(plant.vertices))
+        self._alpha = seeded(plant, 250 + len(plant.vertices))
         self._design: Design | None = None
         self._handles: list[Handle] = []
         self._number = 0  # of the place that a handle was dragged to last
@@ -118,7 +113,8 @@ class Poles:
             "handles": self.handles,
             "plot": plot,
         }
-        models |= {"reach": REACH}
+        # [px] from a handle to where it can be grabbed
+        models |= {"reach": 24}
         code = template("dragging.js")
         for event, what in ((PanStart, "begin"), (Pan, "move"), (PanEnd, "end")):
             plot.js_on_event(event, CustomJS(args=models | {"what": what}, code=code))
@@ -179,8 +175,9 @@ class Poles:
         names = [p.name for p in self.plant.parameters]
         here = np.array([dict(self.state.values)[name] for name in names])
         for k, (own, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
-            values = np.tile(here, (STEPS, 1))
-            values[:, k] = np.linspace(float(p.low), float(p.high), STEPS)
+            along = np.linspace(float(p.low), float(p.high), 40)
+            values = np.tile(here, (len(along), 1))
+            values[:, k] = along
             own.data = _columns(np.ravel(self._poles(values)))
         self.looked.data = _columns(np.ravel(self._poles(here[None])))
 

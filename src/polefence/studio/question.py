@@ -55,15 +55,15 @@ class Found(Short):
             require_kind(certificate)
         except InputError as error:
             raise DesignFileError(f"{path}: {error}") from error
-        others = (own.said(document.plant) for own in document.claims[1:])
-        return cls(Design(certificate), document, tuple(" ".join(own.split()) for own in others))
+        others = (claim.said(document.plant) for claim in document.claims[1:])
+        return cls(Design(certificate), document, tuple(" ".join(text.split()) for text in others))
 
     @classmethod
     def of(cls, done: Design | Optimised) -> Found:
         """Return what was found."""
         if isinstance(done, Design):
             return cls(done, done.certificate.file())
-        document = bounds_file(done.design.certificate, [own.claim for own in done.bounds])
+        document = bounds_file(done.design.certificate, [bound.claim for bound in done.bounds])
         return cls(done.design, document, tuple(map(str, done.bounds)))
 
 
@@ -103,21 +103,21 @@ class Question(Short):
 
     def structure(self, subject: Subject) -> Structure | None:
         """Return the structure of a law that is tuned; None of one of all states, by an LMI."""
-        own = subject.structure
+        structure = subject.structure
         everything = len(self.measured) == subject.plant.shape[0] and self.measured == (
             subject.measured
         )
-        if own is None and everything and not self.ride:
+        if structure is None and everything and not self.ride:
             return None
-        own = own or Structure(measured=subject.measured)
-        if self.measured != subject.measured or own.measured is None:
-            own = replace(own, measured=self.measured)
-        fixed = own.schedule is None and self.method != SCHEDULED
-        return replace(own, schedule=()) if fixed else own
+        structure = structure or Structure(measured=subject.measured)
+        if self.measured != subject.measured or structure.measured is None:
+            structure = replace(structure, measured=self.measured)
+        fixed = structure.schedule is None and self.method != SCHEDULED
+        return replace(structure, schedule=()) if fixed else structure
 
     def others(self, wanted: Wanted) -> tuple[Specification, ...]:
         """Return the limits of the spec that are as they are."""
-        return tuple(own for own in wanted.limits if own.title != self.over)
+        return tuple(limit for limit in wanted.limits if limit.title != self.over)
 
     def found(self, subject: Subject) -> Found:
         """Search a law.
@@ -142,19 +142,19 @@ class Question(Short):
         """Return what has the limit that was chosen."""
         if self.limit is None:
             return ()
-        own = (each for each in subject.overs if replace(each, at_most=None).title == self.over)
-        return [replace(each, at_most=self.limit) for each in own][:1]
+        swept = (s for s in subject.overs if replace(s, at_most=None).title == self.over)
+        return [replace(s, at_most=self.limit) for s in swept][:1]
 
     def options(self, subject: Subject) -> str:
         """Return the options of the command line for region, law and structure."""
         words = f"--region {quote(str(self.region))}"
-        own = self.structure(subject)
-        if own is None:
+        structure = self.structure(subject)
+        if structure is None:
             return f"{words} --method {self.method}"
         if self.measured != subject.measured or subject.structure is None:
             words += f" --measured {quote(listed(self.measured)[1:-1])}"
         written = None if subject.structure is None else subject.structure.schedule
-        return f"{words} --schedule none" if own.schedule == () and written is None else words
+        return f"{words} --schedule none" if structure.schedule == () and written is None else words
 
     def command(self, subject: Subject) -> str:
         """Return the command line that designs this, or proves what is given."""
@@ -163,9 +163,9 @@ class Question(Short):
         name, options = quote(subject.name), self.options(subject)
         if not self.ride or subject.wanted is None:
             return f"polefence design {name} {options} -o design"
-        words = "".join(f" {quote(own)}" for own in subject.wanted.words)
-        for own in self._limited(subject):
-            words += f" --limit {quote(f'{own.title} <= {self.limit!r}')}"
+        words = "".join(f" {quote(word)}" for word in subject.wanted.words)
+        for limit in self._limited(subject):
+            words += f" --limit {quote(f'{limit.title} <= {self.limit!r}')}"
         return f"polefence optimise {name} {options}{words} -o design"
 
     def python(self, subject: Subject) -> str:
@@ -202,8 +202,8 @@ def imported(lines: list[str]) -> str:
     return "\n".join(["from fractions import Fraction\n", *lines] if needs else lines)
 
 
-def made(own: Specification | Structure) -> str:
+def made(asked: Specification | Structure) -> str:
     """Return the Python that makes it."""
-    given = ((field, getattr(own, field.name)) for field in fields(own))
+    given = ((field, getattr(asked, field.name)) for field in fields(asked))
     words = (f"{field.name}={value!r}" for field, value in given if value != field.default)
-    return f"pf.{type(own).__name__}({', '.join(words)})"
+    return f"pf.{type(asked).__name__}({', '.join(words)})"

@@ -190,8 +190,8 @@ def wheels_of(car: Car | None) -> tuple[tuple[str, ...], Array]:
     """Return names and places (x, y) [m] of a car's wheels; a quarter car has one, of no name."""
     if car is None:
         return ("",), np.zeros((1, 2))
-    own = [(float(wheel.x), float(wheel.y)) for wheel in car.wheels]
-    return tuple(wheel.name for wheel in car.wheels), np.array(own)
+    places = [(float(wheel.x), float(wheel.y)) for wheel in car.wheels]
+    return tuple(wheel.name for wheel in car.wheels), np.array(places)
 
 
 def seats_of(car: Car | None) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ def rides(plant: UncertainPlant, car: Car | None) -> bool:
     """Whether a plant is a car that a road moves, and that roads are no part of."""
     if car is not None:
         whole = len(own_states(plant)) == plant.shape[0]
-        return whole and set(car.places) <= {own.name for own in disturbances(plant)}
+        return whole and set(car.places) <= {source.name for source in disturbances(plant)}
     known = ride(plant)
     return known is not None and known.road is not None
 
@@ -218,10 +218,10 @@ def roads(road: str, speed: float, width: float = 0.0) -> tuple[Road, Road]:
         Between wheels on the left and on the right [m]; random roads differ over it.
     """
     chosen = ROADS[road]
-    own = chosen.make(speed)
+    right = chosen.make(speed)
     if chosen.length or not width:
-        return own, own
-    return both_sides(own, chosen.make(speed, 1), float(SHARE) * width)
+        return right, right
+    return both_sides(right, chosen.make(speed, 1), float(SHARE) * width)
 
 
 def under(car: Car | None, road: str, speed: float) -> tuple[Road, Road]:
@@ -304,19 +304,19 @@ def python(
     dampers: tuple[Damper, ...],
 ) -> str:
     """Return the Python that drives ``plant`` under ``design`` as `ridden` does."""
-    chosen, own = ROADS[road], {"plant": "plant", "roads": "road"}
+    chosen, words = ROADS[road], {"plant": "plant", "roads": "road"}
     across = float(np.ptp(wheels_of(car)[1][:, 1]))
     lines, parts = [f"road = {chosen.words(speed)}"], []
     if car is not None:
         lines.insert(0, f"car = load_car({spec!r})")
-        own = {"plant": "plant, car.places", "roads": "(road, road)"}
+        words = {"plant": "plant, car.places", "roads": "(road, road)"}
     if across and not chosen.length:
         width = f"{float(SHARE) * across!r}"
         lines.append(f"roads = pf.vehicle.both_sides(road, {chosen.words(speed, 1)}, {width})")
-        own["roads"] = "roads"
+        words["roads"] = "roads"
     move = "on_road" if car is None else "on_wheels"
     timed = f"{speed!r}, {STEP!r}, {chosen.seconds(speed)!r}"
-    lines.append(f"moved = pf.vehicle.{move}({own['plant']}, {own['roads']}, {timed})")
+    lines.append(f"moved = pf.vehicle.{move}({words['plant']}, {words['roads']}, {timed})")
     if travel_limit:
         parts.append(f"stops=pf.vehicle.BumpStops({travel_limit!r}, {travel_limit!r})")
     if dampers:
@@ -360,9 +360,9 @@ def _tyres(done: Run, known: Ride | None) -> tuple[Array, Array]:
     plant, alpha = done.setup.plant, done.response.alpha
     car: Any = done.setup.car
     if known is not None:
-        own = masses(plant, known, alpha)
+        car_masses = masses(plant, known, alpha)
         compressed = known.sense[1] * _columns(done, [known.tyre.name])
-        return compressed, (own.m1 + own.m2) * GRAVITY + own.kt * compressed
+        return compressed, (car_masses.m1 + car_masses.m2) * GRAVITY + car_masses.kt * compressed
     names = wheels_of(car)[0]
     compressed = _columns(done, [f"{name} tyre deflection" for name in names])
     varied = _columns(done, [f"{name} tyre force variation" for name in names])
@@ -375,10 +375,10 @@ def _forces(done: Run, known: Ride | None) -> Array:
 
 
 def _felt(done: Run, known: Ride | None) -> tuple[Felt, ...]:
-    car, found = done.setup.car, []
+    car, every = done.setup.car, []
     for name in seats_of(car):
         signal = f"{name} acceleration" if car and car.seats else "heave acceleration"
-        own = done.response.of(signal if known is None else known.acceleration.name)[0]
-        of = comfort(own, STEP)
-        found.append(Felt(name, own[::EVERY], float(of.weighted_rms), bool(of.shocks)))
-    return tuple(found)
+        felt = done.response.of(signal if known is None else known.acceleration.name)[0]
+        of = comfort(felt, STEP)
+        every.append(Felt(name, felt[::EVERY], float(of.weighted_rms), bool(of.shocks)))
+    return tuple(every)

@@ -18,14 +18,10 @@ from polefence.studio.palette import Palette, coloured
 from polefence.studio.rides import Motion, seats_of, wheels_of
 
 LARGER = 5.0  # heights are drawn so many times as large
-AHEAD, LEAST = 2.0, 1.0  # [m] of road either way of a wheel, and of the last of several
-HALF = 0.7  # [m] of the body either way of a wheel
 BODY, RADIUS, NARROW = 1.3, 0.3, 0.11  # heights of what is drawn; a wheel from behind
 BOTTOM, TOP, WIDE = -0.5, 2.2, 600  # of the picture [m], [m], pixels
 AXIS, LINE = 45, 25  # what else there is, title and legend a line each: pixels
 SIGNALS = ("unsprung", "sprung", "travel", "tyre", "force", "lifted", "stopped", "road", "twist")
-SCALES = {"travel": 1e3}
-DRAWN = ("ground", "passive", "law", "spring", "force", "lift", "hit")
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,8 @@ class Side:
     @property
     def span(self) -> tuple[float, float]:
         """What is seen [m]."""
-        more = max(AHEAD - (self.at[-1] - self.at[0]) / 2, LEAST)
+        # [m] of road either way of the wheels: 2, or 1 behind the last of several
+        more = max(2.0 - (self.at[-1] - self.at[0]) / 2, 1.0)
         return self.at[0] - more, self.at[-1] + more
 
 
@@ -79,7 +76,8 @@ def sides_of(places: Array) -> tuple[Side, ...]:
 def _side(title: str, wheels: Any, at: Array, aside: float, along: bool) -> Side:
     order = np.argsort(at)
     at = at[order]
-    first, last = float(at[0]) - HALF, float(at[-1]) + HALF
+    # [m] of the body either way of its wheels
+    first, last = float(at[0]) - 0.7, float(at[-1]) + 0.7
     aside = float(aside)
     ends = ((first, aside), (last, aside)) if along else ((aside, -first), (aside, -last))
     return Side(title, tuple(map(int, wheels[order])), tuple(map(float, at)), ends, along)
@@ -105,7 +103,10 @@ class Scene:
         self.sides = sides_of(self._places)
         self.frames = {who: ColumnDataSource({}) for who in ("law", "passive")}
         self.drawn = [
-            {name: ColumnDataSource({"x": [], "y": []}) for name in DRAWN}
+            {
+                name: ColumnDataSource({"x": [], "y": []})
+                for name in ("ground", "passive", "law", "spring", "force", "lift", "hit")
+            }
             | {"words": ColumnDataSource({"x": [], "y": [], "text": [], "align": []})}
             for _ in self.sides
         ]
@@ -164,7 +165,11 @@ class Scene:
         """Return a motion by columns: of each wheel, each end of the body, and each seat."""
         if own is None:
             return dict.fromkeys(self._keys, np.zeros(0))
-        wheels = [np.asarray(getattr(own, key), float) * SCALES.get(key, 1.0) for key in SIGNALS]
+        # travel in mm
+        wheels = [
+            np.asarray(getattr(own, key), float) * (1e3 if key == "travel" else 1.0)
+            for key in SIGNALS
+        ]
         ends = [own.height(*end) for side in self.sides for end in side.ends]
         felt = [one.acceleration for one in own.felt]
         rows = [*(row for values in wheels for row in values.T), *ends, *felt]

@@ -21,9 +21,8 @@ from polefence.studio.state import LEAST_SPEED, MOST_SPEED, MOST_TRAVEL, State
 from polefence.studio.subject import Subject
 
 FORMAT = "polefence studio"
-PLANT, SESSION = "plant.toml", "session.json"
+SESSION = "session.json"
 DESIGN = "design"  # the folder of the design beside a session
-HEAD = 400  # characters in which a file says what it is
 MOST_BYTES = 8 * MAX_BYTES  # of a session, in which a letter of its spec may take six
 QUESTION = ("region", "method", "measured", "ride", "over", "limit", "given")
 LOOKED_AT = ("road", "speed", "travel_limit", "beside", "values")
@@ -32,7 +31,8 @@ LOOKED_AT = ("road", "speed", "travel_limit", "beside", "values")
 def is_session(path: Path) -> bool:
     """Whether a file says that it is one of a session; what cannot be read says nothing."""
     try:
-        head = read_text(path, MOST_BYTES, SpecError)[:HEAD]
+        # a file says at its beginning what it is
+        head = read_text(path, MOST_BYTES, SpecError)[:400]
     except SpecError:
         return False
     return re.search(rf'"format"\s*:\s*"{FORMAT}"', head) is not None
@@ -48,7 +48,7 @@ def put_spec(folder: Path, text: str) -> Path:
     InputError
         If another spec is there.
     """
-    path = make_folder(folder) / PLANT
+    path = make_folder(folder) / "plant.toml"
     if path.is_symlink() or path.exists():
         if path.is_symlink() or read_text(path, MAX_BYTES, InputError) != text:
             raise InputError(f"{path}: the spec of something else; use -o with another folder")
@@ -75,15 +75,15 @@ class Session(Short):
     @classmethod
     def of(cls, subject: Subject, state: State) -> Session:
         """Return that of a state."""
-        own = state.question
+        asked = state.question
         table = {
-            "region": str(own.region),
-            "method": own.method,
-            "measured": list(own.measured),
-            "ride": own.ride,
-            "over": own.over,
-            "limit": own.limit,
-            "given": bool(own.given),
+            "region": str(asked.region),
+            "method": asked.method,
+            "measured": list(asked.measured),
+            "ride": asked.ride,
+            "over": asked.over,
+            "limit": asked.limit,
+            "given": bool(asked.given),
             **{key: getattr(state, key) for key in LOOKED_AT},
             "values": dict(state.values),
         }
@@ -139,10 +139,10 @@ class Session(Short):
         try:
             state = self._state(subject)
             if self._given("given", _is_switch, "true or false", False):
-                own = path.parent / DESIGN
-                if Found.read(own).design.plant.digest != subject.plant.digest:
-                    raise SpecError(f"given: {own} is of another plant")
-                state = state.asking(given=str(own))
+                beside = path.parent / DESIGN
+                if Found.read(beside).design.plant.digest != subject.plant.digest:
+                    raise SpecError(f"given: {beside} is of another plant")
+                state = state.asking(given=str(beside))
             return state
         except InputError as error:
             raise SpecError(f"{path}: {error}") from error
@@ -151,8 +151,10 @@ class Session(Short):
         region = self._given("region", _is_text, "a region, 'disk(-40, 31)'")
         first = State.first(subject, parse_region(region))
         asked, limit = first.question, self.table.get("limit")
-        known = {"method": METHODS, "over": ("", *(own.title for own in subject.overs))}
-        words = {key: self._word(key, getattr(asked, key), own) for key, own in known.items()}
+        known = {"method": METHODS, "over": ("", *(limit.title for limit in subject.overs))}
+        words = {
+            key: self._word(key, getattr(asked, key), choices) for key, choices in known.items()
+        }
         if not (limit is None or (_is_number(limit) and limit > 0)):
             raise SpecError(f"limit = {shown(limit)} must be a positive number, or null")
         if (limit is None) != (not words["over"]):
@@ -192,7 +194,7 @@ class Session(Short):
 
     def _measured(self, subject: Subject) -> tuple[str, ...]:
         names = self.table.get("measured", list(subject.measured))
-        if not isinstance(names, list) or not all(isinstance(own, str) for own in names):
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise SpecError(f"measured = {shown(names)} must be a list of names")
         for name in names:
             if name not in subject.signals:

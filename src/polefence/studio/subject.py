@@ -24,9 +24,6 @@ from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications, spec_road
 
-MOST_SIGNALS = 24  # that are offered to be measured
-ROAD_CLASS, SPEED = "C", 20.0  # on which a quarter car rides that names no road
-
 
 @dataclass(frozen=True, eq=False)
 class Wanted(Short):
@@ -95,19 +92,19 @@ class Subject(Short):
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """Names of what a law can measure: states, without a road's own, and outputs."""
-        found = list(own_states(self.plant))
-        outputs = [own.name for own in self.plant.outputs if not (own.D or own.F)]
+        names = list(own_states(self.plant))
+        outputs = [y.name for y in self.plant.outputs if not (y.D or y.F)]
         known = () if self.structure is None else self.structure.measured or ()
-        for name in (*(split(own)[0] for own in known), *outputs):
-            if name not in found and len(found) < MOST_SIGNALS:
-                found.append(name)
-        return tuple(found)
+        for name in (*(split(state)[0] for state in known), *outputs):
+            if name not in names and len(names) < 24:
+                names.append(name)
+        return tuple(names)
 
     @cached_property
     def measured(self) -> tuple[str, ...]:
         """Names of what the law of the spec measures."""
         if self.structure is not None and self.structure.measured is not None:
-            return tuple(split(own)[0] for own in self.structure.measured)
+            return tuple(split(name)[0] for name in self.structure.measured)
         return own_states(self.plant)
 
     def measured_by(self, design: Design) -> tuple[str, ...]:
@@ -115,7 +112,7 @@ class Subject(Short):
         law, vertices = design.law, np.eye(len(self.plant.vertices))
         names = own_states(self.plant)
         if law.measured:
-            names = tuple(own.name for own in law.measured)
+            names = tuple(signal.name for signal in law.measured)
         used = np.any([law.gain(alpha) for alpha in vertices], axis=(0, 1))
         known = {name for name, some in zip(names, used, strict=False) if some}
         return tuple(name for name in self.signals if name in known) or self.measured
@@ -125,12 +122,12 @@ class Subject(Short):
         """What a trade-off can be over: the limits, those on inputs first; else inputs."""
         if self.wanted is None:
             return ()
-        inputs = {split(own)[0] for own in self.plant.inputs}
-        limits = [own for own in self.wanted.limits if own.of_signal]
+        inputs = {split(label)[0] for label in self.plant.inputs}
+        limits = [limit for limit in self.wanted.limits if limit.of_signal]
         if limits:
-            return tuple(sorted(limits, key=lambda own: own.name not in inputs))
+            return tuple(sorted(limits, key=lambda limit: limit.name not in inputs))
         density = self.wanted.least.noise_density or 1.0
-        return tuple(Rms(split(own)[0], density=density) for own in self.plant.inputs)
+        return tuple(Rms(split(label)[0], density=density) for label in self.plant.inputs)
 
 
 def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:
@@ -143,7 +140,8 @@ def _wanted(plant: UncertainPlant, path: Path) -> Wanted | None:
     words: tuple[str, ...] = ("--minimise", COMFORT)
     road = None
     if spec_road(path) is None:
-        road = RoadSpectrum(ROAD_CLASS, SPEED)
-        words = ("--road", ROAD_CLASS, "--speed", f"{SPEED:g}", *words)
+        # a quarter car that names no road rides on class C at 20 m/s
+        road = RoadSpectrum("C", 20.0)
+        words = ("--road", "C", "--speed", "20", *words)
     least, limits = wanted(plant, path, COMFORT, (), road)
     return None if least is None else Wanted(least, limits, words)

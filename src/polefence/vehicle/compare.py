@@ -49,8 +49,6 @@ QUANTITIES = (
     ("mean power drawn", "W"),
 )
 
-ROUNDING = 1e-9
-
 
 @dataclass(frozen=True)
 class NoLaw(Short):
@@ -363,6 +361,6 @@ class Comparison(Short):
     def _line(self, row: Row, wide: int) -> str:
         numbers = (row.worst, row.best, row.median, row.spread)
         line = f"  {row.law:<{wide - 2}}" + "".join(f"{value:>10.4g}" for value in numbers)
-        if row.spread <= ROUNDING * abs(row.worst):  # as bad everywhere
+        if row.spread <= 1e-9 * abs(row.worst):  # as bad everywhere
             return line
         return f"{line}  {point_text(self.plant, np.array(row.alpha))}"

@@ -37,11 +37,8 @@ from polefence.vehicle.excitation import disturbed
 from polefence.vehicle.reference_laws import nominal
 from polefence.vehicle.vehicle import Ride, masses, require_ride
 
-LOADS = 8  # that are driven: the corners, and others at random
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
 SETTLED = 5.0  # from rest [s]
-# Skyhook's coefficients that are tried, of critical damping.
-SKYHOOKS = tuple(np.geomspace(0.1, 4.0, 9).tolist())
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
 NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}, 1e-3
 
@@ -204,7 +201,8 @@ class _Task:
                 raise InputError(f"measured: {own.name}: no sensor is known for {own.unit or '1'}")
         self.others = unproved(plant, specification, dampers)
         self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
-        self.loads = seeded(plant, LOADS)
+        # the corners, and others at random
+        self.loads = seeded(plant, 8)
 
     def concepts(self) -> Iterator[Concept]:
         """Design all."""
@@ -244,7 +242,7 @@ class _Task:
         car = masses(self.plant, self.known, nominal(self.plant))
         critical = 2 * float(np.sqrt(car.k * car.m1))
         found = []
-        for share in SKYHOOKS:
+        for share in np.geomspace(0.1, 4.0, 9).tolist():
             K = np.zeros(self.plant.shape[::-1])
             K[self.known.input, self.known.places[2]] = -share * critical
             found.append((self._roads(self.plant, FixedGain(K), self.dampers, 1)[0].max(), K))

@@ -34,7 +34,6 @@ from polefence.vehicle.reference_laws import nominal
 from polefence.vehicle.vehicle import Masses, masses, require_ride
 
 NAMES = ("m1", "c", "k")
-UNITS = ("kg", "N s/m", "N/m")
 STEPS = 8  # of the projection onto the box, from afar
 
 
@@ -202,7 +201,7 @@ def _prior(given: Mapping[str, float]) -> Array:
     for name in given:
         if name not in NAMES:
             raise InputError(f"prior: unknown {name!r}; {suggest(str(name), NAMES)}")
-    for name, unit in zip(NAMES, UNITS, strict=True):
+    for name, unit in zip(NAMES, ("kg", "N s/m", "N/m"), strict=True):
         value = given.get(name)
         if value is None or not (math.isfinite(value) and value > 0):
             raise InputError(f"prior: {name} = {value!r} must be a positive number [{unit}]")

@@ -22,8 +22,6 @@ from polefence.search.rows import Row
 from polefence.search.tradeoff import SAMPLES, Asked, Front
 from polefence.vehicle.vehicle import Masses, Ride, masses, require_ride
 
-SKYHOOK_RATIO = 0.7  # of critical damping, where no damping is given
-
 
 @dataclass(frozen=True)
 class Sizes(Short):
@@ -98,7 +96,7 @@ def skyhook(plant: UncertainPlant, damping: float | None = None) -> FixedGain:
     if damping is None:
         if float(car.k) <= 0:
             raise InputError(f"{plant.name} has no spring at its nominal values; give the damping")
-        damping = 2 * SKYHOOK_RATIO * math.sqrt(float(car.k) * float(car.m1))
+        damping = 0.7 * 2 * math.sqrt(float(car.k) * float(car.m1))
     if not (math.isfinite(damping) and damping > 0):
         raise InputError(f"skyhook damping = {damping!r} must be a positive number [N s/m]")
     K = np.zeros((plant.shape[1], plant.shape[0]))

@@ -19,9 +19,7 @@ from polefence.plant.outputs import Output, Signal, split
 from polefence.proof.short import Short
 from polefence.response.linear import final
 
-NOTHING = 1e-9  # of what a signal is a sum of: rounding
 GRADE = "a grade of 5 % at 20 m/s"  # of the road's velocity, 1 m/s
-WORK = 2e7  # numbers in all matrices that are looked at
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,8 @@ def rests(
     InputError
         If the plant has no disturbance, or as `close` raises.
     """
-    points = np.atleast_2d(alpha)[: max(200, int(WORK / plant.shape[0] ** 2))]
+    # as many points as keep all matrices below 2e7 numbers
+    points = np.atleast_2d(alpha)[: max(200, int(2e7 / plant.shape[0] ** 2))]
     sources, asked, values, scale = final(plant, law, points, signals)
     found = []
     for j, source in enumerate(sources):
@@ -89,7 +88,7 @@ def rests(
         for i, own in enumerate(asked):
             if np.all(np.isfinite(values[:, i, j])):
                 low, high = float(values[:, i, j].min()), float(values[:, i, j].max())
-                if max(abs(low), abs(high)) <= NOTHING * scale[i, j]:
+                if max(abs(low), abs(high)) <= 1e-9 * scale[i, j]:  # zero but for rounding
                     low = high = 0.0
                 found.append(Rest(source, own, low, high))
     return tuple(found)

@@ -22,36 +22,26 @@ from polefence.response.weighting import positive
 MOST = 20_000_000
 # Steps over the whole of a road where nobody asked for a duration: two points can lie far apart.
 MOST_UNASKED = 300_000
-
-# A random road is drawn with so many points to its shortest wave.
-POINTS_A_WAVE = 16
-
-# Equations of a cosine bump: they leave it by less than 4e-5 of its height.
-PIECES = 256
-
 MAX_BYTES = 50_000_000
 
-# Where nothing is given: how long a random road and an obstacle are driven on, and the time over an
-# obstacle from which it is added to that [s]; the level road before an obstacle [s]; the shortest
-# random road, for its longest wave [m]; the step of a drive [s].
-SECONDS, OBSTACLE, LONG = 10.0, 3.0, 1.0
-LEVEL, WAVE, LONGEST_STEP = 0.1, 100.0, 1e-3
+SECONDS = 10.0  # on a random road, where no duration is given
+LONGEST_STEP = 1e-3  # [s] of a drive
 
 
 def seconds_over(extent: float, speed: float) -> float:
     """Return how long an obstacle of this extent [m] is driven on, and behind it [s]."""
     over = extent / speed
-    return OBSTACLE + (over if over > LONG else 0.0)
+    return 3.0 + (over if over > 1.0 else 0.0)  # three seconds hold a short obstacle
 
 
 def length_of(speed: float, seconds: float) -> float:
     """Return how long a random road is for a drive of so many seconds [m]."""
-    return max(speed * seconds, WAVE)
+    return max(speed * seconds, 100.0)  # the longest wave
 
 
 def level_of(speed: float, seconds: float) -> dict[str, float]:
     """Return how much level road is before an obstacle and after it [m]."""
-    return {"before": LEVEL * speed, "after": speed * seconds}
+    return {"before": 0.1 * speed, "after": speed * seconds}
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +301,8 @@ def random_road(
 def _points(length: float, high: float, spacing: float | None) -> int:
     """Points a length: more than two to the shortest wave, so that the last line is no alias."""
     if spacing is None:
-        spacing = 1 / (POINTS_A_WAVE * high)
+        # sixteen points to the shortest wave
+        spacing = 1 / (16 * high)
     spacing = positive(spacing, "spacing [m]")
     if spacing * high > 0.5:
         raise InputError(
@@ -343,7 +334,8 @@ def bump(height: float, length: float, before: float = 1.0, after: float = 100.0
         If a length is not above zero, or the height is not finite or zero.
     """
     length = positive(length, "length of the bump [m]")
-    x = np.linspace(0, 1, PIECES + 1)
+    # straight pieces, which leave a cosine bump by less than 4e-5 of its height
+    x = np.linspace(0, 1, 257)
     own = _size(height, "height of the bump [m]") / 2 * (1 - np.cos(2 * np.pi * x))
     return _between_levels(x * length, own, before, after, "bump")
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, suggest
 from polefence.base.explained import explained, explained_fields
+from polefence.law.structure import MAX_DEGREE
 from polefence.lmi.conditions.coefficients import inside, weighted
 from polefence.lmi.conditions.gain_norm import add_norm
 from polefence.lmi.conditions.motion import halves
@@ -40,7 +41,6 @@ from polefence.plant.system import Array
 from polefence.proof.short import Short
 
 METHODS = ("quadratic", "slack", "scheduled")
-MAX_DEGREE = 8
 # Inequalities, and multiplications of one step of the search, of which there are some dozens.
 MOST_BLOCKS, MOST_STEP = 20_000, 2e11
 # A plain "scheduled" is asked for on the box where a step on the simplex takes many seconds, or the

@@ -16,14 +16,21 @@ from polefence.lmi.conditions.saturation import HELD
 from polefence.lmi.conditions.target import Around, Goal, Target
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import factor, power_of_two
-from polefence.lmi.solve.search import ROUNDS, Point, attempt, interior, rounds, singular_is_failure
+from polefence.lmi.solve.search import (
+    FLOOR,
+    ROUNDS,
+    Point,
+    attempt,
+    interior,
+    rounds,
+    singular_is_failure,
+)
 from polefence.lmi.solve.stacked import stack
 from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.boxes import equal
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
-FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
 SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
 STABLE = 0.98  # how wide the region of stability may be for its Lyapunov polynomial to be a start
 # How far inside a region a point is looked for first; then as far as the search goes.

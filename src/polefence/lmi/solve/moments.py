@@ -25,7 +25,7 @@ from polefence.base.errors import SolverError
 from polefence.base.progress import stage
 from polefence.lmi.conditions.pencil import Index
 from polefence.lmi.solve import interior_point
-from polefence.lmi.solve.interior_point import Outcome
+from polefence.lmi.solve.interior_point import WIDE, Outcome
 from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
 from polefence.proof.polynomials import Exponent
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
-WIDE = 1.3  # the first r over the least of the first moments
 HALVINGS = 40  # of the share of time that a Gaussian begins with where forces are as demanded
 COARSE = 1e-6  # tolerance where no more than a point inside is wanted
 

@@ -23,6 +23,7 @@ from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
 
 ROUNDS = 8
+FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
 WORTH = 1e-7  # a round that lowers r by no more than this share is the last
 
 

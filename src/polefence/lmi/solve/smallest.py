@@ -19,6 +19,7 @@ from polefence.lmi.solve.engine import inside
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import Scaling, balanced
 from polefence.lmi.solve.search import (
+    FLOOR,
     Dual,
     Reached,
     Trail,
@@ -35,7 +36,6 @@ from polefence.plant.system import Array
 ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
 LOW = 1e-2  # share of sigma below which Lemma 1 as a start does not go: W tends to a singular one
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour left
-FLOOR = 1e-4  # a radius of this share of sigma is as good as zero
 # Condition of a Lyapunov matrix in the coordinates of its run: at such an end a gap of zero may be
 # a matter of the coordinates, and the run is made again in better ones.
 FAR = 1e6

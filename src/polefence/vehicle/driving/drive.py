@@ -69,8 +69,6 @@ Column = tuple[str, str, Array]
 
 ESTIMATOR_PERIOD = 0.005  # [s]
 
-LOOKS = 20  # instants at which poles are looked at
-
 
 @dataclass(frozen=True, eq=False)
 class Setup:
@@ -448,7 +446,7 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
         known beforehand, it is looked at at the corners of the family.
     """
     steps = model.excitation.steps
-    k = np.unique(np.linspace(0, steps - 1, LOOKS).astype(int))
+    k = np.unique(np.linspace(0, steps - 1, 20).astype(int))
     every = stages(model, k)
     K = every.K
     if K is None and model.reading is None and not settled:

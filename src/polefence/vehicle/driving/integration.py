@@ -33,7 +33,6 @@ LOST = 1e9
 LOOK = 64  # steps between two looks for lost cars
 CHUNK = 2_000_000  # numbers held at once for the matrices of a stretch of steps
 MOST_CHUNK = 1000
-RELATIVE, ABSOLUTE = 1e-10, 1e-13  # tolerances of the adaptive step
 
 Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 
@@ -200,9 +199,7 @@ def _adaptive(model: Model, controller: Controller | None) -> Cross:
 
         begin, end = k * h, (k + 1) * h
         now = np.where(alive, z, 0.0).ravel()
-        solver = DOP853(
-            slope, begin, now, end, first_step=end - begin, rtol=RELATIVE, atol=ABSOLUTE
-        )
+        solver = DOP853(slope, begin, now, end, first_step=end - begin, rtol=1e-10, atol=1e-13)
         while solver.status == "running":
             problem = solver.step()
             if problem:

@@ -315,7 +315,7 @@ def test_noise_that_does_not_act_bounds_nothing(laws, scale):
 def test_each_matrix_of_squares_is_needed(laws):
     claim = laws[4e3].claim
     for k, piece in enumerate(claim.pieces):
-        # not so of piece.own: what is given there is only where the completion begins
+        # not so of piece.grams: what is given there is only where the completion begins
         negative = replace(piece, multipliers=(tuple(map(_negative, piece.multipliers[0])),))
         pieces = (*claim.pieces[:k], negative, *claim.pieces[k + 1 :])
         assert "multiplier" in prove(replace(claim, pieces=pieces)).reason

@@ -292,7 +292,7 @@ def test_bounds_hold_for_all_samples_and_for_all_that_is_near(spring, plant, own
     assert found.level <= true * (1.7 if own.kind == "initial peak" else 1.05)
     assert prove(found.claim).proved
     whole = found.claim.subject.evidence
-    first = whole.each[0]
+    first = whole.per_cell[0]
     spread = first.spread
 
     def faulty(other):

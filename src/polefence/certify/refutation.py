@@ -166,7 +166,7 @@ def refute_limits(
         If a specification does not fit the plant, or the plant is in discrete time.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-    if plant.sample_time is not None or plant.step:
+    if plant.period:
         raise InputError(f"{plant.name} is in discrete time; limits are refuted in continuous time")
     for own in specifications:
         require_type(own, Specification, "specifications", "for example Rms('force', 700)")

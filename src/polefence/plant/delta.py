@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Exact, System
@@ -20,35 +19,33 @@ def delta_form(plant: UncertainPlant) -> UncertainPlant:
     T = plant.sample_time
     if T is None:
         return plant
-    vertices = tuple(
-        System(_less_identity(v.exact_A, T), _over(v.exact_B, T), _over(v.exact_E, T), v.name)
-        for v in plant.vertices
-    )
-    remainder = plant.remainder and plant.remainder.over(T)
-    return replace(plant, vertices=vertices, sample_time=None, step=T, remainder=remainder)
+    return replace(_over(plant, T, less=Fraction(1)), sample_time=None, step=T)
 
 
 def sampled_form(plant: UncertainPlant) -> UncertainPlant:
     """Return the plant in discrete time of which this is the delta form; any other as it is."""
-    if not plant.step:
+    T = plant.step
+    if not T:
         return plant
-    T = 1 / plant.step
+    return replace(_over(plant, 1 / T, less=-1 / T), sample_time=T, step=Fraction(0))
+
+
+def _over(plant: UncertainPlant, T: Fraction, less: Fraction) -> UncertainPlant:
+    """Return the plant with A - less I, B, E and the remainder, each over T."""
     vertices = tuple(
-        System(_more_identity(v.exact_A, T), _over(v.exact_B, T), _over(v.exact_E, T), v.name)
+        System(
+            tuple(
+                tuple((x - less * (i == j)) / T for j, x in enumerate(row))
+                for i, row in enumerate(v.exact_A)
+            ),
+            _divided(v.exact_B, T),
+            v.exact_E and _divided(v.exact_E, T),
+            v.name,
+        )
         for v in plant.vertices
     )
-    remainder, own = plant.remainder and plant.remainder.over(T), plant.step
-    found = replace(plant, vertices=vertices, remainder=remainder)
-    return replace(found, sample_time=own, step=Fraction(0))
+    return replace(plant, vertices=vertices, remainder=plant.remainder and plant.remainder.over(T))
 
 
-def _over(matrix: Exact | None, T: Fraction) -> Any:
-    return None if matrix is None else tuple(tuple(x / T for x in row) for row in matrix)
-
-
-def _less_identity(A: Exact, T: Fraction) -> Exact:
-    return tuple(tuple((x - (i == j)) / T for j, x in enumerate(row)) for i, row in enumerate(A))
-
-
-def _more_identity(A: Exact, T: Fraction) -> Exact:
-    return tuple(tuple(x / T + (i == j) for j, x in enumerate(row)) for i, row in enumerate(A))
+def _divided(matrix: Exact, T: Fraction) -> Exact:
+    return tuple(tuple(x / T for x in row) for row in matrix)

@@ -356,6 +356,11 @@ class UncertainPlant(Short):
         return self.vertices[0].shape
 
     @property
+    def period(self) -> Fraction:
+        """The sample time [s], also of a plant in delta form; zero in continuous time."""
+        return self.sample_time or self.step
+
+    @property
     def disturbance_count(self) -> int:
         """Number of disturbances q."""
         return _width(self.vertices[0].exact_E)

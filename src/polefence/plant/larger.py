@@ -382,7 +382,7 @@ def _input(plant: UncertainPlant, name: str, where: str) -> tuple[int, Output]:
 
 def _filter_rate(plant: UncertainPlant, bandwidth: Any) -> Fraction:
     """Return the rate of a filter of a bandwidth [1/s]: in discrete time (1 - exp(-w T)) / T."""
-    where, T = "pid: derivative", plant.sample_time or plant.step
+    where, T = "pid: derivative", plant.period
     w = _rate(bandwidth, where)
     if not T:
         return w
@@ -395,7 +395,7 @@ def _filter_rate(plant: UncertainPlant, bandwidth: Any) -> Fraction:
 
 
 def _require_continuous(plant: UncertainPlant, where: str) -> None:
-    if plant.sample_time is not None or plant.step:
+    if plant.period:
         raise InputError(
             f"{where}: {plant.name} is in discrete time, actuators and sensors are of continuous "
             "time: write them into its matrices"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from fractions import Fraction
 
 from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
@@ -60,7 +59,7 @@ class Motion:
     def of(cls, plant: UncertainPlant) -> Motion:
         """Return that of a plant, in its own units."""
         moves, free = list[Move](), list[int]()
-        T = Fraction(plant.sample_time or plant.step)
+        T = plant.period
         for f, own in enumerate(plant.parameters):
             low, high = (float(own.scheduling(end)) for end in (own.low, own.high))
             if own.rate is None:

@@ -271,14 +271,14 @@ class Evidence(Short):
     transfer: bool = False
 
     @property
-    def each(self) -> tuple[Evidence, ...]:
-        """That of each cell; itself where there are none."""
+    def per_cell(self) -> tuple[Evidence, ...]:
+        """The evidence in each cell; this one where the whole box is one cell."""
         return tuple(piece.evidence for piece in self.cells) or (self,)
 
     @property
     def highest(self) -> int:
-        """The degree, of cells the highest."""
-        return max(evidence.degree for evidence in self.each)
+        """The highest degree of all cells."""
+        return max(cell.degree for cell in self.per_cell)
 
     def require_cells(self, sizes: Sizes) -> None:
         """Refuse cells that are not in a box of these sizes, and evidence beside theirs."""

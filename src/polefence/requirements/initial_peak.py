@@ -127,7 +127,7 @@ class InitialPeak(Specification):
 
     def _require_still(self, plant: UncertainPlant) -> None:
         """Refuse an impulse of which parameters have moved when it has acted."""
-        if not self.impulse or not plant.moving or not (plant.sample_time or plant.step):
+        if not self.impulse or not plant.moving or not plant.period:
             return
         E = disturbance(plant)
         if np.any(E[:1] != E):

@@ -98,18 +98,17 @@ def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
     each = specification.filters
     if not any(each):
         return ()
-    T = plant.sample_time or plant.step
-    return tuple(None if own is None else filter_of(own, T) for own in each)
+    return tuple(None if own is None else filter_of(own, plant.period) for own in each)
 
 
 @lru_cache(maxsize=64)
-def filter_of(weighting: Weighting, T: Fraction | None) -> Filter:
+def filter_of(weighting: Weighting, T: Fraction) -> Filter:
     """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
 
     Parameters
     ----------
-    T : Fraction or None
-        The sample time [s]; none, or zero, in continuous time.
+    T : Fraction
+        The sample time [s]; zero in continuous time.
     """
     A, B, C, _ = weighting.state_space()  # the low-pass leaves no direct way through
     if not T:
@@ -150,7 +149,7 @@ def _with_filter(
     plant: UncertainPlant, signal: Output, weighting: Weighting
 ) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
-    own, T = filter_of(weighting, plant.sample_time or plant.step), plant.sample_time
+    own, T = filter_of(weighting, plant.period), plant.sample_time
     a, b = own.a, own.b
     if T is not None:  # the plant is not in its delta form
         a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(a)]

@@ -105,7 +105,7 @@ def _faster(plant: UncertainPlant, region: Region) -> Region | None:
         for own in plant.moving
         if isinstance(own.rate, tuple)
     ]
-    if not speeds or plant.sample_time is not None or plant.step:
+    if not speeds or plant.period:
         return None
     return region & HalfPlane(FASTER * max(speeds))
 

@@ -321,7 +321,7 @@ def _of_cells(own: Design, region: Region, mu: tuple[Array, ...]) -> tuple[Array
         return mu
     found, each = list[Array](), iter(mu)
     for part, evidence in zip(region.parts, own.certificate.at_rest.claim().evidence, strict=True):
-        found += [next(each) for _ in part.pairs()] * len(evidence.each)
+        found += [next(each) for _ in part.pairs()] * len(evidence.per_cell)
     return tuple(found)
 
 

@@ -27,11 +27,11 @@ class Place(Short):
     powers: Exponent
     sizes: Sizes
     piece: str = ""
-    own: str = ""  # name, where the theorem has one for it
+    name: str = ""  # where the theorem has one for it
 
     def __str__(self) -> str:
-        if self.own:
-            return self.own
+        if self.name:
+            return self.name
         before = f"{self.inequality} at " if self.inequality else "at "
         return before + _monomial(self.powers, self.sizes) + self.piece
 

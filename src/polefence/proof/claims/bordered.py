@@ -73,7 +73,7 @@ class Bordered(MarginClaim):
         if not self.of_lyapunov:
             return sum(len(part.pairs) for part in design.region)
         each = zip(design.region, design.evidence, strict=True)
-        return sum(len(part.pairs) * len(own.each) for part, own in each)
+        return sum(len(part.pairs) * len(own.per_cell) for part, own in each)
 
     def require_own(self, count: int) -> None:  # noqa: ARG002
         """Refuse pieces and errors that do not fit."""
@@ -93,7 +93,7 @@ class Bordered(MarginClaim):
         count = sum(
             count_of(design.sizes, design.degree(own) + self.subject.elevation) * len(part.pairs)
             for part, evidence in pairs
-            for own in evidence.each
+            for own in evidence.per_cell
         )
         return count, size
 

@@ -67,7 +67,7 @@ Group = tuple[tuple[int, int], ...]  # ordered pairs of vertices, of one monomia
 class Squares(Short):
     """The matrices of a piece: G of its bases, and H of the bases of each damper's form."""
 
-    own: Matrices
+    grams: Matrices
     multipliers: tuple[Matrices, ...]
 
 
@@ -153,7 +153,7 @@ class Clipped(Short, Claim):
         table["K"] = plain(self.K)
         pieces = [
             {
-                "squares": plain(own.own),
+                "squares": plain(own.grams),
                 "multipliers": [{"squares": plain(each)} for each in own.multipliers],
             }
             for own in self.pieces
@@ -224,7 +224,7 @@ class Clipped(Short, Claim):
         if max(map(len, inner)) > MAX_SIZE:
             raise WorkError("the monomials are too many to be checked here")
         for own in self.pieces:
-            _require_sizes(own.own, inner)
+            _require_sizes(own.grams, inner)
             if len(own.multipliers) != m:
                 raise FormatError("each piece has multipliers of every damper's form")
             for each in own.multipliers:
@@ -235,7 +235,9 @@ class Clipped(Short, Claim):
         numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
         numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
         numbers += [M for own in self.dampers for M in own.numbers]
-        numbers += [G for own in self.pieces for each in (own.own, *own.multipliers) for G in each]
+        numbers += [
+            G for own in self.pieces for each in (own.grams, *own.multipliers) for G in each
+        ]
         common_denominator([*numbers, *self.A, *self.B, *self.E])
 
     # --- the proof --------------------------------------------------------------------------------
@@ -245,7 +247,7 @@ class Clipped(Short, Claim):
         for j, X in enumerate(self.X):
             yield f"X {j + 1}", X
         for k, own in enumerate(self.pieces):
-            for each in (own.own, *own.multipliers):
+            for each in (own.grams, *own.multipliers):
                 for G in each:
                     yield f"a matrix of piece {k + 1}", G
 
@@ -299,7 +301,7 @@ class Clipped(Short, Claim):
             for H, own_basis in zip(matrices, lower, strict=True):
                 multiple = squares.of_matrix(H, own_basis)
                 f = squares.less(f, squares.times(squares.of_form(scaled), multiple))
-        return squares.completed(f, own.own, squares.bases(n, self.degree // 2))
+        return squares.completed(f, own.grams, squares.bases(n, self.degree // 2))
 
     def _scaled(self, loop: tuple[Rationals, Rationals]) -> tuple[Rationals, Rationals]:
         """Return a loop and its rows of z in the units."""
@@ -327,7 +329,7 @@ class Clipped(Short, Claim):
         """Count the work on a piece's polynomial before it begins."""
         n = len(self.units)
         multipliers = [H for each in own.multipliers for H in each]
-        matrices = [*own.own, *multipliers, *forms, *self.A, *self.B, self.K]
+        matrices = [*own.grams, *multipliers, *forms, *self.A, *self.B, self.K]
         matrices += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
         length = longest(
             (tuple(x for M in matrices for row in M for x in row), *self.V, self.units)
@@ -335,7 +337,7 @@ class Clipped(Short, Claim):
         # each state is in as many monomials: what is not zero in its rows is what there is to do
         entries = sum(x != 0 for pair in motions for M in pair for row in M for x in row)
         operations = 2 * len(self.V[0]) * min(n, self.degree) * entries // n
-        operations += sum(len(M) ** 2 for M in own.own)
+        operations += sum(len(M) ** 2 for M in own.grams)
         operations += sum(len(H) ** 2 * n * n for H in multipliers)
         spend(RATIONAL * operations, 2 * length, length)
 
@@ -432,5 +434,6 @@ def _decrease(X: Rationals, A: Rationals) -> Rationals:
 
 
 def _block(name: str, matrix: Rationals) -> tuple[Place, Integers]:
-    place = Place(name, (), (), own=name)
-    return place, whole_numbers(matrix, common_denominator([matrix], LONGEST))
+    return Place(name, (), (), name=name), whole_numbers(
+        matrix, common_denominator([matrix], LONGEST)
+    )

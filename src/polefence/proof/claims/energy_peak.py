@@ -34,7 +34,7 @@ class EnergyPeak(SignalClaim):
     norm: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls,
         table: Table,
         subject: Subject,  # noqa: ARG003
@@ -43,7 +43,7 @@ class EnergyPeak(SignalClaim):
         """Read the norm."""
         return {"norm": table.number("norm", 1)}
 
-    def write_own(self) -> dict[str, Any]:
+    def write_extra(self) -> dict[str, Any]:
         """Return the norm."""
         return {"norm": plain(self.norm)}
 

@@ -47,7 +47,7 @@ class InitialPeak(SignalClaim):
     ellipsoid: tuple[tuple[Fraction, ...], ...] = ()
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls,
         table: Table,
         subject: Subject,
@@ -66,12 +66,12 @@ class InitialPeak(SignalClaim):
             found["ellipsoid"] = tuple(map(tuple, table.matrix("ellipsoid", n, n)))
         return found
 
-    def write_own(self) -> dict[str, Any]:
+    def write_extra(self) -> dict[str, Any]:
         """Return the initial states."""
         keys = ("points", "impulses", "ellipsoid")
         return {key: plain(getattr(self, key)) for key in keys if getattr(self, key)}
 
-    def require_own(self) -> None:
+    def require_extra(self) -> None:
         """Refuse initial states that are none, or too many."""
         n, q, ellipsoid = self.subject.n, self.subject.q, self.ellipsoid
         if ellipsoid:

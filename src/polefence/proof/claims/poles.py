@@ -334,13 +334,13 @@ class Poles(Short, Claim):
         return sum(
             count_of(self.sizes, self.degree(proof)) * math.prod(proof.pieces) * len(parts)
             for evidence, parts in self._each_with_parts
-            for proof in evidence.each
+            for proof in evidence.per_cell
         )
 
     @property
     def _each(self) -> list[Evidence]:
         """Evidence of each part of the region, and of the box."""
-        return [proof for evidence in self.evidence for proof in evidence.each]
+        return [proof for evidence in self.evidence for proof in evidence.per_cell]
 
     def degree(self, evidence: Evidence) -> int:
         """Return the degree of the inequalities' polynomials in each simplex."""
@@ -525,7 +525,7 @@ class _Theorem1(Inequality):
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield (15) to (17)."""
         for place, matrix in super().blocks():
-            yield replace(place, own=_numbered(place.powers)), matrix
+            yield replace(place, name=_numbered(place.powers)), matrix
 
 
 def law_text(law: Law) -> str:

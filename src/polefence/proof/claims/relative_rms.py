@@ -91,7 +91,7 @@ class RelativeRms(SignalClaim):
     intensity: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
     ) -> dict[str, Any]:
         """Read the baseline: a gain and the states that are kept, and its evidence."""
@@ -114,7 +114,7 @@ class RelativeRms(SignalClaim):
         base = Baseline(A, E, C, stability, covariance, kept)
         return {"baseline": base, "intensity": intensity}
 
-    def write_own(self) -> dict[str, Any]:
+    def write_extra(self) -> dict[str, Any]:
         """Return the baseline's evidence, and the intensity."""
         if not self.without_control:
             raise FormatError(f"{self.outputs[0].name}: only no control is written as a baseline")
@@ -150,7 +150,7 @@ class RelativeRms(SignalClaim):
         remainder, states = self.subject.remainder, self.baseline.states
         return remainder.kept(states) if remainder is not None and states else remainder
 
-    def require_own(self) -> None:
+    def require_extra(self) -> None:
         """Refuse a baseline that does not fit."""
         baseline, N, q = self.baseline, len(self.subject.A), self.subject.q
         if not baseline.A or not baseline.A[0]:

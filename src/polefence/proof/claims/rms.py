@@ -51,7 +51,7 @@ class Rms(SignalClaim):
     intensity: Fraction = Fraction(1)
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls,
         table: Table,
         subject: Subject,  # noqa: ARG003
@@ -60,7 +60,7 @@ class Rms(SignalClaim):
         """Read the intensity."""
         return {"intensity": table.number("intensity", 1)}
 
-    def write_own(self) -> dict[str, Any]:
+    def write_extra(self) -> dict[str, Any]:
         """Return the intensity."""
         return {"intensity": plain(self.intensity)}
 

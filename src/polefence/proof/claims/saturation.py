@@ -56,11 +56,11 @@ class Saturation(InitialPeak):
     held_degree: int = 0
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
     ) -> dict[str, Any]:
         """Read initial states or norms, and Y."""
-        fields = super().read_own(table, subject, outputs)
+        fields = super().read_extra(table, subject, outputs)
         if "norms" in table:
             if not subject.E:
                 raise FormatError(f"{table.path('norms')}: the plant has no E")
@@ -69,13 +69,13 @@ class Saturation(InitialPeak):
         held = tuple(tuple(map(tuple, matrix)) for matrix in rows)
         return fields | {"held": held, "held_degree": table.whole("held_degree", 0)}
 
-    def write_own(self) -> dict[str, Any]:
-        """Return what `read_own` reads."""
+    def write_extra(self) -> dict[str, Any]:
+        """Return what `read_extra` reads."""
         norms = {"norms": plain(self.norms)} if self.norms else {}
         held = {"held": plain(self.held), "held_degree": self.held_degree}
-        return super().write_own() | norms | held
+        return super().write_extra() | norms | held
 
-    def require_own(self) -> None:
+    def require_extra(self) -> None:
         """Refuse what is no input, initial states beside norms, and a Y that does not fit."""
         chosen = self._inputs
         if len(set(chosen)) < len(chosen):
@@ -91,7 +91,7 @@ class Saturation(InitialPeak):
         ):
             raise FormatError(f"held must be of {len(chosen)} rows and {self.subject.n} columns")
         if not self.norms:
-            super().require_own()
+            super().require_extra()
         elif self.points or any(self.impulses) or self.ellipsoid:
             raise FormatError("norms: only for loops that begin at rest")
         elif len(self.norms) != self.subject.q or min(self.norms) < 0 or not any(self.norms):

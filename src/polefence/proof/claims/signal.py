@@ -356,7 +356,7 @@ class SignalClaim(Short, Claim):
     # --- what each kind has of its own -----------------------------------------------------------
 
     @classmethod
-    def read_own(
+    def read_extra(
         cls,
         table: Table,  # noqa: ARG003
         subject: Subject,  # noqa: ARG003
@@ -365,11 +365,11 @@ class SignalClaim(Short, Claim):
         """Read the fields of this kind."""
         return {}
 
-    def write_own(self) -> dict[str, Any]:
-        """Return what `read_own` reads."""
+    def write_extra(self) -> dict[str, Any]:
+        """Return what `read_extra` reads."""
         return {}
 
-    def require_own(self) -> None:
+    def require_extra(self) -> None:
         """Refuse fields of this kind that do not fit."""
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
@@ -463,7 +463,7 @@ class SignalClaim(Short, Claim):
             level,
             scales=table.numbers("disturbances", plant.q) if scales else (),
             filters=filters,
-            **cls.read_own(table, *whole),
+            **cls.read_extra(table, *whole),
         )
 
     @classmethod
@@ -484,7 +484,7 @@ class SignalClaim(Short, Claim):
             table["filters"] = [
                 {} if applied is None else applied.write() for applied in self.filters
             ]
-        table |= {"level": plain(self.level)} | self.write_own()
+        table |= {"level": plain(self.level)} | self.write_extra()
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"evidence": write_evidence(self.subject)}
 
@@ -575,7 +575,7 @@ class SignalClaim(Short, Claim):
                 raise FormatError(f"{key} must be zero or more")
         if self.driven and not subject.q:
             raise FormatError("E is missing: no disturbance acts on the loop")
-        self.require_own()
+        self.require_extra()
         self._require_disturbances()
 
     def _require_remainder(self) -> None:
@@ -617,7 +617,7 @@ class SignalClaim(Short, Claim):
         evidence = self.subject.evidence
         families = {
             "W": self.subject.law.W or [],
-            "Lyapunov matrix": [X for whole in evidence.each for X in whole.X],
+            "Lyapunov matrix": [X for whole in evidence.per_cell for X in whole.X],
         }
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):

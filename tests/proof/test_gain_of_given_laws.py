@@ -25,7 +25,7 @@ from polefence import (
 )
 from polefence.certify.evidence import certificate_of
 from polefence.certify.margins.claims import claimed_design
-from polefence.certify.margins.kinds import Scales, gain_claim
+from polefence.certify.margins.gain_scales import Scales, gain_claim
 from polefence.cli.main import main
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
@@ -484,8 +484,8 @@ def test_bad_scales_are_refused(designs, rows, columns, needed, message):
 
 def test_scales_across_a_change_of_coordinates():
     T, c = np.random.default_rng(8).normal(size=(2, 3, 3)), np.array([1.0, 2.0, 3.0])
-    assert np.allclose(Scales(np.ones(1), c).across(T[0]), (np.diag(c) @ T[0]).T)
-    assert np.allclose(Scales(np.ones(1), T[1]).across(T[0]), (T[1] @ T[0]).T)
+    assert np.allclose(T[0].T @ Scales(np.ones(1), c).right, (np.diag(c) @ T[0]).T)
+    assert np.allclose(T[0].T @ Scales(np.ones(1), T[1]).right, (T[1] @ T[0]).T)
 
 
 def test_work_is_bounded(claims, monkeypatch):

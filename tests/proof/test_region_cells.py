@@ -12,7 +12,7 @@ import pytest
 from polefence.certify.candidates import Deadline
 from polefence.certify.design import Design
 from polefence.certify.evidence import Search, certificate_of, placeholder
-from polefence.certify.margins.kinds import gain_claim
+from polefence.certify.margins.gain_scales import gain_claim
 from polefence.law.laws import FixedGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter

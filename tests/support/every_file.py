@@ -14,7 +14,7 @@ from polefence.certify.candidates import Deadline
 from polefence.certify.design import Design
 from polefence.certify.evidence import Search, certificate_of
 from polefence.certify.given import analyse
-from polefence.certify.margins.kinds import gain_claim
+from polefence.certify.margins.gain_scales import gain_claim
 from polefence.cli.main import main
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load

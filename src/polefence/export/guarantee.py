@@ -13,7 +13,7 @@ from polefence.base.progress import stage
 from polefence.certify.certificate import Check
 from polefence.certify.design import Design
 from polefence.certify.margins.claims import claimed_design
-from polefence.certify.margins.kinds import gain_claim
+from polefence.certify.margins.gain_scales import gain_claim
 from polefence.export.observer import SampledLoop, judge_sampled_loop
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept

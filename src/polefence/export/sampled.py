@@ -24,8 +24,9 @@ from polefence.certify.candidates import edge
 from polefence.certify.certificate import Check, in_floats
 from polefence.certify.design import Design
 from polefence.certify.evidence import certificate_of, evidence_of, forms
-from polefence.certify.margins.claims import above, balanced
-from polefence.certify.margins.kinds import Scales, largest_of
+from polefence.certify.margins.bordered import largest_bordered
+from polefence.certify.margins.claims import above
+from polefence.certify.margins.loops import are_positive, balanced, region_block
 from polefence.export.memory import kept, late_inputs
 from polefence.export.program import exactly
 from polefence.law.laws import (
@@ -85,7 +86,7 @@ STEP_POINTS = 200  # at which the error of the steps is looked at
 BITS = 12  # of the coordinates: short numbers make short proofs
 FINE = 10  # bits by which the steps are finer than their error
 
-# Bernstein coefficients of X, N and B, see `polefence.certify.margins.claims`; coordinates.
+# Bernstein coefficients of X, N and B, see `polefence.certify.margins.loops`; coordinates.
 Proof = tuple[tuple[Array, Array, Array], Array]
 
 
@@ -695,13 +696,16 @@ class Family(Short):
         Zero where not even the poles are proved to lie in the disk. ``weight`` (m,) has the rows
         of v.
         """
-        n, width = self.steps.shape[1], self.plant.shape[0]
-        scales = Scales(np.concatenate([weight, np.ones(n)]), np.ones(width))
-        if proof is not None:
-            with np.errstate(invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
-                (found,) = largest_of(Disk(0.0, radius).pairs(), False, *proof, scales) or [(0, 1)]
-                if found[0] > 0:
-                    return found
+        if proof is None:
+            return 0.0, 1.0
+        (X, N, B), T = proof
+        ((L, M),) = Disk(0.0, radius).pairs()
+        F, rows = region_block((L, M), X, N), np.append(weight, np.ones(self.steps.shape[1]))
+        with np.errstate(invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
+            if are_positive(F):
+                error, mu = largest_bordered(F, M, B * rows, X @ T.T)
+                if error > 0:
+                    return error, mu
         return 0.0, 1.0
 
 

@@ -28,8 +28,8 @@ from polefence.certify.checks import in_time_of, stable_region
 from polefence.certify.design import Design
 from polefence.certify.given import analyse
 from polefence.certify.margins import Margin, estimation_error, gain_error, parameter_rate
-from polefence.certify.margins.gains import Gains
-from polefence.certify.margins.service import unit_of
+from polefence.certify.margins.each_gain import Gains
+from polefence.certify.margins.service import KINDS as MARGINS
 from polefence.fleet.claimed import bounds, fault_of, is_inside
 from polefence.fleet.form import Form
 from polefence.law.laws import FixedGain, Law
@@ -386,32 +386,19 @@ class Service(Place):
         """Return the unit of the margin."""
         claim, (kind, _, name) = document.first(MarginClaim), self.margin.partition("-")
         known = {range_.name.replace(" ", "-"): range_.unit for range_ in claim.subject.ranges}
-        endless = isinstance(claim, Rate) and claim.rates is None
+        endless = claim.value("") is None
         alone = unit_text(known[name]) if name in known else None
-        return unit_of(kind, alone, bool(known), endless)
+        return MARGINS[kind].unit(alone, bool(known), endless)
 
     def proves(self, document: Document, spec: str, bound: float) -> bool:  # noqa: ARG002
         """Whether the file proves at least this margin."""
         claim = document.first(MarginClaim)
         if isinstance(claim, EachGain):
             return bound <= _error_of_gains(document, claim, self.margin)
-        if isinstance(claim, Estimate):
-            return bound <= self._of_parameters(claim, claim.errors)
-        if isinstance(claim, Rate):
-            return claim.rates is None or bound <= self._of_parameters(claim, claim.rates)
-        return False
-
-    def _of_parameters(self, claim: MarginClaim, values: tuple[Fraction, ...]) -> Fraction:
-        """Return the value of the margin's parameter, or the least share of the ranges."""
-        name, ranges = self.margin.partition("-")[2], claim.subject.ranges
-        if name:
-            pairs = zip(values, ranges, strict=True)
-            named = (
-                value for value, parameter in pairs if parameter.name.replace(" ", "-") == name
-            )
-            return next(named, Fraction(-1))
-        spans = [parameter.high - parameter.low for parameter in ranges] or [Fraction(1)]
-        return min(value / span for value, span in zip(values, spans, strict=True))
+        name = self.margin.partition("-")[2]
+        named = [r.name for r in claim.subject.ranges if r.name.replace(" ", "-") == name]
+        value = claim.value(named[0] if named else name)
+        return value is None or bound <= value
 
     def _answered(self, plants: list[Any], specs: list[str]) -> list[Answer]:  # noqa: ARG002
         designs = many.place(plants, parse_region(self.region), self.options)
@@ -782,7 +769,7 @@ def _proved(
 def _error_of_gains(document: Document, claim: EachGain, margin: str) -> Fraction:
     """Return the share of its size by which every gain of a law may be off; 0 for other sizes."""
     law = replace(document, claims=(claim.subject.design,))
-    sizes = Gains.of(Design(Certificate.of(law)), own=margin != "gain").sizes
+    sizes = Gains.of(Design(Certificate.of(law)), of_states=margin != "gain").sizes
     shares = [
         claimed / Fraction(size)
         for claims, row in zip(claim.sizes, sizes.tolist(), strict=True)

@@ -33,11 +33,16 @@ from polefence.certify.margins.claims import (
     BOX,
     MOST,
     Reached,
-    balanced,
     holds,
     subject_of,
 )
-from polefence.certify.margins.kinds import count_blocks, count_pairs, estimate_holds, points_of
+from polefence.certify.margins.estimate import (
+    count_blocks,
+    count_pairs,
+    estimate_holds,
+    points_of,
+)
+from polefence.certify.margins.loops import balanced
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
 from polefence.lmi.conditions.target import Patch
 from polefence.lmi.solve.search import Reached as Point

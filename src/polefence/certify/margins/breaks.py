@@ -1,10 +1,15 @@
-"""Errors that do make a pole leave the region: sampled in floats, confirmed in exact arithmetic."""
+"""Errors that do make a pole leave the region: sampled in floats, confirmed in exact arithmetic.
+
+One search for whatever is off: the least size at which a pole is outside in any of the directions
+that are looked at, then in others that start from the worst one, until the exact test.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from itertools import permutations
 from itertools import product as every_of
 from typing import Protocol
@@ -14,7 +19,7 @@ import numpy as np
 from polefence.certify.candidates import edge, first
 from polefence.certify.counterexample import leaves
 from polefence.certify.design import Design
-from polefence.certify.margins.gains import MOST, Gains
+from polefence.certify.margins.each_gain import Gains
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import exact_alpha, inside, joint, weights_of
 from polefence.plant.polynomial import Domain
@@ -29,10 +34,11 @@ from polefence.region.regions import Region
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
 NEAR, SPREADS = 64, (0.1, 0.03, 0.01)  # more points about the worst, within shares of the ranges
 MOST_PAIRS = 2000  # of them at all
-ROUNDS = 10  # of bisection
+ROUNDS = 13  # of bisection: a decade to 0.03 %
 CORNERS, INNER = 64, 48  # points of the family that are looked at
-TURNS = 3  # times that the directions are chosen, each from where the last ones led
 RETRIES = (1.0, 1.001, 1.01)  # larger errors tried where the exact test does not confirm one
+
+Loop = tuple[Rationals, Rationals]  # N and W of the closed loop N W^-1
 
 
 @dataclass(frozen=True)
@@ -43,50 +49,61 @@ class Break(Short):
     example: str
 
 
-class _Errors(Protocol):
-    """Closed loops with errors of a size, one for each direction that is looked at."""
+class Errors(Protocol):
+    """A kind of error in closed loops, in each of the directions that are looked at."""
 
-    def at(self, t: float) -> Array:
-        """Return the loops with errors t times their directions, (count, n, n)."""
+    def at(self, size: float) -> Array:
+        """Return the loops with errors of a size, (count, n, n)."""
+
+    def closer(self, size: float, worst: int, turn: int) -> Errors:
+        """Return directions from the worst at a size, to be looked at next."""
+
+    def exactly(self, claim: Poles, size: float, worst: int) -> tuple[Loop, str]:
+        """Return a loop in exact arithmetic, and where it is."""
 
 
-def _distance(errors: _Errors, region: Region, t: float) -> Array:
+def smallest_break(
+    errors: Errors, design: Design, region: Region, least: float, most: float = 1.0
+) -> Break | None:
+    """Return an error, ``least`` to ``most``, at which a pole is not in the region."""
+    size = _smallest(errors, region, least, most)
+    if size is None:
+        return None
+    for turn in range(len(SPREADS)):
+        closer = errors.closer(size, _worst(errors, region, size), turn)
+        smaller = _smallest(closer, region, least, size)
+        if smaller is not None:
+            size, errors = smaller, closer
+    claim = replace(design.certificate.at_rest.claim(), region=parts_of(region.document()))
+
+    def outside(larger: float) -> Break | None:
+        try:
+            loop, example = errors.exactly(claim, larger, _worst(errors, region, larger))
+            return Break(larger, example) if leaves(loop, claim.region) else None
+        except work.FormatError:  # more work than is done here
+            return None
+
+    return first(outside(min(size * factor, most)) for factor in RETRIES)
+
+
+def _distances(errors: Errors, region: Region, size: float) -> Array:
     """Return how far the farthest pole of each loop is outside."""
-    return np.asarray(region.distance(np.linalg.eigvals(errors.at(t))).max(axis=-1))
+    return np.asarray(region.distance(np.linalg.eigvals(errors.at(size))).max(axis=-1))
 
 
-def _smallest_break(
-    errors: _Errors, region: Region, least: float, most: float = 1.0
-) -> float | None:
-    """Return a small t, from ``least`` to ``most``, that breaks; None where the latter does not."""
+def _worst(errors: Errors, region: Region, size: float) -> int:
+    return int(_distances(errors, region, size).argmax())
 
-    def kept(t: float) -> bool:
-        return not bool(_distance(errors, region, t).max() > 0)
+
+def _smallest(errors: Errors, region: Region, least: float, most: float) -> float | None:
+    """Return a small size that breaks; None where the largest does not."""
+
+    def kept(size: float) -> bool:
+        return not bool(_distances(errors, region, size).max() > 0)
 
     if kept(most):
         return None
     return edge(kept, max(least, 1e-6), most, ROUNDS, geometric=True)[1]
-
-
-Exactly = Callable[[float], tuple[tuple[Rationals, Rationals] | None, str]]
-
-
-def _confirmed(exactly: Exactly, claim: Poles, errors: Sequence[float]) -> Break | None:
-    """Return the first error of which a pole is outside exactly; ``exactly`` has loop and place."""
-
-    def outside(error: float) -> Break | None:
-        try:
-            loop, example = exactly(error)
-            found = loop is not None and leaves(loop, claim.region)
-        except work.FormatError:  # more work than is done here
-            return None
-        return Break(error, example) if found else None
-
-    return first(map(outside, errors))
-
-
-def _claim(design: Design, region: Region) -> Poles:
-    return replace(design.certificate.at_rest.claim(), region=parts_of(region.document()))
 
 
 # --- errors of the estimate ----------------------------------------------------------------------
@@ -97,33 +114,20 @@ def estimate_break(
 ) -> Break | None:
     """Return errors t * ``unit``, ``least`` <= t <= 1, at which a pole is not in the region."""
     kind = _Parameters if design.plant.parameters else _Weights
-    pairs: _Parameters | _Weights = kind.of(design, unit)
-    t = _smallest_break(pairs, region, least)
-    if t is None:
-        return None
-    random = np.random.default_rng(0)
-    for spread in SPREADS:
-        closer = pairs.near(int(_distance(pairs, region, t).argmax()), spread, random)
-        smaller = _smallest_break(closer, region, least, t)
-        t, pairs = (t, pairs) if smaller is None else (smaller, closer)
-    claim = _claim(design, region)
+    return smallest_break(kind.of(design, unit), design, region, least)
 
-    def exactly(error: float) -> tuple[tuple[Rationals, Rationals], str]:
-        """Return the loop of A(own) + B(own) K(estimated), what is measured being C(own) x."""
-        worst = int(_distance(pairs, region, error).argmax())
-        own, estimated, example = pairs.exactly(error, worst)
-        A, B = matrices.mix(own, claim.A), matrices.mix(own, claim.B)
-        N, law = len(claim.A), claim.law
-        law = replace(law, C=(matrices.mix(own, list(law.C)),) * N) if law.C else law
-        frozen = replace(claim, A=[A] * N, B=[B] * N, law=law)
-        return frozen.fraction_at(estimated), example
 
-    return _confirmed(exactly, claim, [min(t * factor, 1.0) for factor in RETRIES])
+def _told(claim: Poles, true: list[Fraction], estimated: list[Fraction]) -> Loop:
+    """Return the loop of A(true) + B(true) K(estimated), what is measured being C(true) x."""
+    A, B = matrices.mix(true, claim.A), matrices.mix(true, claim.B)
+    N, law = len(claim.A), claim.law
+    law = replace(law, C=(matrices.mix(true, list(law.C)),) * N) if law.C else law
+    return replace(claim, A=[A] * N, B=[B] * N, law=law).fraction_at(estimated)
 
 
 @dataclass(frozen=True, eq=False)
 class _Parameters:
-    """Pairs of parameter values, the estimates and the same off by t * unit * signs."""
+    """Pairs of parameter values, the estimates and the same off by size * unit * signs."""
 
     design: Design
     unit: tuple[Fraction, ...]
@@ -153,39 +157,40 @@ class _Parameters:
         low = np.array([float(p.low) for p in self.parameters])
         return low, np.array([float(p.high) for p in self.parameters])
 
-    def near(self, index: int, spread: float, random: np.random.Generator) -> _Parameters:
+    def closer(self, size: float, worst: int, turn: int) -> _Parameters:  # noqa: ARG002
         """Return a pair, and others about it with the same signs."""
         low, high = self.bounds()
-        moves = spread * (high - low) * random.uniform(-1, 1, (NEAR, len(low)))
+        random = np.random.default_rng(turn)
+        moves = SPREADS[turn] * (high - low) * random.uniform(-1, 1, (NEAR, len(low)))
         moves[0] = 0
-        estimates = np.clip(self.estimates[index] + moves, low, high)
-        signs = np.repeat(self.signs[index : index + 1], NEAR, axis=0)
+        estimates = np.clip(self.estimates[worst] + moves, low, high)
+        signs = np.repeat(self.signs[worst : worst + 1], NEAR, axis=0)
         return replace(self, estimates=estimates, signs=signs)
 
-    def at(self, t: float) -> Array:
+    def at(self, size: float) -> Array:
         """Return the loops of parameters that are off their estimates."""
-        own = self.estimates + t * self.signs * np.array([float(u) for u in self.unit])
-        own = np.clip(own, *self.bounds())
-        plant, law = (weights_of(self.parameters, values) for values in (own, self.estimates))
+        true = self.estimates + size * self.signs * np.array([float(u) for u in self.unit])
+        true = np.clip(true, *self.bounds())
+        plant, law = (weights_of(self.parameters, values) for values in (true, self.estimates))
         return _closed(self.design, plant, law)
 
-    def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
-        """Return true and estimated alpha of one pair, exactly, and their parameter values."""
-        own, estimated, words = [], [], []
+    def exactly(self, claim: Poles, size: float, worst: int) -> tuple[Loop, str]:
+        """Return the loop of one pair, and its parameter values."""
+        true, estimated, words = [], [], []
         for p, u, value, sign in zip(
-            self.parameters, self.unit, self.estimates[index], self.signs[index], strict=True
+            self.parameters, self.unit, self.estimates[worst], self.signs[worst], strict=True
         ):
             q = min(max(Fraction(float(value)), p.low), p.high)
-            true = min(max(q + Fraction(t) * u * int(sign), p.low), p.high)
-            own.append(p.weights(true))
+            off = min(max(q + Fraction(size) * u * int(sign), p.low), p.high)
+            true.append(p.weights(off))
             estimated.append(p.weights(q))
-            words.append(f"{p.name} = {float(true):.6g} taken for {float(q):.6g}")
-        return joint(own), joint(estimated), ", ".join(words)
+            words.append(f"{p.name} = {float(off):.6g} taken for {float(q):.6g}")
+        return _told(claim, joint(true), joint(estimated)), ", ".join(words)
 
 
 @dataclass(frozen=True, eq=False)
 class _Weights:
-    """Pairs of points of the simplex that differ by a share t, moved between two vertices."""
+    """Pairs of points of the simplex that differ by a share, moved between two vertices."""
 
     design: Design
     points: Array
@@ -199,28 +204,29 @@ class _Weights:
         points = np.vstack([np.eye(N), inside(Domain((N,)), max(MOST_PAIRS // len(ends), 8))])
         return cls(design, np.repeat(points, len(ends), axis=0), np.tile(ends, (len(points), 1)))
 
-    def near(self, index: int, spread: float, random: np.random.Generator) -> _Weights:
+    def closer(self, size: float, worst: int, turn: int) -> _Weights:  # noqa: ARG002
         """Return a pair, and others about it with the same move."""
+        random, spread = np.random.default_rng(turn), SPREADS[turn]
         mates = random.dirichlet(np.full(self.points.shape[1], 0.5), NEAR)
-        mates[0] = self.points[index]
-        points = (1 - spread) * self.points[index] + spread * mates
-        return _Weights(self.design, points, np.repeat(self.ends[index : index + 1], NEAR, axis=0))
+        mates[0] = self.points[worst]
+        points = (1 - spread) * self.points[worst] + spread * mates
+        return _Weights(self.design, points, np.repeat(self.ends[worst : worst + 1], NEAR, axis=0))
 
-    def at(self, t: float) -> Array:
+    def at(self, size: float) -> Array:
         """Return the loops of weights that are off their estimates."""
         corners = np.eye(self.points.shape[1])
-        kept = (1 - t) * self.points
-        plant, law = (kept + t * corners[own] for own in self.ends.T)
+        kept = (1 - size) * self.points
+        plant, law = (kept + size * corners[end] for end in self.ends.T)
         return _closed(self.design, plant, law)
 
-    def exactly(self, t: float, index: int) -> tuple[list[Fraction], list[Fraction], str]:
-        """Return both points of one pair, and what they are."""
-        share, N = Fraction(t), self.points.shape[1]
-        point = exact_alpha(self.points[index], (N,), lambda a: Fraction(round(a * 2**30)))
+    def exactly(self, claim: Poles, size: float, worst: int) -> tuple[Loop, str]:
+        """Return the loop of one pair, and its points."""
+        share, N = Fraction(size), self.points.shape[1]
+        point = exact_alpha(self.points[worst], (N,), lambda a: Fraction(round(a * 2**30)))
         kept = [(1 - share) * a for a in point]
-        both = [[a + share * (j == k) for j, a in enumerate(kept)] for k in self.ends[index]]
+        both = [[a + share * (j == k) for j, a in enumerate(kept)] for k in self.ends[worst]]
         words = (f"({', '.join(f'{float(a):.4g}' for a in alpha)})" for alpha in both)
-        return both[0], both[1], "alpha = {} taken for {}".format(*words)
+        return _told(claim, *both), "alpha = {} taken for {}".format(*words)
 
 
 def _closed(design: Design, plant: Array, law: Array) -> Array:
@@ -233,56 +239,64 @@ def _closed(design: Design, plant: Array, law: Array) -> Array:
 
 
 def gain_break(design: Design, region: Region, gains: Gains, least: float) -> Break | None:
-    """Return an error of each gain, from ``least`` to `MOST`, at which a pole is not in the region.
+    """Return an error of each gain, from ``least`` up, at which a pole is not in the region.
 
     All gains are off by as much. Their signs are those that move a pole outwards fastest, to first
     order; all of one sign besides.
     """
-    alphas, (n, _) = _places(design), design.plant.shape
-    points = np.array(alphas, dtype=float)
-    A, B = design.plant.at(points)
-    closed, C = A + B @ design.law.gain(points), gains.rows(points, n)
-    signs = _outward(closed, B, C, gains.sizes, region)
-    same = np.broadcast_to(np.ones_like(gains.sizes), (len(points), 1, *gains.sizes.shape))
-    signs = np.concatenate([signs, same, -same], axis=1)
-    count = signs.shape[1]
-    closed, B, C = (np.repeat(each, count, axis=0) for each in (closed, B, C))
-    signs = signs.reshape(-1, *gains.sizes.shape)
-    best: tuple[float, int, Array] | None = None
-    for _ in range(TURNS):
-        moved = _Moved(closed, B @ (signs * gains.sizes) @ C)
-        t = _smallest_break(moved, region, least, MOST)
-        if t is None:
-            break
-        if best is None or t < best[0]:
-            worst = int(_distance(moved, region, t).argmax())
-            best = t, worst, signs[worst]
-        loops = moved.at(t)
-        turned = _outward(loops, B, C, gains.sizes, region)
-        worst_poles = region.distance(np.linalg.eigvals(loops)[..., None]).reshape(len(loops), n)
-        signs = turned[np.arange(len(signs)), worst_poles.argmax(axis=-1)]
-    if best is None:
-        return None
-    (error, worst, signs), claim = best, _claim(design, region)
-    alpha = alphas[worst // count]
-
-    def exactly(size: float) -> tuple[tuple[Rationals, Rationals], str]:
-        weights = ", ".join(f"{float(a):.4g}" for a in alpha)
-        return _off(claim, gains.sizes, alpha, signs, size), f"at alpha = ({weights})"
-
-    return _confirmed(exactly, claim, [error * factor for factor in RETRIES])
+    errors = _GainsOff.of(design, region, gains)
+    return smallest_break(errors, design, region, least, gains.most)
 
 
 @dataclass(frozen=True, eq=False)
-class _Moved:
-    """Closed loops, and what errors of the gain of size one add to them."""
+class _GainsOff:
+    """Closed loops at points of the family, with errors of signs (count, m, r)."""
 
+    region: Region
+    gains: Gains
+    alphas: list[list[Fraction]]
     closed: Array
-    moves: Array
+    B: Array
+    C: Array
+    signs: Array
 
-    def at(self, t: float) -> Array:
-        """Return the loops with errors t times their directions."""
-        return np.asarray(self.closed + t * self.moves)
+    @classmethod
+    def of(cls, design: Design, region: Region, gains: Gains) -> _GainsOff:
+        """Return the loops with the errors that move each of their poles outwards, and others."""
+        alphas, (n, _) = _places(design), design.plant.shape
+        points = np.array(alphas, dtype=float)
+        A, B = design.plant.at(points)
+        closed, C = A + B @ design.law.gain(points), gains.rows(points, n)
+        outward = _outward(closed, B, C, gains.sizes, region)
+        same = np.ones((len(points), 1, *gains.sizes.shape))
+        signs = np.concatenate([outward, same, -same], axis=1)
+        count = signs.shape[1]
+        closed, B, C = (np.repeat(M, count, axis=0) for M in (closed, B, C))
+        alphas = [alpha for alpha in alphas for _ in range(count)]
+        return cls(region, gains, alphas, closed, B, C, signs.reshape(-1, *gains.sizes.shape))
+
+    @cached_property
+    def moves(self) -> Array:
+        """What errors of size one add to the loops."""
+        return np.asarray(self.B @ (self.signs * self.gains.sizes) @ self.C)
+
+    def at(self, size: float) -> Array:
+        """Return the loops with errors."""
+        return np.asarray(self.closed + size * self.moves)
+
+    def closer(self, size: float, worst: int, turn: int) -> _GainsOff:  # noqa: ARG002
+        """Return the loops with signs that move their farthest pole outwards from where it is."""
+        loops = self.at(size)
+        outward = _outward(loops, self.B, self.C, self.gains.sizes, self.region)
+        poles = np.linalg.eigvals(loops)
+        farthest = self.region.distance(poles[..., None]).reshape(poles.shape).argmax(axis=-1)
+        return replace(self, signs=outward[np.arange(len(outward)), farthest])
+
+    def exactly(self, claim: Poles, size: float, worst: int) -> tuple[Loop, str]:
+        """Return a loop whose gains are off, and its weights."""
+        alpha, signs = self.alphas[worst], self.signs[worst]
+        weights = ", ".join(f"{float(a):.4g}" for a in alpha)
+        return _off(claim, self.gains.sizes, alpha, signs, size), f"at alpha = ({weights})"
 
 
 def _places(design: Design) -> list[list[Fraction]]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
@@ -17,27 +16,59 @@ from polefence.base.progress import counted, stage
 from polefence.base.renamed import warn_renamed
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import Design, require_kind
-from polefence.certify.margins import kinds
-from polefence.certify.margins.breaks import estimate_break, gain_break
-from polefence.certify.margins.claims import Balanced, Question, balanced, claimed_design, proved
-from polefence.certify.margins.gains import Gains, each_gain_claim
+from polefence.certify.margins.breaks import Break, estimate_break, gain_break
+from polefence.certify.margins.claims import Question, claimed_design, proved
+from polefence.certify.margins.each_gain import Gains, each_gain_claim
+from polefence.certify.margins.estimate import EstimateQuestion
+from polefence.certify.margins.loops import Balanced, balanced
+from polefence.certify.margins.rate import RateQuestion
 from polefence.plant.card import card
 from polefence.plant.parameters import Parameter
-from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.margins import MarginClaim
-from polefence.proof.claims.rate import Rate
 from polefence.proof.document import Document
 from polefence.proof.short import Short
 from polefence.proof.text import rate_text, unit_text
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
 
-SUBJECTS = {
-    "estimate": "error of the estimate",
-    "gain": "error of each gain",
-    "rate": "rate of change",
+OF_STATES = "law states"
+
+_Span = tuple[str, str | None, tuple[Fraction, ...]]  # name, unit, and how much counts as one
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of margin in words: what is off, and the units of all at once.
+
+    ``of_ranges`` is the unit where there are parameters, ``bare`` without; ``per_second`` says that
+    the unit of one is a parameter's a second.
+    """
+
+    words: str
+    of_ranges: str
+    bare: str
+    per_second: bool = False
+
+    def unit(self, of_one: str | None, ranged: bool, endless: bool = False) -> str:
+        """Return the unit of a margin of one parameter, whose own is given, or of all at once.
+
+        Parameters
+        ----------
+        ranged : bool
+            Whether there are parameters.
+        endless : bool
+            Whether any value whatever is proved.
+        """
+        if of_one is not None:
+            return rate_text(of_one) if self.per_second else of_one
+        return "" if endless else self.of_ranges if ranged else self.bare
+
+
+KINDS = {
+    "estimate": Kind("error of the estimate", "of each range", "of the weight"),
+    "gain": Kind("error of each gain", "of its size", "of its size"),
+    "rate": Kind("rate of change", "ranges/s", "1/s", per_second=True),
 }
-OWN, GAIN_UNIT = "law states", "of its size"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +105,43 @@ class _Task:
     def fixed(self) -> bool:
         return self.design.law.fixed or not self.design.law.degree
 
-    def spans(self) -> Iterator[tuple[str, str, tuple[Fraction, ...]]]:
+    def spans(self) -> Iterator[_Span]:
         """Yield name, unit and span: of each parameter alone, and of all at once."""
         spans = [p.high - p.low for p in self.parameters]
         for f, p in enumerate(self.parameters):
-            own = tuple(s if f == g else Fraction(0) for g, s in enumerate(spans))
-            yield p.name, unit_text(p.unit), own
+            alone = tuple(s if f == g else Fraction(0) for g, s in enumerate(spans))
+            yield p.name, unit_text(p.unit), alone
         if len(spans) != 1:
-            yield "", "", tuple(spans) or (Fraction(1),)
+            yield "", None, tuple(spans) or (Fraction(1),)
 
     def proved(self, question: Question) -> MarginClaim | None:
         """Return the claim of what is proved, if anything is."""
         return None if self.subject is None else proved(question, self.subject, self.region)
 
-    def margin(self, kind: str, name: str, value: float, unit: str, **more: Any) -> Margin:
-        return Margin(kind, name, value, unit, design=self.subject, **more)
+    def margin(
+        self,
+        kind: str,
+        name: str,
+        claim: MarginClaim | None,
+        *,
+        unit: str | None = None,
+        breaking: Callable[[float], Break | None] = lambda _: None,
+        span: float = 1.0,
+        design: Design | None = None,
+    ) -> Margin:
+        """Return the margin that a claim proves, with what breaks it: an error in spans."""
+        proved = Fraction(0) if claim is None else claim.value(name)
+        value = math.inf if proved is None else _down(proved)
+        unit = KINDS[kind].unit(unit, bool(self.parameters), math.isinf(value))
+        broken = breaking(value / span)
+        upper, example = (broken.value * span, broken.example) if broken else (None, "")
+        return Margin(kind, name, value, unit, upper, example, claim, design or self.subject)
+
+
+def _down(value: Fraction) -> float:
+    """Return the nearest float that is not above."""
+    near = float(value)
+    return near if Fraction(near) <= value else math.nextafter(near, 0)
 
 
 def _task(design: Design, region: Region | None) -> _Task:
@@ -178,25 +231,25 @@ def gain_error(design: Design, *, region: Region | None = None, own_states: bool
         If the design or the region is none, or the design is an observer's.
     """
     task = _task(design, region)
-    return _gain(task, OWN if own_states else "", Gains.of(task.design, own=own_states))
+    return _gain(task, OF_STATES if own_states else "", Gains.of(task.design, own_states))
 
 
-@stage(SUBJECTS["gain"])
+@stage(KINDS["gain"].words)
 def _gains(task: _Task) -> tuple[Margin, ...]:
-    own = Gains.of(task.design, own=True)
-    inputs = _gain(task, "", Gains.of(task.design))
-    return (inputs, _gain(task, OWN, own)) if own.some else (inputs,)
+    of_states = Gains.of(task.design, of_states=True)
+    of_inputs = _gain(task, "", Gains.of(task.design))
+    return (of_inputs, _gain(task, OF_STATES, of_states)) if of_states.some else (of_inputs,)
 
 
-def _gain(task: _Task, of: str, gains: Gains) -> Margin:
+def _gain(task: _Task, name: str, gains: Gains) -> Margin:
     if not gains.some:
-        return task.margin("gain", of, 0.0, GAIN_UNIT)
-    found = each_gain_claim(task.design, task.region, gains)
-    claim, own = (None, task.subject) if found is None else found
-    value = 0.0 if claim is None else float(claim.error)
-    broken = gain_break(task.design, task.region, gains, value)
-    upper, example = (broken.value, broken.example) if broken else (None, "")
-    return Margin("gain", of, value, GAIN_UNIT, upper, example, claim, own)
+        return task.margin("gain", name, None)
+    claim, design = each_gain_claim(task.design, task.region, gains) or (None, task.subject)
+
+    def breaking(least: float) -> Break | None:
+        return gain_break(task.design, task.region, gains, least)
+
+    return task.margin("gain", name, claim, breaking=breaking, design=design)
 
 
 @explained
@@ -238,76 +291,53 @@ def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
                 "of change are proved; leave it out"
             )
         return ()
-    whole = [("", "", tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))]
-    if any(own.constant for own in task.loops):  # no rate is too large
-        found = _rate(task, decay, *whole[0])
-        if math.isinf(found.value):
-            return (found,)
-    spans = whole if task.fixed and not task.loops else list(task.spans())
-    return tuple(_rate(task, decay, *each) for each in counted(spans, SUBJECTS["rate"]))
+    together: _Span = ("", None, tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))
+    if any(loop.constant for loop in task.loops):  # no rate is too large
+        joint = _rate(task, decay, *together)
+        if math.isinf(joint.value):
+            return (joint,)
+    spans = [together] if task.fixed and not task.loops else list(task.spans())
+    return tuple(_rate(task, decay, *span) for span in counted(spans, KINDS["rate"].words))
 
 
-def _rate(task: _Task, decay: float, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
+def _rate(
+    task: _Task, decay: float, name: str, unit: str | None, span: tuple[Fraction, ...]
+) -> Margin:
     """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
-    best, value = None, 0.0
-    for part, loop in enumerate(task.loops):
-        claim = task.proved(kinds.RateQuestion(loop, part, task.parameters, span, decay))
-        if isinstance(claim, Rate):
-            reached = math.inf if claim.rates is None else _value(claim.rates, span, name)
-            if best is None or reached > value:
-                best, value = claim, reached
-    own = unit_of("rate", unit if name else None, bool(task.parameters), math.isinf(value))
-    return task.margin("rate", name, value, own, claim=best)
+    claims = [
+        task.proved(RateQuestion(loop, part, task.parameters, span, decay))
+        for part, loop in enumerate(task.loops)
+    ]
+
+    def value(claim: MarginClaim) -> float:
+        rate = claim.value(name)
+        return math.inf if rate is None else float(rate)
+
+    best = max((claim for claim in claims if claim is not None), key=value, default=None)
+    return task.margin("rate", name, best, unit=unit)
 
 
 def _estimates(task: _Task) -> tuple[Margin, ...]:
     spans = [] if task.fixed else list(task.spans())
-    found = [_estimate(task.whole, *own) for own in counted(spans, SUBJECTS["estimate"])]
-    if len(found) < 2:
-        return tuple(found)
-    *single, joint = found  # what breaks by one alone breaks by all at once
-    for own, (_, _, span) in zip(single, spans, strict=False):
-        share = None if own.upper is None else own.upper / float(max(span))
+    margins = [_estimate(task.whole, *span) for span in counted(spans, KINDS["estimate"].words)]
+    if len(margins) < 2:
+        return tuple(margins)
+    *single, joint = margins  # what breaks by one alone breaks by all at once
+    for margin, (_, _, span) in zip(single, spans, strict=False):
+        share = None if margin.upper is None else margin.upper / float(max(span))
         if share is not None and (joint.upper is None or share < joint.upper):
-            joint = replace(joint, upper=share, example=own.example)
+            joint = replace(joint, upper=share, example=margin.example)
     return (*single, joint)
 
 
-def _estimate(task: _Task, name: str, unit: str, span: tuple[Fraction, ...]) -> Margin:
-    claim = task.proved(kinds.EstimateQuestion(task.loops, task.parameters, span))
-    value = _value(claim.errors, span, name) if isinstance(claim, Estimate) else 0.0
-    whole = float(max(span)) if name else 1.0
-    found = estimate_break(task.design, task.region, span, value / whole)
-    upper, example = (found.value * whole, found.example) if found else (None, "")
-    own = unit_of("estimate", unit if name else None, bool(task.parameters))
-    more = {"upper": upper, "example": example, "claim": claim}
-    return task.margin("estimate", name, value, own, **more)
+def _estimate(task: _Task, name: str, unit: str | None, span: tuple[Fraction, ...]) -> Margin:
+    claim = task.proved(EstimateQuestion(task.loops, task.parameters, span))
 
+    def breaking(least: float) -> Break | None:
+        return estimate_break(task.design, task.region, span, least)
 
-def unit_of(kind: str, own: str | None, ranged: bool, endless: bool = False) -> str:
-    """Return the unit of a margin of one parameter, whose own is given, or of all at once.
-
-    Parameters
-    ----------
-    ranged : bool
-        Whether there are parameters.
-    endless : bool
-        Whether any rate whatever is proved.
-    """
-    if kind == "gain":
-        return GAIN_UNIT
-    if kind == "estimate":
-        return own if own is not None else "of each range" if ranged else "of the weight"
-    if own is not None:
-        return rate_text(own)
-    return "" if endless else "ranges/s" if ranged else "1/s"
-
-
-def _value(values: tuple[Fraction, ...], span: tuple[Fraction, ...], name: str) -> float:
-    """Return the value of the one parameter, or the least share of a span; rounded down."""
-    share = max(values) if name else min(v / s for v, s in zip(values, span, strict=True))
-    value = float(share)
-    return value if Fraction(value) <= share else math.nextafter(value, 0)
+    width = float(max(span)) if name else 1.0
+    return task.margin("estimate", name, claim, unit=unit, breaking=breaking, span=width)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -347,8 +377,8 @@ class Margin(Short):
 
     def file(self, design: Design) -> Document:
         """Return the file of what is proved of a design."""
-        own = self.design or design
-        return own.certificate.file([self.claim] if self.claim else [])
+        claimed = self.design or design
+        return claimed.certificate.file([self.claim] if self.claim else [])
 
     def __repr__(self) -> str:
         return f"<Margin {self}>"
@@ -377,7 +407,7 @@ class Margin(Short):
     @property
     def subject(self) -> str:
         """Its name, for people."""
-        what = SUBJECTS[self.kind]
+        what = KINDS[self.kind].words
         if self.kind == "gain":
             return f"{what}, {self.parameter}" if self.parameter else what
         return f"{what}, {self.parameter or 'all at once'}"
@@ -389,11 +419,10 @@ class Margin(Short):
     @property
     def text(self) -> str:
         """The value, rounded down so that it stays true as printed."""
-        if math.isinf(self.value):
-            return "any"
-        if isinstance(self.claim, Estimate) and self.parameter:
-            return digits_down(max(self.claim.errors), 4)  # exactly: an interval's width, 0.2
-        return digits_down(self.value, 4) if self.value > 0 else ("0" if self.proved else "-")
+        if self.claim is None:
+            return "-"
+        exact = self.claim.value(self.parameter)  # an interval's width, 0.2, is not a float
+        return "any" if exact is None else digits_down(exact, 4) if exact else "0"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -422,7 +451,7 @@ class Margins(Short):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        rows = ((own.subject, f"{own.text} {own.unit}, {own.answer}") for own in self.margins)
+        rows = ((one.subject, f"{one.text} {one.unit}, {one.answer}") for one in self.margins)
         return card(f"margins of {self.design.plant.name}", rows)
 
     def __str__(self) -> str:

@@ -50,6 +50,10 @@ class Bordered(MarginClaim):
 
     error: Fraction
 
+    def value(self, name: str) -> Fraction:  # noqa: ARG002
+        """Return the error, whatever gains it is of."""
+        return self.error
+
     def border(self, pair: int) -> Border:
         """Return what stands beside F of one L, M of the region, and of its cells of each."""
         raise NotImplementedError

@@ -20,7 +20,7 @@ from polefence.proof.claims.bordered import Border, Bordered
 from polefence.proof.claims.margins import Subject
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
-from polefence.proof.reading import Table, plain
+from polefence.proof.reading import Table
 from polefence.proof.remainder import SHARE
 from polefence.proof.text import each_gain_text, region_text
 from polefence.proof.work import FormatError
@@ -50,10 +50,6 @@ class EachGain(Bordered):
         sizes = tuple(map(tuple, table.matrix("sizes", m, r)))
         mu = tuple(tuple(map(tuple, own)) for own in table.matrices("mu", m, r))
         return {"error": table.number("error"), "sizes": sizes, "mu": mu}
-
-    def write_own(self) -> dict[str, Any]:
-        """Return the error, the sizes and the multipliers."""
-        return {key: plain(getattr(self, key)) for key in ("error", "sizes", "mu")}
 
     def require_own(self, count: int) -> None:
         """Refuse sizes and multipliers that do not fit."""

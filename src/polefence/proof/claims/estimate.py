@@ -46,7 +46,7 @@ from polefence.proof.polynomials import (
     count_of,
     form,
 )
-from polefence.proof.reading import Table, plain
+from polefence.proof.reading import Table
 from polefence.proof.regions import factors, lyapunov
 from polefence.proof.text import digits_down, region_text
 from polefence.proof.work import FormatError, spend
@@ -68,14 +68,15 @@ class Estimate(MarginClaim):
 
     errors: tuple[Fraction, ...]
 
+    @property
+    def values(self) -> tuple[Fraction, ...]:
+        """The errors."""
+        return self.errors
+
     @classmethod
     def read_own(cls, table: Table, subject: Subject) -> dict[str, Any]:  # noqa: ARG003
         """Read the errors."""
         return {"errors": table.numbers("errors")}
-
-    def write_own(self) -> dict[str, Any]:
-        """Return the errors."""
-        return {"errors": plain(self.errors)}
 
     def require_own(self, count: int) -> None:
         """Refuse errors that are none, and rows of what is measured that vary: u = K(q) C(p) x."""

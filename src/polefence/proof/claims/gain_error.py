@@ -18,7 +18,7 @@ from polefence.proof.claims.bordered import Border, Bordered
 from polefence.proof.claims.margins import Subject, require_numbers
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
-from polefence.proof.reading import MAX_SIZE, Table, plain
+from polefence.proof.reading import MAX_SIZE, Table
 from polefence.proof.remainder import SHARE
 from polefence.proof.text import errors_text, region_text
 from polefence.proof.work import FormatError
@@ -61,10 +61,6 @@ class GainError(Bordered):
             columns = table.numbers("columns")
         own = {key: table.numbers(key) for key in ("rows", "mu")}
         return {"error": table.number("error"), "columns": columns} | own
-
-    def write_own(self) -> dict[str, Any]:
-        """Return the error and its scales."""
-        return {key: plain(getattr(self, key)) for key in ("error", "rows", "columns", "mu")}
 
     def require_own(self, count: int) -> None:
         """Refuse scales that do not fit."""

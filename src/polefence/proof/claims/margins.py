@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
@@ -30,7 +30,7 @@ from polefence.proof.polynomials import (
     monomials,
     number,
 )
-from polefence.proof.reading import Table
+from polefence.proof.reading import Table, plain
 from polefence.proof.regions import Part
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, name_text, range_text, unit_text
@@ -83,6 +83,22 @@ class MarginClaim(Short, Claim):
 
     subject: Subject
 
+    @property
+    def values(self) -> tuple[Fraction, ...] | None:
+        """What is proved of each parameter, or one number without any; None of any value."""
+        raise NotImplementedError
+
+    def value(self, name: str) -> Fraction | None:
+        """Return what is proved of a parameter, or as a share of each range of all; None of any."""
+        values, ranges = self.values, self.subject.ranges
+        if values is None:
+            return None
+        if name:
+            named = (v for v, r in zip(values, ranges, strict=True) if r.name == name)
+            return next(named, Fraction(0))
+        spans = [r.high - r.low for r in ranges] or [Fraction(1)]
+        return min(value / span for value, span in zip(values, spans, strict=True))
+
     @classmethod
     def read_own(cls, table: Table, subject: Subject) -> dict[str, Any]:
         """Read the fields of this kind."""
@@ -90,7 +106,8 @@ class MarginClaim(Short, Claim):
 
     def write_own(self) -> dict[str, Any]:
         """Return what `read_own` reads."""
-        raise NotImplementedError
+        keys = [field.name for field in fields(self) if field.name != "subject"]
+        return {key: plain(getattr(self, key)) for key in keys}
 
     def require_own(self, count: int) -> None:
         """Refuse fields of this kind that do not fit; ``count`` is that of parameters, or one."""

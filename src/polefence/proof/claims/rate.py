@@ -47,6 +47,11 @@ class Rate(MarginClaim):
     rates: tuple[Fraction, ...] | None
     part: int = 0
 
+    @property
+    def values(self) -> tuple[Fraction, ...] | None:
+        """The rates."""
+        return self.rates
+
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read it, of a plant in continuous time."""
@@ -80,8 +85,8 @@ class Rate(MarginClaim):
     def _is_constant(self) -> bool:
         """Whether one W is that of all parameters, whatever the degree of the law."""
         design = self.subject.design
-        own = design.evidence[self.part].degree if design.law.polynomial else 1
-        return not own or not self.subject.degree(self.part)
+        degree = design.evidence[self.part].degree if design.law.polynomial else 1
+        return not degree or not self.subject.degree(self.part)
 
     def work(self) -> tuple[int, int]:
         """Return how many inequalities there are, and half their size."""
@@ -118,8 +123,8 @@ class Rate(MarginClaim):
             for k in range(W.sizes[0]):
                 yield W.derivative(k).times(self.rates[0])
             return
-        for f, (own, rate) in enumerate(zip(self.subject.ranges, self.rates, strict=True)):
-            yield change(W, f, own).times(rate)
+        for f, (interval, rate) in enumerate(zip(self.subject.ranges, self.rates, strict=True)):
+            yield change(W, f, interval).times(rate)
 
     def _extremes(self, count: int) -> Iterator[tuple[int, ...]]:
         """Yield the signs of all rates; without parameters weight goes from vertex to vertex."""

@@ -20,7 +20,7 @@ from polefence import (
     UncertainPlant,
     check,
 )
-from polefence.certify.bounds import bounds_file, sampled
+from polefence.certify.bounds import bounds_file, each_sampled, sampled
 from polefence.cli.optimise import lines_of, rows_of
 from polefence.plant.outputs import Output, rate_of
 from polefence.plant.points import seeded
@@ -250,6 +250,16 @@ def test_samples_are_of_the_family(two):
     assert mass.mean() == pytest.approx((0.8 + 1.25) / 2, abs=0.02)  # uniform in m, not in 1/m
     bare = UncertainPlant.from_vertices([[[1]], [[2]], [[3]]], [[[1]]] * 3)
     assert seeded(bare, 50).sum(axis=1) == pytest.approx(1)
+
+
+def test_a_signal_may_be_minimised_and_limited(two):
+    """Both are sampled from one covariance, which has the signal once."""
+    alpha, law = seeded(two, 20), FixedGain([[-1.0, -2.0]])
+    twice = each_sampled(two, law, [Rms("x"), Rms("force"), Rms("x", 5.0)], alpha)
+    alone = each_sampled(two, law, [Rms("x"), Rms("force")], alpha)
+    assert np.array_equal(twice[0].values, twice[2].values)
+    for both, single in zip(twice, alone, strict=False):
+        assert both.values == pytest.approx(single.values, rel=1e-12)
 
 
 # --- the file -------------------------------------------------------------------------------------

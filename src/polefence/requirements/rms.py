@@ -196,6 +196,7 @@ def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Ar
     plant, plain = with_weights(plant, owns)
     law = wider(law, bare, plant)
     outputs = [own.outputs(plant) for own in plain]
-    rms = stationary(plant, law, alpha, psd, [one for own in outputs for one in own]).rms
-    ends = np.cumsum([len(own) for own in outputs])[:-1]
-    return [np.asarray(np.linalg.norm(part, axis=1)) for part in np.split(rms, ends, axis=1)]
+    signals = list(dict.fromkeys(signal for entries in outputs for signal in entries))
+    rms = stationary(plant, law, alpha, psd, signals).rms
+    columns = [[signals.index(signal) for signal in entries] for entries in outputs]
+    return [np.asarray(np.linalg.norm(rms[:, own], axis=1)) for own in columns]

@@ -358,7 +358,10 @@ def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
     others = {key: getattr(options, key) for key in ("step_in", "impulse_in", "initial")}
     if any(road is not None for road in roads):
         turns = _manoeuvres(car, options)
-        subject.require_road()
+        subject.require_road(
+            " (of a design name the spec, and the design as --law), or use --step-in, "
+            "--impulse-in, --initial or --input"
+        )
         if options.speed is None:
             raise InputError("--speed is missing: a road needs it [m/s]")
         road, duration = _road(options)

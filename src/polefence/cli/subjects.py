@@ -36,8 +36,13 @@ class Subject:
     car: Car | None = None
     dampers: tuple[Damper, ...] = ()
 
-    def require_road(self) -> None:
+    def require_road(self, remedy: str) -> None:
         """Refuse a plant that no road moves.
+
+        Parameters
+        ----------
+        remedy : str
+            What the command offers besides a table in the spec.
 
         Raises
         ------
@@ -47,8 +52,7 @@ class Subject:
         if self.plant.vehicle is None and self.car is None:
             raise InputError(
                 f"{self.plant.name} is not described as a vehicle, and a road needs one; add a "
-                "table [vehicle] or [car] to its spec (of a design name the spec, and the design "
-                "as --law), or use --step-in, --impulse-in, --initial or --input"
+                f"table [vehicle] or [car] to its spec{remedy}"
             )
 
     def require_one_suspension(self, command: str) -> None:

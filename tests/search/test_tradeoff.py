@@ -28,13 +28,14 @@ from polefence import (
     load,
 )
 from polefence.base.errors import InputError
-from polefence.certify.bounds import sampled
+from polefence.certify.bounds import best_bound, sampled
 from polefence.certify.design import check
 from polefence.cli.main import main
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
 from polefence.search.optimise import optimise
 from polefence.search.tradeoff import monotone, tradeoff
+from polefence.search.tune.worth import NEAR
 from polefence.show.plots import front_figure
 from polefence.vehicle import beside_reference_laws, velocity_density
 from support.paths import DOCS
@@ -113,7 +114,7 @@ def test_the_snippet_runs_and_what_it_saves_is_proved(page, monkeypatch, capsys)
     (snippet,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     exec(snippet, {})
     proved, kept = map(float, capsys.readouterr().out.split())
-    assert (proved, kept) == (pytest.approx(1.25041, rel=1e-4), pytest.approx(114.32, rel=1e-3))
+    assert (proved, kept) == (pytest.approx(1.00566, rel=1e-4), pytest.approx(200.95, rel=1e-3))
     answer = check("law")
     assert answer.proved
     assert any(claim.startswith("rms of 'actuator force' = u1 <= ") for claim in answer.claims)
@@ -157,8 +158,9 @@ def test_proved_bounds_fall_with_the_limit_and_are_near_the_truth(front):
             assert worst[3] < row["bounds"][2]["proved"] == 300
             assert row["sampled"] == pytest.approx(worst[0], rel=1e-3)
             assert row["sampled"] < row["proved"]
-    fixed, scheduled = (front.row(0.0048, method)["proved"] for method in front.methods)
-    assert scheduled < 0.85 * fixed
+    for value in (0.0044, 0.0048):  # knowing the parameters is worth more than the search's errors
+        fixed, scheduled = (front.row(value, method)["proved"] for method in front.methods)
+        assert scheduled < (1 - 3 * NEAR) * fixed
 
 
 def _points(plant, random, count):
@@ -194,13 +196,15 @@ def test_where_the_limit_binds_nothing_the_front_ends_at_the_free_optimum(page):
     plant = load(page[0] / "car.toml")
     with ThreadPoolExecutor(1) as executor:
         found = tradeoff(
-            plant, ACCELERATION, FORCE, [100, 2000], methods=["quadratic"], executor=executor
+            plant, ACCELERATION, FORCE, [2000, 40000], methods=["quadratic"], executor=executor
         )
-    free = optimise(plant, ACCELERATION, (), None, "quadratic").bounds[0].level
+    free = optimise(plant, ACCELERATION, (), None, "quadratic")
     tight, loose = (row["proved"] for row in found.rows)
-    assert loose == pytest.approx(free, rel=1e-4)
-    assert found.rows[1]["bounds"][0]["proved"] < 0.2 * 2000
-    assert tight > 1.05 * free
+    # the optimum takes 7.2 kN; either may be a smaller gain that is as good to NEAR
+    assert best_bound(plant, free.law, FORCE).level < 0.2 * 40000
+    assert found.rows[1]["bounds"][0]["proved"] < 0.2 * 40000
+    assert loose == pytest.approx(free.bounds[0].level, rel=NEAR)
+    assert tight > 1.05 * free.bounds[0].level
 
 
 def test_the_figure_has_what_is_proved_and_what_is_not(front):
@@ -218,20 +222,19 @@ def test_the_figure_has_what_is_proved_and_what_is_not(front):
     assert len(set(styles)) == 2
 
 
-def test_the_prose_states_what_the_example_measures(front, tmp_path, monkeypatch):
+def test_the_prose_states_what_the_example_measures(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("example", DOCS / "examples" / "tradeoff.py")
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    fixed = example.front([0.0048], ["quadratic"])
-    passive = fixed.references[0]
+    found = example.front([0.0046])
+    passive = found.references[0]
     assert f"the passive car, {1e3 * passive['over']:.2f} mm" in PAGE
-    scheduled = front.row(0.0044, example.METHODS[1])  # 27 mm of travel bind nothing there
-    for row, name in ((fixed.rows[0], "one gain is proved to be"), (scheduled, "scheduled gains")):
-        assert f"{name} {100 * (1 - row['proved'] / passive['minimise']):.0f} %" in PAGE
+    for row, name in zip(found.rows, ("one gain is proved to be", "scheduled gains"), strict=True):
+        assert f"{name} {100 * (1 - row['proved'] / passive['minimise']):.1f} %" in PAGE
         assert row["bounds"][0]["proved"] < passive["over"]
         assert row["value"] in example.VALUES
-    assert f"which keeps {1e3 * fixed.rows[0]['bounds'][0]['proved']:.2f} mm" in PAGE
-    monkeypatch.setattr(example, "front", lambda **_: fixed)
+        assert f"(the laws for {1e3 * row['value']:.1f} mm)" in PAGE
+    monkeypatch.setattr(example, "front", lambda **_: found)
     example.main(tmp_path)
     assert (tmp_path / "tradeoff.png").read_bytes().startswith(b"\x89PNG")
 

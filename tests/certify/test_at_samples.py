@@ -13,6 +13,7 @@ from polefence import (
     Disk,
     HalfPlane,
     InputError,
+    PolynomialGain,
     Scheduled,
     Structure,
     UncertainPlant,
@@ -26,7 +27,7 @@ from polefence.certify.design import Design
 from polefence.examples import family
 from polefence.export.guarantee import guarantee
 from polefence.export.program import number, program
-from polefence.plant.larger import own_states
+from polefence.plant.larger import own_states, with_actuator
 from polefence.plant.spec import loads
 from polefence.proof.document import check as check_document
 from polefence.proof.document import loads as read
@@ -138,3 +139,15 @@ def test_samples_are_not_sampled_again(plant):
     seen = at_sample_time(plant, T)
     with pytest.raises(InputError, match="in discrete time already"):
         at_samples(seen, [[-1.0, -1.0]], T)
+
+
+def test_a_law_may_measure_an_output():
+    """The output keeps its name at the samples: the file is read with it."""
+    car = with_actuator(family("quarter-car-ride"), "actuator force", 40)
+    measured = (car.signal("sprung-mass acceleration"), car.signal("suspension deflection"))
+    law = PolynomialGain([(0, 0)], [[[-60.0, 400.0]]], measured, car.parameters)
+    seen, late = at_samples(car, law, 0.001, 1)
+    assert [own.name for own in late.measured] == [own.name for own in measured]
+    found = analyse(seen, late, Disk(0, 1))
+    assert found.proved
+    assert check_document(read(found.certificate.file().dumps())).proved

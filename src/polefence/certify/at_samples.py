@@ -6,6 +6,7 @@ law does not feed back; states that the law keeps itself are stepped by their ra
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from polefence.base.explained import explained
 from polefence.law.laws import Law, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
+from polefence.plant.outputs import Output
 from polefence.plant.system import System
 from polefence.response.samples import at_sample_time
 
@@ -74,6 +76,15 @@ def _without(plant: UncertainPlant, kept: int) -> UncertainPlant:
         vertices=tuple(vertices),
         states=plant.states[:n],
         inputs=plant.inputs[:m],
-        outputs=(),
+        outputs=tuple(_narrowed(plant, n, m)),
         vehicle=None,
     )
+
+
+def _narrowed(plant: UncertainPlant, n: int, m: int) -> Iterator[Output]:
+    """Yield the outputs of the first states and inputs alone."""
+    for output in plant.every_output:
+        C, D, F = output.exact(plant)
+        if not any(any(row[n:]) for row in C) and not any(any(row[m:]) for row in D):
+            rows = {"C": [row[:n] for row in C], "D": [row[:m] for row in D]}
+            yield Output(output.name, output.unit, **rows, F=F if plant.disturbance_count else ())

@@ -1,0 +1,182 @@
+"""Samples between nodes: how far the exponential is from the multi-affine interpolation.
+
+With M(t) = [A, B, E] T, affine in each of the coordinates t_i from 0 to 1 of the box, and rows of
+zeros below it, the samples are the first rows of exp M. Entry by entry |exp M| <= exp N, where N
+has the largest diagonal entries of M, with their signs, and beside these the largest magnitudes.
+So the second derivative along t_i, with |dM/dt_i| <= N_i, is at most that of exp (N + s N_i) at
+s = 0,
+
+    C_i = d^2/ds^2 exp (N + s N_i) = e^-c d^2/ds^2 exp (c I + N + s N_i),
+
+of which the last is a series of numbers that are not negative. Between nodes w_i apart along t_i
+the multi-affine interpolation is off by at most the sum of w_i^2 C_i / 8: it is one linear
+interpolation after the other, each of which is off by at most w_i^2 / 8 times the second
+derivative, and makes no error of another larger.
+
+All is computed in whole multiples of 2^-96 and rounded to the safe side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from operator import add, mul
+
+from polefence.proof.claims.steps import exponential
+from polefence.proof.matrices import Integers, Rationals, bits
+from polefence.proof.work import FormatError, spend
+
+FINE = 96  # bits after the point
+ONE = 1 << FINE
+MAX_TERMS = 120
+MAX_SIZE = 16  # of a row's sum of |M|: what is left of 96 bits is then 70
+
+
+@dataclass(frozen=True)
+class Bends:
+    """Bounds for the samples of a family.
+
+    Attributes
+    ----------
+    along : tuple of (n, n + m + q) rationals
+        C_i of each parameter.
+    missing : Fraction
+        What an entry of `sample` is off by at most.
+    """
+
+    along: tuple[Rationals, ...]
+    missing: Fraction
+
+
+def bends(M: Sequence[Rationals], terms: int) -> Bends:
+    """Return how much the samples of a family bend, from its vertices.
+
+    Parameters
+    ----------
+    M : sequence of (n, width) rationals
+        [A, B, E] T at the 2^k corners of the box; the first parameter varies slowest.
+    terms : int
+        Of the series.
+
+    Raises
+    ------
+    FormatError
+        If the series needs more terms than these.
+    """
+    count, largest = len(M).bit_length() - 1, _largest(map(_magnitudes, M))
+    size = _row_sum(largest)
+    if size > MAX_SIZE:
+        raise FormatError("the sample time is too long for these rates")
+    if not 4 * size + 2 <= terms <= MAX_TERMS:
+        raise FormatError(f"the samples need {math.ceil(4 * size) + 2} to {MAX_TERMS} terms")
+    tops = [max(math.ceil(own[i][i] * ONE) for own in M) for i in range(len(largest))]
+    shift = max(0, -min(tops))
+    N = _padded(largest, shift)
+    for i, top in enumerate(tops):
+        N[i][i] = top + shift
+    along = list[Rationals]()
+    for i in range(count):
+        half = 1 << (count - 1 - i)  # places between the two ends of parameter i
+        lower = (j for j in range(len(M)) if not j // half % 2)
+        slope = _largest(_magnitudes(_less(M[j + half], M[j])) for j in lower)
+        along.append(_bend(N, _padded(slope), terms, Fraction(shift, ONE))[: len(largest)])
+    return Bends(tuple(along), _missing(size, len(largest[0]), terms))
+
+
+def sample(M: Rationals, terms: int) -> Integers:
+    """Return the sum of A^(k - 1) M / k! for k from 1 to so many terms, times 2^96.
+
+    With [I, 0, 0] it is the samples, to what `Bends.missing` bounds.
+
+    Parameters
+    ----------
+    M : (n, width) rationals
+        [A, B, E] T, of no larger row sums than that of `bends`.
+    """
+    own = [[round(x * ONE) for x in row] for row in M]
+    spend(terms * len(own) ** 2 * len(own[0]), max(FINE, bits(own)), FINE)
+    A, term, total = [row[: len(own)] for row in own], own, own
+    for k in range(2, terms + 1):
+        divisor, columns = k << FINE, list(zip(*term, strict=True))
+        term = [[sum(map(mul, row, column)) // divisor for column in columns] for row in A]
+        total = [list(map(add, *rows)) for rows in zip(total, term, strict=True)]
+    return total
+
+
+def _bend(N: Integers, slope: Integers, terms: int, shift: Fraction) -> Rationals:
+    """Return C of one parameter, with N = N + c I and c = shift."""
+    width = len(N)
+    spend(5 * terms * width**3, max(FINE, bits(N)), max(FINE, bits(slope)))
+    t2 = [[0] * width for _ in range(width)]
+    t0, t1, total = N, slope, t2
+    for k in range(2, terms + 1):
+        t2 = _raised(k, (N, t2), (slope, t1))
+        t1 = _raised(k, (N, t1), (slope, t0))
+        t0 = _raised(k, (N, t0))
+        total = [list(map(add, *rows)) for rows in zip(total, t2, strict=True)]
+    size, change = _row_sum(N), _row_sum(slope)
+    # of s^2 in (size + s change)^k / k!: change^2 size^(k - 2) / (2 (k - 2)!), for all k > terms
+    rest = change * change / 2 * _tail(size, terms - 1)
+    times = 2 / _at_most_exponential(shift)
+    return [[times * (Fraction(x, ONE) + rest) for x in row] for row in total]
+
+
+def _raised(k: int, *pairs: tuple[Integers, Integers]) -> Integers:
+    """Return the sum of products over k, of numbers that are not negative, rounded up."""
+    divisor = k << FINE
+    sides = [(left, list(zip(*right, strict=True))) for left, right in pairs]
+    every = range(len(pairs[0][0]))
+    return [
+        [
+            -(-sum(sum(map(mul, left[i], columns[j])) for left, columns in sides) // divisor)
+            for j in every
+        ]
+        for i in every
+    ]
+
+
+def _tail(size: Fraction, first: int) -> Fraction:
+    """Return at least the sum of size^k / k! from k = first on."""
+    return size**first / math.factorial(first) / (1 - size / (first + 1))
+
+
+def _at_most_exponential(x: Fraction) -> Fraction:
+    """Return a little less than e^x, for x >= 0."""
+    term = total = ONE
+    for k in range(1, MAX_TERMS):
+        term = term * x.numerator // (x.denominator * k)
+        total += term
+    return Fraction(total, ONE)
+
+
+def _missing(size: Fraction, width: int, terms: int) -> Fraction:
+    """Return what `sample` is off by: its entries' rounding, its terms' rounding, what is left."""
+    grown = exponential(size + 1)
+    return Fraction(width + 2 * terms, 2 * ONE) * grown + _tail(size, terms + 1)
+
+
+def _magnitudes(M: Rationals) -> Integers:
+    """Return |M| in multiples of 2^-96, rounded up."""
+    return [[math.ceil(abs(x) * ONE) for x in row] for row in M]
+
+
+def _largest(matrices: Iterable[Integers]) -> Integers:
+    """Return the largest of each entry."""
+    return [[max(own) for own in zip(*rows, strict=True)] for rows in zip(*matrices, strict=True)]
+
+
+def _less(M: Rationals, N: Rationals) -> Rationals:
+    return [[a - b for a, b in zip(*rows, strict=True)] for rows in zip(M, N, strict=True)]
+
+
+def _padded(M: Integers, diagonal: int = 0) -> Integers:
+    """Return the square matrix with rows of zeros below, but for their diagonal."""
+    n, width = len(M), len(M[0])
+    below = [[diagonal * (i == j) for j in range(width)] for i in range(n, width)]
+    return [list(row) for row in M] + below
+
+
+def _row_sum(M: Integers) -> Fraction:
+    return Fraction(max(map(sum, M)), ONE)

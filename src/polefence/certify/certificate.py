@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -22,6 +22,7 @@ from polefence.plant.exact import bare_plant
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
+from polefence.plant.parts import node
 from polefence.plant.polynomial import Domain
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array
@@ -143,6 +144,7 @@ class Certificate(Short):
     @cached_property
     def _claim(self) -> Poles:
         plant = file_plant(self.plant) if self.law.names_signals else bare_plant(self.plant)
+        plant = with_nodes(plant, self.plant, self._inner_corners)
         try:
             law, on = read_law(Table.of(self.law.document(), "law"), plant)
             own = {"region": self.region.document(), "method": self.method}
@@ -152,6 +154,17 @@ class Certificate(Short):
             return claim
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
+
+    @property
+    def _inner_corners(self) -> set[tuple[Fraction, ...]]:
+        """Corners of the parts of the box that are not those of the box."""
+        boxes = (cell for own in self.evidence.get("parts", ()) for cell in own.get("cells", ()))
+        each = (
+            corner
+            for box in boxes
+            for corner in files.corners(*(list(map(Fraction, box[key])) for key in ("low", "high")))
+        )
+        return {corner for corner in each if set(corner) - {0, 1}}
 
     def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
@@ -210,9 +223,11 @@ class Certificate(Short):
                 claims = (observer, _samples(self.observed))
             return Document(plant, None, claims, polefence=VERSION)
         found = (own,) if claims is None else tuple(claims)
+        points = {point for claim in found for point in claim.inner_corners}
+        plant = with_nodes(file_plant(self.plant), self.plant, points)
         if self.plant.sampling is not None:
-            found = (*found, _samples(self.plant))
-        return Document(file_plant(self.plant), own.law, found, own.on, polefence=VERSION)
+            found = (*found, replace(claim_of_samples(self.plant), plant=plant))
+        return Document(plant, own.law, found, own.on, polefence=VERSION)
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
@@ -265,6 +280,15 @@ class Certificate(Short):
 def _samples(plant: UncertainPlant) -> Samples:
     """Return the claim that a plant is the samples of another, about the plant of the file."""
     return replace(claim_of_samples(plant), plant=file_plant(plant))
+
+
+def with_nodes(
+    own: files.Plant, plant: UncertainPlant, points: Iterable[tuple[Fraction, ...]]
+) -> files.Plant:
+    """Return a plant of a file with nodes inside the box; as it is where it needs none."""
+    if not plant.bent:
+        return own
+    return replace(own, nodes=tuple(node(plant, point) for point in sorted(points)))
 
 
 def _rationals(matrix: Array) -> Rationals:

@@ -19,22 +19,27 @@ from polefence.base.errors import InputError
 from polefence.certify.candidates import Deadline, first
 from polefence.certify.certificate import Certificate, part_of
 from polefence.certify.counterexample import counterexample
+from polefence.certify.interpolated import interpolated
 from polefence.certify.rational import lyapunov_matrices
 from polefence.law.laws import (
     Law,
 )
+from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.lmi.solve.spread import spread_of
 from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
+from polefence.plant.parts import inside, node
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Piece
-from polefence.proof.plant import ANY
+from polefence.proof.plant import ANY, corners
 from polefence.proof.polynomials import coordinates
+from polefence.proof.remainder import Spread
 from polefence.region.regions import Region
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -45,6 +50,7 @@ FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
+MOST_BENT = 400  # parts of a plant that is sampled between nodes
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
@@ -57,7 +63,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         If the plant is so large that the exact checker does not take even the first.
     """
     n = plant.shape[0]
-    for form in LADDER:
+    for form in LADDER[:1] if plant.bent else LADDER:
         blocks = _blocks(plant, law, form)
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if form == LADDER[0]:
@@ -156,7 +162,7 @@ class Search:
             evidence = evidence_at(self.plant, self.law, self.part, form)
             if evidence is not None:
                 return evidence
-        for X in lyapunov_matrices(self.plant, self.law, self.part):
+        for X in () if self.plant.bent else lyapunov_matrices(self.plant, self.law, self.part):
             evidence = {"X": X, "degree": 0, "elevation": 0}
             if certificate_of(self.plant, self.law, self.part, [evidence]).holds():
                 return evidence
@@ -214,22 +220,45 @@ class _Inside:
 
     def proof(self, box: Box) -> Evidence | None:
         """Return evidence of low degree, None where none is proved."""
-        claim = self.claim.inside(self.piece(box, self.claim.evidence[0]))
+        piece = self.piece(box, self.claim.evidence[0])
+        claim, plant, law = self._claim(piece).inside(piece), self.plant, self.law
         own = self.loop.inside(box)
-        for form in () if self.full else self.forms:
-            for found in points_inside(own, self.part, form):
-                X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
-                evidence = Evidence(X, *form)
-                with suppress(work.FormatError), work.counted() as count:
-                    if prove(replace(claim, evidence=(evidence,))).proved:
-                        self.spent += count.spent
-                        return evidence
+        if plant.bent:
+            plant = inside(plant, piece.low, piece.high)
+            law = law.inside(plant, piece.low, piece.high)
+            own = loop_of(plant, law)
+        if self.full:
+            return None
+        for found in self._candidates(plant, law, own):
+            evidence = in_rationals(with_remainder(plant, law, found))
+            with suppress(work.FormatError), work.counted() as count:
+                if prove(replace(claim, evidence=(evidence,))).proved:
+                    self.spent += count.spent
+                    return evidence
         return None
+
+    def _candidates(self, plant: UncertainPlant, law: Law, loop: Loop) -> Iterator[dict[str, Any]]:
+        """Yield evidence of a part of the box: of samples by interpolation, else by LMIs."""
+        if self.plant.bent:
+            first = interpolated(plant, law, self.part)
+            if first is None:  # the part is far too large
+                return
+            yield first
+        for form in self.forms:
+            for found in points_inside(loop, self.part, form):
+                yield evidence_of(found, form)
+
+    def _claim(self, piece: Piece) -> Poles:
+        """Return the claim with the nodes at the corners of a part."""
+        if not self.plant.bent:
+            return self.claim
+        points = sorted(c for c in corners(piece.low, piece.high) if set(c) - {0, 1})
+        return replace(self.claim, nodes=tuple(node(self.plant, at) for at in points))
 
     def leaving(self, box: Box) -> list[Fraction] | None:
         """Return an alpha at which a pole leaves the region, None if none was found."""
         piece = self.piece(box, self.claim.evidence[0])
-        alpha = counterexample(self.claim.inside(piece))
+        alpha = counterexample(self._claim(piece).inside(piece))
         if alpha is None:
             return None
         own, whole = coordinates(alpha, self.claim.sizes)[1::2], [Fraction(1)]
@@ -258,10 +287,12 @@ class _Inside:
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
-    if not law.divisible(plant) or plant.remainder is not None:
+    if not law.divisible(plant) or (plant.remainder is not None and not plant.bent):
         return 1
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
+    if plant.bent:
+        return min(MOST_BENT, work.MAX_WORK // checked)
     found = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
 
@@ -296,6 +327,19 @@ def whole_evidence(
         If what was found is no Lyapunov matrix, where there is a remainder.
     """
     return with_remainder(plant, law, evidence_of(found, form))
+
+
+def in_rationals(evidence: dict[str, Any]) -> Evidence:
+    """Return evidence of a part of a region, whole, in rationals."""
+    X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
+    multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
+    spread = None
+    if "remainder" in evidence:
+        own = evidence["remainder"]
+        omega = [[Fraction(e) for e in row] for row in own["omega"].tolist()]
+        rows, columns = (tuple(map(Fraction, own[key].tolist())) for key in ("rows", "columns"))
+        spread = Spread(omega, rows, columns)
+    return Evidence(X, evidence["degree"], evidence["elevation"], multiple, spread=spread)
 
 
 def with_remainder(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[str, Any]:

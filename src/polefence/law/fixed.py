@@ -16,6 +16,7 @@ from polefence.plant.outputs import Output
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import laws as proof
+from polefence.proof.laws import Point
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,6 +92,10 @@ class FixedGain(Law):
     def domain_of(self, plant: UncertainPlant) -> Domain:
         """Return where claims about its loop are made: the box where there are parameters."""
         return Domain.of("box" if plant.parameters else "simplex", len(plant.vertices))
+
+    def inside(self, plant: UncertainPlant, low: Point, high: Point) -> FixedGain:  # noqa: ARG002
+        """Return it: it is the same on every part."""
+        return self
 
     def negated(self) -> FixedGain:
         """Return it with the other sign."""

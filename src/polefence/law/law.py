@@ -18,6 +18,7 @@ from polefence.plant.parameters import Parameter, simplex_weights
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array, floats
 from polefence.proof import laws as proof
+from polefence.proof.laws import Point
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 
@@ -220,6 +221,18 @@ class Law(Short):
         return self.in_parts and set(self.domain_of(plant).sizes) == {2}
 
     # --- other laws ------------------------------------------------------------------------------
+
+    def inside(self, plant: UncertainPlant, low: Point, high: Point) -> Law:
+        """Return the same law on a part of the box, to rounding.
+
+        Parameters
+        ----------
+        plant : UncertainPlant
+            The family on that part.
+        low, high : tuple of Fraction
+            Weights of each parameter's upper end.
+        """
+        raise NotImplementedError
 
     def negated(self) -> Self:
         """Return it with the other sign."""

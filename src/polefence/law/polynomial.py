@@ -13,11 +13,13 @@ from polefence.base.errors import InputError, require_type
 from polefence.base.explained import explained_fields
 from polefence.law.law import Law, check_alpha, frozen, gain_rows, more_columns, rationals
 from polefence.plant.card import card
+from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, padded
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import laws as proof
+from polefence.proof.laws import Point
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,6 +196,13 @@ class PolynomialGain(Law):
     def of(self, parameters: tuple[Parameter, ...]) -> PolynomialGain:
         """Return it with the parameters that alpha comes from."""
         return replace(self, parameters=parameters)
+
+    def inside(self, plant: UncertainPlant, low: Point, high: Point) -> PolynomialGain:
+        """Return the same law on a part of the box, to rounding."""
+        own = self.exact.inside(low, high)
+        measured = tuple(plant.signal(y.name) for y in self.measured)
+        gains = np.array(own.K, dtype=float)
+        return PolynomialGain(own.powers, gains, measured, plant.parameters)
 
     def negated(self) -> PolynomialGain:
         """Return it with the other sign."""

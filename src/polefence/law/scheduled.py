@@ -24,6 +24,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import laws as proof
+from polefence.proof.laws import Point
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,6 +142,12 @@ class ScheduledGain(Law):
     def of(self, parameters: tuple[Parameter, ...]) -> ScheduledGain:
         """Return it with the parameters that alpha comes from."""
         return replace(self, parameters=parameters)
+
+    def inside(self, plant: UncertainPlant, low: Point, high: Point) -> ScheduledGain:
+        """Return the same law on a part of the box, to rounding."""
+        own = self.exact.inside(low, high)
+        W, Z = (np.array(M, dtype=float) for M in (own.W, own.Z))
+        return replace(self, W=W, Z=Z, parameters=plant.parameters)
 
     def negated(self) -> ScheduledGain:
         """Return it with the other sign."""

@@ -62,6 +62,11 @@ class SamplesOf(Short):
     terms: int
     units: tuple[Fraction, ...]
 
+    @cached_property
+    def known(self) -> dict[tuple[Fraction, ...], list[list[Fraction]]]:
+        """Samples at points of the box that were asked for."""
+        return {}
+
 
 @dataclass(frozen=True, repr=False)
 class UncertainPlant(Short):
@@ -505,6 +510,11 @@ class UncertainPlant(Short):
         """Bernstein coefficients (count, n, n + m + q) of what is added between vertices."""
         coefficients = () if self.remainder is None else self.remainder.curve
         return np.array([[[float(x) for x in row] for row in M] for M in coefficients])
+
+    @property
+    def bent(self) -> bool:
+        """Whether it is sampled between nodes: the smaller a part of the box, the nearer to it."""
+        return self.remainder is not None and bool(self.remainder.bends)
 
     @property
     def curve_degree(self) -> int:

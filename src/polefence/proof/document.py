@@ -173,9 +173,12 @@ def _read(table: Table) -> Document:
             claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")
-    curved = plant.remainder is not None and plant.remainder.curve
+    own = plant.remainder
+    curved = own is not None and (own.curve or own.bends)
     if curved and not any(isinstance(claim, Samples) for claim in claims):
-        raise FormatError("plant.curve: a claim of kind samples has to say what the plant is of")
+        raise FormatError(
+            "plant.remainder: a claim of kind samples has to say what the plant is of"
+        )
     export = table.at("export") if "export" in table else None
     if export is not None and not isinstance(export, dict):
         raise FormatError("export must be a table")

@@ -11,13 +11,14 @@ A polynomial law is u = K(p) y, K the sum of gains times c^e: c the parameters' 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product as cartesian
 from typing import Any
 
-from polefence.proof.matrices import Rationals, identity, mix, product
-from polefence.proof.plant import Plant
+from polefence.proof.matrices import MAX_BITS, Rationals, identity, mix, product
+from polefence.proof.plant import Node, Plant, corners
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -29,6 +30,9 @@ from polefence.proof.polynomials import (
     constant,
     corners_of,
     count_of,
+    form,
+    monomials,
+    multinomial,
 )
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Spread
@@ -128,6 +132,9 @@ class Law(Short):
         """
         if self.fixed and len(self.K or []) == 1:
             return self
+        if self.scheduled:
+            W, Z = (restricted(own or [], self.degree, low, high) for own in (self.W, self.Z))
+            return replace(self, W=W, Z=Z)
         if not self.polynomial or len(self.powers[0]) != len(low):
             raise FormatError("cells belong to one gain, or to a law polynomial in the parameters")
         gained: dict[Exponent, Rationals] = {}
@@ -341,6 +348,74 @@ def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Ratio
     return moved
 
 
+def restricted(
+    coefficients: list[Rationals], degree: int, low: Point, high: Point
+) -> list[Rationals]:
+    """Return the Bernstein coefficients, on a part of the box, of a polynomial on the box."""
+    sizes, forms = (2,) * len(low), list[Polynomial]()
+    for k, ends in enumerate(zip(low, high, strict=True)):
+        unit = math.lcm(*(end.denominator for end in ends))
+        upper = [int(end * unit) for end in ends]
+        lower = [unit - value for value in upper]
+        forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
+    whole = bernstein(coefficients, sizes, degree, MAX_BITS)
+    own, (rows, columns) = whole.composed(forms, sizes), whole.shape
+    none = [[Fraction(0)] * columns] * rows
+    found = {
+        e: [[Fraction(x, own.whole * multinomial(e, sizes)) for x in row] for row in M]
+        for e, M in own.terms.items()
+    }
+    return [found.get(e, none) for e in monomials(sizes, degree)]
+
+
+def inner_corners(evidence: Iterable[Evidence]) -> list[Point]:
+    """Return the corners of all cells that are not corners of the box, in order."""
+    found = {
+        corner
+        for own in evidence
+        for piece in own.cells
+        for corner in corners(piece.low, piece.high)
+    }
+    return sorted(corner for corner in found if set(corner) - {0, 1})
+
+
+def used_nodes(plant: Plant, evidence: Iterable[Evidence]) -> tuple[Node, ...]:
+    """Return the nodes at the corners of cells, of a plant that has some.
+
+    Raises
+    ------
+    FormatError
+        If one is missing.
+    """
+    if plant.remainder is None or not plant.remainder.bends:
+        return ()
+    known, found = {own.at: own for own in plant.nodes}, list[Node]()
+    for corner in inner_corners(evidence):
+        if corner not in known:
+            raise FormatError("cells: the plant has no node at a corner of one")
+        found.append(known[corner])
+    return tuple(found)
+
+
+def between_nodes(
+    vertices: Sequence[list[Rationals]], nodes: Sequence[Node], low: Point, high: Point
+) -> list[list[Rationals]]:
+    """Return A, B and E at the corners of a part of the box: of vertices, or of nodes."""
+    known = {own.at: [own.A, own.B, own.E] for own in nodes}
+    found: list[list[Rationals]] = [[] for _ in vertices]
+    for corner in corners(low, high):
+        if corner in known:
+            own = list(known[corner])
+        elif set(corner) <= {0, 1}:
+            number = int("".join(str(t) for t in corner), 2)
+            own = [M[number] if M else [] for M in vertices]
+        else:
+            raise FormatError("cells: the plant has no node at a corner of one")
+        for matrices, M in zip(found, own, strict=False):
+            matrices.append(M)
+    return [matrices if source else [] for matrices, source in zip(found, vertices, strict=True)]
+
+
 def longest(points: tuple[Point, ...]) -> int:
     """Return the length of the longest numerator or denominator."""
     pairs = (x.as_integer_ratio() for point in points for x in point)
@@ -353,12 +428,14 @@ def add(one: Rationals, other: Rationals) -> Rationals:
     return [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs]
 
 
-def read_cells(table: Table, n: int, sizes: Sizes, dual: bool = False) -> Evidence:
+def read_cells(
+    table: Table, n: int, sizes: Sizes, dual: bool = False, multiple: bool = False
+) -> Evidence:
     """Read evidence of parts of the box."""
     pieces = []
     for row in table.tables("cells", MAX_CELLS):
         low, high = (row.numbers(key, len(sizes)) for key in ("low", "high"))
-        evidence = read_evidence(row, n, sizes, "Q" if dual else "X")
+        evidence = read_evidence(row, n, sizes, "Q" if dual else "X", multiple=multiple)
         pieces.append(Piece(low, high, replace(evidence, dual=dual)))
     return Evidence([], dual=dual, cells=tuple(pieces))
 

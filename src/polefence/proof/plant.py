@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import product
 from typing import Any, Literal
 
 from polefence.proof.matrices import Rationals, common_denominator
@@ -14,7 +16,7 @@ from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
-MAX_PARAMETERS, MAX_OUTPUTS = 8, 1000
+MAX_PARAMETERS, MAX_OUTPUTS, MAX_NODES = 8, 1000, 10_000
 ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
@@ -46,12 +48,23 @@ class Output(Short):
 
 
 @dataclass(frozen=True)
+class Node(Short):
+    """A, B and E at a point inside the box; ``at`` are weights of the parameters' upper ends."""
+
+    at: tuple[Fraction, ...]
+    A: Rationals
+    B: Rationals
+    E: Rationals
+
+
+@dataclass(frozen=True)
 class Plant(Short):
     """x' = A x + B u + E w, or x(t + sample_time) = ..., at the vertices, with names.
 
     ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant
     given by its vertices. ``vehicle`` is plain data that no proof reads, and ``noise`` names
-    disturbances. With a ``remainder`` it is only near the combinations of the vertices.
+    disturbances. With a ``remainder`` it is only near the combinations of the vertices, or on a
+    part of the box whose corners are among the ``nodes`` near those of the corners.
     """
 
     A: list[Rationals]
@@ -67,6 +80,7 @@ class Plant(Short):
     vehicle: Any = None
     noise: tuple[str, ...] = ()
     remainder: Remainder | None = None
+    nodes: tuple[Node, ...] = ()
 
     @property
     def n(self) -> int:
@@ -116,16 +130,15 @@ class Plant(Short):
         length = common_denominator([*self.A, *self.B, *self.E, [[T]]]).bit_length()
         entries = len(self.A) * self.n * (self.n + self.m + self.q)
         spend(RATIONAL * entries, length, length)
-        A = [
-            [[(a - int(i == j)) / T for j, a in enumerate(row)] for i, row in enumerate(M)]
-            for M in self.A
-        ]
-        B, E = (
-            [[[x / T for x in row] for row in M] for M in matrices] for matrices in (self.B, self.E)
-        )
+        A = [_difference(M, T) for M in self.A]
+        B, E = ([_over(M, T) for M in matrices] for matrices in (self.B, self.E))
         remainder = self.remainder.over(T) if self.remainder else None
         common_denominator([*A, *B, *E])
-        return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder)
+        nodes = tuple(
+            Node(own.at, _difference(own.A, T), _over(own.B, T), _over(own.E, T))
+            for own in self.nodes
+        )
+        return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder, nodes=nodes)
 
     @property
     def at_rest(self) -> Plant:
@@ -198,11 +211,14 @@ class Plant(Short):
             table.at("vehicle") if "vehicle" in table else None,
             table.texts("noise") if "noise" in table else (),
             _remainder(table, (n, m, q)) if "remainder" in table else None,
+            _nodes(table, (n, m, q)) if "nodes" in table else (),
         )
         if plant.remainder is not None:
             plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
+        if plant.nodes and (plant.remainder is None or not plant.remainder.bends):
+            raise FormatError(f"{table.path('nodes')}: they belong to a plant with bends")
         if plant.remainder is not None and any(
             parameter.rate is not None for parameter in plant.ranges
         ):
@@ -234,6 +250,9 @@ class Plant(Short):
             if self.remainder.curve:
                 head = {"degree": self.remainder.degree}
                 table["curve"] = head | {"coefficients": plain(self.remainder.curve)}
+            if self.remainder.bends:
+                head = {"rounding": plain(self.remainder.rounding)}
+                table["bends"] = head | {"along": plain(self.remainder.bends)}
         table["parameters"] = [
             {
                 "name": parameter.name,
@@ -248,7 +267,25 @@ class Plant(Short):
         table["vertices"] = [
             {key: plain(matrices[j]) for key, matrices in columns} for j in range(len(self.A))
         ]
+        if self.nodes:
+            table["nodes"] = [
+                {"at": plain(own.at)} | {key: plain(M) for key in "ABE" if (M := getattr(own, key))}
+                for own in self.nodes
+            ]
         return table
+
+
+def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:
+    """Return the corners of a part of the box, the first parameter's end varying slowest."""
+    return list(product(*zip(low, high, strict=True)))
+
+
+def _difference(M: Rationals, T: Fraction) -> Rationals:
+    return [[(a - int(i == j)) / T for j, a in enumerate(row)] for i, row in enumerate(M)]
+
+
+def _over(M: Rationals, T: Fraction) -> Rationals:
+    return [[x / T for x in row] for row in M]
 
 
 def split(label: str) -> tuple[str, str]:
@@ -303,11 +340,34 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
     return tuple(outputs)
 
 
+def _nodes(table: Table, shape: tuple[int, int, int]) -> tuple[Node, ...]:
+    n, m, q = shape
+    found = list[Node]()
+    for row in table.tables("nodes", MAX_NODES):
+        at = row.numbers("at", len(table.items("parameters", MAX_PARAMETERS)))
+        E = row.matrix("E", n, q) if q else []
+        found.append(Node(at, row.matrix("A", n, n), row.matrix("B", n, m), E))
+    places = [own.at for own in found]
+    if len(set(places)) < len(places) or any(not 0 <= t <= 1 for at in places for t in at):
+        raise FormatError(f"{table.path('nodes')}: two are at one point, or one is outside the box")
+    common_denominator([M for own in found for M in (own.A, own.B, own.E)])
+    return tuple(found)
+
+
 def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
     rows = table.matrix("remainder", n, n + m + q)
     common_denominator([rows])
     entries = tuple(map(tuple, rows))
+    if "bends" in table:
+        below = table.table("bends")
+        each = [
+            below.matrix("rounding", n, n + m + q),
+            *below.matrices("along", n, n + m + q, MAX_PARAMETERS),
+        ]
+        common_denominator(each)
+        rounding, *bends = (tuple(map(tuple, M)) for M in each)
+        return Remainder(entries, rounding=rounding, bends=tuple(bends))
     if "curve" not in table:
         return Remainder(entries)
     below = table.table("curve")

@@ -17,7 +17,7 @@ covariance from below, P, V is diag(columns), Omega more than M P V'V P M', and 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -49,12 +49,40 @@ class Remainder(Short):
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
     ``curve`` holds the Bernstein coefficients of the same shape, of a ``degree`` in each simplex,
-    of what is added to the combination of the vertices; there are none where nothing is.
+    of what is added to the combination of the vertices; there are none where nothing is. Where
+    nodes inside the box are known, ``rounding`` is what an entry is off by there, and ``bends``
+    are bounds on the second derivatives along the parameters: the smaller a part of the box, the
+    smaller is its remainder.
     """
 
     entries: Rows
     curve: tuple[Rows, ...] = ()
     degree: int = 1
+    rounding: Rows = ()
+    bends: tuple[Rows, ...] = ()
+
+    @classmethod
+    def between(cls, rounding: Rows, bends: Sequence[Rows]) -> Remainder:
+        """Return that of the multi-affine interpolation between the corners of a box.
+
+        Parameters
+        ----------
+        rounding : (n, n + m + q) rationals
+            What an entry is off by at a corner.
+        bends : sequence of (n, n + m + q) rationals
+            Bounds on the second derivative along each side, from 0 to 1.
+        """
+        total = tuple(
+            tuple(x + sum(own, NONE) / 8 for x, *own in zip(*rows, strict=True))
+            for rows in zip(rounding, *bends, strict=True)
+        )
+        return cls(total, rounding=rounding, bends=tuple(bends))
+
+    def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
+        """Return it with every matrix changed."""
+        entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()
+        curve, bends = (tuple(map(change, own)) for own in (self.curve, self.bends))
+        return Remainder(entries, curve, self.degree, rounding, bends)
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
@@ -72,10 +100,7 @@ class Remainder(Short):
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
-        entries, *curve = (
-            tuple(tuple(x / step for x in row) for row in M) for M in (self.entries, *self.curve)
-        )
-        return Remainder(entries, tuple(curve), self.degree)
+        return self.mapped(lambda M: tuple(tuple(x / step for x in row) for row in M))
 
     def inside(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
         """Return that of a part of the box, in coordinates of that part.
@@ -85,6 +110,13 @@ class Remainder(Short):
         low, high : sequences of Fraction
             Weights of each parameter's upper end, from 0 to 1.
         """
+        if self.bends:
+            sides = [b - a for a, b in zip(low, high, strict=True)]
+            pairs = zip(sides, self.bends, strict=True)
+            return Remainder.between(
+                self.rounding,
+                [tuple(tuple(x * own * own for x in row) for row in M) for own, M in pairs],
+            )
         if not self.curve:
             return self
         sizes, forms = (2,) * len(low), list[Polynomial]()
@@ -107,11 +139,9 @@ class Remainder(Short):
 
     def transposed(self, n: int, p: int) -> Remainder:
         """Return that of the dual plant (A', C'), of p measured signals that are exact."""
-        entries, *curve = (
-            tuple((*(row[i] for row in M), *(NONE,) * p) for i in range(n))
-            for M in (self.entries, *self.curve)
+        return self.mapped(
+            lambda M: tuple((*(row[i] for row in M), *(NONE,) * p) for i in range(n))
         )
-        return Remainder(entries, tuple(curve), self.degree)
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
@@ -123,16 +153,12 @@ class Remainder(Short):
             ]
             return (*rows, *((NONE,) * (len(M[0]) + states + inputs) for _ in range(states)))
 
-        return Remainder(wider(self.entries), tuple(map(wider, self.curve)), self.degree)
+        return self.mapped(wider)
 
     def kept(self, states: Sequence[int]) -> Remainder:
         """Return that of some of the states, counted from 0, on which the others have no part."""
         columns = [*states, *range(len(self.entries), len(self.entries[0]))]
-        entries, *curve = (
-            tuple(tuple(M[i][j] for j in columns) for i in states)
-            for M in (self.entries, *self.curve)
-        )
-        return Remainder(entries, tuple(curve), self.degree)
+        return self.mapped(lambda M: tuple(tuple(M[i][j] for j in columns) for i in states))
 
     def require(self, n: int, m: int, q: int, sizes: Sizes) -> None:
         """Refuse numbers that do not fit.
@@ -152,6 +178,15 @@ class Remainder(Short):
         for M in self.curve:
             if len(M) != n or any(len(row) != n + m + q for row in M):
                 raise FormatError(f"plant.curve must hold {n} rows of {n + m + q} numbers")
+        for own in (self.rounding, *self.bends) if self.bends else ():
+            if len(own) != n or any(len(row) != n + m + q for row in own):
+                raise FormatError(f"plant.bends must hold {n} rows of {n + m + q} numbers")
+            if min(map(min, own)) < 0:
+                raise FormatError("plant.bends must hold numbers of zero or more")
+        if self.bends and (self.curve or len(self.bends) != len(sizes)):
+            raise FormatError("plant.bends must be one a parameter, without a curve")
+        if self.bends and self.entries != Remainder.between(self.rounding, self.bends).entries:
+            raise FormatError("plant.remainder is not that of plant.bends")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:

@@ -22,12 +22,13 @@ from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of, ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, disturbances, stacked
+from polefence.plant.parts import node
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof import laws
 from polefence.proof.claims.signal import MAX_ENTRIES
-from polefence.proof.laws import Evidence
+from polefence.proof.laws import Evidence, inner_corners
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
@@ -574,5 +575,6 @@ def claim_of(
     plant = delta_form(plant)
     motion = ranges_of(plant) if plant.moving else ()
     matrices, own = matrices_of(plant), (plant.step, plant.remainder, motion)
-    subject = proof.Subject(*matrices, law, evidence, on, *own)
+    nodes = tuple(node(plant, at) for at in inner_corners([evidence])) if plant.bent else ()
+    subject = proof.Subject(*matrices, law, evidence, on, *own, nodes=nodes)
     return specification.claim(subject, level, plant)

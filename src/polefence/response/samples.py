@@ -21,10 +21,11 @@ from polefence.base.explained import explained
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.parameters import exact
+from polefence.plant.parts import ends, inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
+from polefence.proof.claims.samples import MAX_DELAY
 from polefence.proof.claims.steps import FURTHER
 from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.text import plural
@@ -32,6 +33,8 @@ from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
 ENOUGH, MOST = 1e-4, 125  # of the change in a sample; coefficients
+# Terms of the series between nodes; what they may leave out; what rounding to doubles may change.
+TERMS, ROUNDING, ROUNDED = (20, 40, 60, 80, 100, 120), 2.0**-60, 2.0**-50
 
 
 @explained
@@ -83,9 +86,12 @@ def at_sample_time(
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
-    tried = _degrees(plant) if degree is None else [degree]
-    curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
-    found = _with_remainder(plant, bare, units, delay, curve, about)
+    if degree is None and len(plant.parameters) > 2:
+        found = _between_nodes(plant, bare, units, delay)
+    else:
+        tried = _degrees(plant) if degree is None else [degree]
+        curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
+        found = _with_remainder(plant, bare, units, delay, curve, about)
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
@@ -147,6 +153,34 @@ def _with_remainder(
     rows = (entries + float(rest)) * 1.01 * units[:n, None] / units
     found = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
     return replace(bare, remainder=replace(wide, entries=found), sampling=own)
+
+
+def _between_nodes(
+    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: int
+) -> UncertainPlant:
+    """Return the samples with the remainder of an interpolation, which is smaller on parts."""
+    (n, m), q = plant.shape, plant.disturbance_count
+    exact = tuple(map(Fraction, units.tolist()))
+    for terms in TERMS:
+        own = SamplesOf(plant, delay, terms, exact)
+        claim = claim_of_samples(replace(bare, sampling=own))
+        try:
+            found = claim.bounds()
+        except FormatError as problem:
+            if terms == TERMS[-1]:
+                raise InputError(
+                    f"{plant.name}: {problem}; take a shorter sample time"
+                ) from problem
+            continue
+        if found.missing < ROUNDING:
+            break
+    scales = units[:n, None] / units
+    each = [np.full((n, n + m + q), ROUNDED)]
+    each += [np.array([[float(x) for x in row] for row in C]) * ROOM for C in found.along]
+    rounding, *bends = (tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in each)
+    sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=own)
+    vertices = inside(sampled, *ends(plant)).vertices
+    return replace(sampled, vertices=vertices)
 
 
 def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:

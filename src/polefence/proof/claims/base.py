@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Protocol, Self
 
-from polefence.proof.laws import Evidence, Law
+from polefence.proof.laws import Evidence, Law, Point
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
 from polefence.proof.motion import is_moving, motion_text
 from polefence.proof.plant import Plant
@@ -188,6 +188,11 @@ class Claim:
     moves: ClassVar[bool] = False  # whether it holds while parameters move
     motion_note: ClassVar[str] = ""  # what it asks of these motions
     of_law: ClassVar[bool] = True  # whether it is about the file's law
+
+    @property
+    def inner_corners(self) -> list[Point]:
+        """Corners of the parts of the box that it is proved in, but those of the box."""
+        return []
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:

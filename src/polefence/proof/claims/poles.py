@@ -43,13 +43,17 @@ from polefence.proof.laws import (
     Evidence,
     Law,
     Piece,
+    Point,
     add,
+    between_nodes,
     degree_of,
+    inner_corners,
     lifted,
     on_corners,
     read_cells,
     read_evidence,
     require_terms,
+    used_nodes,
 )
 from polefence.proof.matrices import (
     LONGEST,
@@ -66,7 +70,7 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.motion import changes, is_moving, motion_text, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
-from polefence.proof.plant import Plant, Range, sizes_of
+from polefence.proof.plant import Node, Plant, Range, sizes_of
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -126,6 +130,7 @@ class Poles(Short, Claim):
     remainder: Remainder | None = None
     motion: tuple[Range, ...] = ()
     step: Fraction = Fraction(0)
+    nodes: tuple[Node, ...] = ()
 
     @property
     def sizes(self) -> Sizes:
@@ -161,9 +166,15 @@ class Poles(Short, Claim):
         if law.W is not None and len(law.W) != count_of(blank.sizes, law.degree):
             count = count_of(blank.sizes, law.degree)
             raise FormatError(f"law.W holds {len(law.W)} matrices; the plant needs {count}")
-        claim = replace(blank, evidence=_EVIDENCE[method](below, blank, plant.n))
+        evidence = _EVIDENCE[method](below, blank, plant.n)
+        claim = replace(blank, evidence=evidence, nodes=used_nodes(plant, evidence))
         claim.require_shapes()  # `prove` asks the rest, which takes work
         return claim
+
+    @property
+    def inner_corners(self) -> list[Point]:
+        """Corners of the parts of the box that it is proved in, but those of the box."""
+        return inner_corners(self.evidence)
 
     def write(self) -> dict[str, Any]:
         """Return region, method and evidence."""
@@ -250,8 +261,8 @@ class Poles(Short, Claim):
                 raise FormatError("pieces belong to the method lyapunov")
         for proof in self.evidence:
             proof.require_cells(self.sizes)
-            if proof.cells and (self.method != "lyapunov" or self.weights or law.scheduled):
-                raise FormatError("cells belong to one gain, or to a law polynomial in parameters")
+            if proof.cells and (self.method != "lyapunov" or self.weights):
+                raise FormatError("cells belong to the method lyapunov")
         self._require_remainder()
         self._require_counts()
         if self.least > MAX_WORK:
@@ -266,14 +277,16 @@ class Poles(Short, Claim):
                 raise FormatError("a remainder has evidence of its own, in every part")
         if self.remainder is None:
             return
-        if self.method != "lyapunov" or self.weights or any(proof.cells for proof in self.evidence):
-            raise FormatError("a plant with a remainder is proved by the method lyapunov, whole")
+        if self.method != "lyapunov" or self.weights:
+            raise FormatError("a plant with a remainder is proved by the method lyapunov")
+        if any(proof.cells for proof in self.evidence) and not self.remainder.bends:
+            raise FormatError("a plant with a remainder without bends is proved whole")
         n, m = len(self.A[0]), len(self.B[0][0])
         entries = self.remainder.entries
         self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0, self.sizes)
-        for proof in self._each:
+        for proof, remainder in self._each_with_remainder:
             if proof.spread is not None:
-                proof.spread.require(self.remainder)
+                proof.spread.require(remainder)
 
     def _require_motion(self) -> None:
         """Reject evidence that does not cover moving parameters where the region sets a rate."""
@@ -290,6 +303,16 @@ class Poles(Short, Claim):
             if any(part.decays(self.step) for part in parts):
                 X = lifted(self.law, proof, self.sizes).part(slice(len(self.A[0])))
                 require_motion(X, self.motion, self.step)
+
+    @property
+    def _each_with_remainder(self) -> Iterator[tuple[Evidence, Remainder]]:
+        """Evidence of each cell, with what is left of a remainder there."""
+        if self.remainder is not None:
+            for own in self.evidence:
+                for piece in own.cells:
+                    yield piece.evidence, self.remainder.inside(piece.low, piece.high)
+                if not own.cells:
+                    yield own, self.remainder
 
     @property
     def _each_with_parts(self) -> Iterator[tuple[Evidence, tuple[Part, ...]]]:
@@ -377,8 +400,7 @@ class Poles(Short, Claim):
         for evidence, mine in self._each_with_parts:
             for k, piece in enumerate(evidence.cells):
                 claim = self.inside(piece)
-                inner = plant_form(claim.A, claim.B, claim.sizes)
-                for inequality in claim._lyapunov(inner, piece.evidence, mine):
+                for inequality in claim._lyapunov(claim.AB, piece.evidence, mine):
                     yield replace(inequality, piece=f", cell {k + 1}")
             if not evidence.cells:
                 written = self._slack if self.method == "slack" else self._lyapunov
@@ -391,11 +413,16 @@ class Poles(Short, Claim):
         Raises
         ------
         FormatError
-            If the law is neither one gain nor a polynomial in the parameters.
+            If the law is one gain a vertex, or a node at a corner is missing.
         """
         low, high = piece.low, piece.high
-        A, B = (on_corners(matrices, low, high) for matrices in (self.A, self.B))
-        return replace(self, A=A, B=B, law=self.law.inside(low, high), evidence=(piece.evidence,))
+        law, evidence = self.law.inside(low, high), (piece.evidence,)
+        if self.remainder is None or not self.remainder.bends:
+            A, B = (on_corners(matrices, low, high) for matrices in (self.A, self.B))
+            return replace(self, A=A, B=B, law=law, evidence=evidence)
+        A, B = between_nodes((self.A, self.B), self.nodes, low, high)
+        own = self.remainder.inside(low, high)
+        return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=own, nodes=())
 
     def _lyapunov(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]
@@ -600,7 +627,7 @@ def _slack(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
 def _lyapunov(table: Table, blank: Poles, n: int) -> tuple[Evidence, ...]:
     multiple = blank.law.scheduled
     return tuple(
-        read_cells(part, n, blank.sizes)
+        read_cells(part, n, blank.sizes, multiple=multiple)
         if "cells" in part
         else read_evidence(part, n, blank.sizes, multiple=multiple)
         for part in table.tables("parts", MAX_PARTS)

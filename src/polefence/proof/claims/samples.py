@@ -7,7 +7,9 @@ x(t + T) = F x + G u + H w is within the plant's remainder of the combination of
 the curve that is added to it.
 
 With M(alpha) = [A, B, E] T it is [I, 0] + sum of A^(k - 1) M / k!, whose first terms are compared
-coefficient by coefficient, and the others bounded: see `polefence.proof.claims.steps`.
+coefficient by coefficient, and the others bounded: see `polefence.proof.claims.steps`. Of a plant
+with bends the samples are compared at the vertices and at the nodes, and their second derivatives
+bounded: see `polefence.proof.interpolation`.
 """
 
 from __future__ import annotations
@@ -16,20 +18,22 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
+from polefence.proof.interpolation import ONE, Bends, bends, sample
 from polefence.proof.laws import longest
-from polefence.proof.matrices import Rationals, common_denominator, identity
-from polefence.proof.plant import Plant, sizes_of
+from polefence.proof.matrices import Rationals, common_denominator, identity, mix
+from polefence.proof.plant import Plant, corners, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
-MAX_TERMS, MAX_DELAY = 40, 64
+MAX_TERMS, MAX_DELAY = 120, 64
 SHORT = 1000  # bits that an entry may have, about
 NONE = Fraction(0)
 
@@ -139,6 +143,8 @@ class Samples(Short, Claim):
         """Compare what goes on between samples, and how late inputs move on."""
         if not self._moves_on():
             return undecided("the inputs on their way do not move on by one sample")
+        if self.bent:
+            return self._decided_at_nodes()
         try:
             entries, rest = self.off()
         except FormatError as problem:
@@ -153,6 +159,59 @@ class Samples(Short, Claim):
             return undecided("the samples are farther from the vertices' than the remainder says")
         share = math.ceil(1000 * largest) / 10
         return Verdict("proved", f"samples within {share:g} % of the remainder")
+
+    @property
+    def bent(self) -> bool:
+        """Whether the plant's remainder is that of an interpolation between nodes."""
+        return self.plant.remainder is not None and bool(self.plant.remainder.bends)
+
+    def bounds(self) -> Bends:
+        """Return how much the samples bend along each parameter, in the units.
+
+        Raises
+        ------
+        FormatError
+            If the sample time is too long for so many terms.
+        """
+        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
+        return bends(M, self.terms)
+
+    def _decided_at_nodes(self) -> Verdict:
+        """Compare the samples at vertices and nodes, and how much they bend between them."""
+        remainder = self.plant.remainder
+        if remainder is None:
+            return undecided("the plant has no remainder")
+        try:
+            found = self.bounds()
+        except FormatError as problem:
+            return undecided(str(problem))
+        rounding, *along = self._in_units(
+            list(map(self._held, (remainder.rounding, *remainder.bends)))
+        )
+        for most, own in zip(along, found.along, strict=True):
+            if any(
+                x > y for rows in zip(own, most, strict=True) for x, y in zip(*rows, strict=True)
+            ):
+                return undecided("the samples bend more than the plant says")
+        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
+        for at, own in self._known_samples():
+            series = sample(mix(_weights(at), M), self.terms)
+            for i, (row, terms) in enumerate(zip(self._in_units([own])[0], series, strict=True)):
+                for j, (x, y) in enumerate(zip(row, terms, strict=True)):
+                    apart = abs(x - (i == j) - Fraction(y, ONE)) + found.missing
+                    if apart > rounding[i][j]:
+                        return undecided("a sample is farther off than the plant says")
+        count = len(self.plant.A) + len(self.plant.nodes)
+        return Verdict("proved", f"samples compared at {count} points, and bounded between them")
+
+    def _known_samples(self) -> Iterator[tuple[tuple[Fraction, ...], Rationals]]:
+        """Yield the points of the box at which F, G and H are known, with these."""
+        count = len(self.plant.ranges)
+        vertices = zip(self.plant.A, self.plant.B, self.plant.E or [[]] * len(self.A), strict=True)
+        for at, own in zip(corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True):
+            yield at, self._step(*own)
+        for node in self.plant.nodes:
+            yield node.at, self._step(node.A, node.B, node.E)
 
     def _allowed(self) -> Rationals:
         """Return what [F, G, H] may be off by, in the units."""
@@ -215,13 +274,16 @@ class Samples(Short, Claim):
 
     def _steps(self) -> list[Rationals]:
         """Return F, G, H side by side at every vertex, as the plant has them."""
-        n, m, found = self.n, self.m, list[Rationals]()
-        for j, A in enumerate(self.plant.A):
-            B, E = self.plant.B[j], self.plant.E[j] if self.plant.E else [[] for _ in A]
-            G = [row[self.width - m : self.width] for row in A] if self.delay else B
-            G = [row[:m] for row in G]
-            found.append([A[i][:n] + G[i] + E[i] for i in range(n)])
-        return found
+        none: list[Rationals] = [[]] * len(self.plant.A)
+        each = zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True)
+        return [self._step(*own) for own in each]
+
+    def _step(self, A: Rationals, B: Rationals, E: Rationals) -> Rationals:
+        """Return F, G, H side by side."""
+        n, m = self.n, self.m
+        E = E or [[] for _ in A]
+        G = [row[self.width - m : self.width] for row in A] if self.delay else B
+        return [A[i][:n] + G[i][:m] + E[i] for i in range(n)]
 
     def _moves_on(self) -> bool:
         """Whether what is not between samples is exact: inputs move on, and no sooner."""
@@ -230,8 +292,10 @@ class Samples(Short, Claim):
         for M in () if self.plant.remainder is None else self.plant.remainder.curve:
             if _filled(M) != _filled(self._held(M)):  # something is of what is not sampled
                 return False
-        for j, A in enumerate(self.plant.A):
-            B = self.plant.B[j]
+        none: list[Rationals] = [[]] * len(self.plant.A)
+        each = list(zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True))
+        each += [(own.A, own.B, own.E) for own in self.plant.nodes]
+        for A, B, E in each:
             if any(any(a[width:] + b[m:]) for a, b in zip(A[:width], B[:width], strict=True)):
                 return False
             if not self.delay:
@@ -245,9 +309,15 @@ class Samples(Short, Claim):
                 into = [Fraction(int(i == k)) for k in range(self.plant.m)]
                 if A[n + i] != moved or B[n + i] != into:
                     return False
-            if self.plant.E and any(map(any, self.plant.E[j][n:width])):
+            if any(map(any, E[n:width])):
                 return False
         return True
+
+
+def _weights(at: Sequence[Fraction]) -> list[Fraction]:
+    """Return the weights of the vertices at a point of the box."""
+    pairs = ((1 - t, t) for t in at)
+    return [math.prod(own, start=Fraction(1)) for own in product(*pairs)]
 
 
 def _filled(rows: Sequence[Sequence[Fraction]]) -> int:

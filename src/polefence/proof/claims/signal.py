@@ -44,15 +44,19 @@ from polefence.proof.laws import (
     Evidence,
     Law,
     Piece,
+    Point,
+    between_nodes,
+    inner_corners,
     lifted,
     on_corners,
     read_cells,
     read_evidence,
+    used_nodes,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
 from polefence.proof.motion import changes, extremes, is_moving, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
-from polefence.proof.plant import Output, Plant, Range, sizes_of, split
+from polefence.proof.plant import Node, Output, Plant, Range, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -108,6 +112,7 @@ class Subject(Short):
     remainder: Remainder | None = None
     motion: tuple[Range, ...] = ()
     change: Polynomial | None = None
+    nodes: tuple[Node, ...] = ()
 
     @property
     def sizes(self) -> Sizes:
@@ -466,6 +471,11 @@ class SignalClaim(Short, Claim):
             **cls.read_extra(table, *whole),
         )
 
+    @property
+    def inner_corners(self) -> list[Point]:
+        """Corners of the parts of the box that it is proved in, but those of the box."""
+        return inner_corners([self.subject.evidence])
+
     @classmethod
     def _read_outputs(cls, table: Table, plant: Plant) -> tuple[Output, ...]:
         """Read one output with its name, or a list of them, each with its own."""
@@ -537,7 +547,7 @@ class SignalClaim(Short, Claim):
         evidence = self.subject.evidence
         if self.subject.motion and evidence.cells:
             raise FormatError("cells: moving parameters need one X for the whole box")
-        pieces = [self._with(evidence.cells[0].evidence)] if evidence.cells else [self]
+        pieces = [self._with(evidence.cells[0])] if evidence.cells else [self]
         pieces[0]._require_parts()
         evidence.require_cells(self.subject.sizes)
         if evidence.cells:
@@ -546,8 +556,12 @@ class SignalClaim(Short, Claim):
             claim._require_parts()
         require_work(sum(claim.least for claim in pieces))
 
-    def _with(self, evidence: Evidence) -> Self:
-        return replace(self, subject=replace(self.subject, evidence=evidence))
+    def _with(self, piece: Piece) -> Self:
+        own = self.subject.remainder
+        own = own and own.inside(piece.low, piece.high)
+        return replace(
+            self, subject=replace(self.subject, evidence=piece.evidence, remainder=own, nodes=())
+        )
 
     def _require_parts(self) -> None:
         subject = self.subject
@@ -666,13 +680,15 @@ class SignalClaim(Short, Claim):
         loop, low, high = self.subject, piece.low, piece.high
         if not self.has_cells or loop.motion:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
-        A, B = (on_corners(matrices, low, high) for matrices in (loop.A, loop.B))
-        E = on_corners(loop.E, low, high) if loop.E else []
         law = loop.law.inside(low, high)
         remainder = loop.remainder and loop.remainder.inside(low, high)
-        subject = replace(
-            loop, A=A, B=B, E=E, law=law, evidence=piece.evidence, remainder=remainder
-        )
+        if remainder is not None and remainder.bends:
+            A, B, E = between_nodes((loop.A, loop.B, loop.E), loop.nodes, low, high)
+        else:
+            A, B = (on_corners(matrices, low, high) for matrices in (loop.A, loop.B))
+            E = on_corners(loop.E, low, high) if loop.E else []
+        subject = replace(loop, A=A, B=B, E=E, law=law, evidence=piece.evidence)
+        subject = replace(subject, remainder=remainder, nodes=())
         outputs = []
         for y in self.outputs:
             C, D = (on_corners(rows, low, high) for rows in (y.C, y.D))
@@ -726,9 +742,9 @@ def read_subject(table: Table, plant: Plant, law: Law, on: str, more: int = 0) -
         cells = table.tables("cells", MAX_CELLS) if "cells" in table else []
         dual = "Q" in (cells[0] if cells else table)
         if cells:
-            evidence = read_cells(table, plant.n + more, sizes, dual)
+            evidence = read_cells(table, plant.n + more, sizes, dual, law.scheduled and not dual)
             subject = Subject(plant.A, plant.B, plant.E, law, evidence, on, step, plant.remainder)
-            return replace(subject, motion=motion)
+            return replace(subject, motion=motion, nodes=used_nodes(plant, [evidence]))
         letter = "Q" if dual else "X"
         multiple = law.scheduled and not dual
         evidence = read_evidence(table, plant.n + more, sizes, letter, multiple=multiple)

@@ -1,0 +1,93 @@
+"""Lyapunov polynomials of a region's part by interpolation: no LMI is solved.
+
+A part a + 2 b Re z + e |z|^2 < 0 asks for X > 0 with
+
+    a X + b (A X + X A') + e A X A' = -S < 0.
+
+At the corners of a part of the box X solves this equation, and between them it is multi-affine. S
+is the same at all corners: that of which X is the sum of v v* over the modes v in the middle, so
+that each mode is as far from the edge as its own pole is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polefence.law.laws import Law
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.region.regions import Region
+from polefence.response.discrete import balancing
+from polefence.response.stationary import lyapunov
+
+
+def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any] | None:
+    """Return evidence of degree 1 that holds at the corners and in the middle, None without.
+
+    Parameters
+    ----------
+    part : Region
+        One that `Region.closed_form` tells.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the law has no value at a corner.
+    """
+    numbers = part.closed_form
+    if numbers is None:
+        return None
+    a, b, e = (float(x) for x in numbers)
+    domain = law.domain_of(plant)
+    corners = domain.nodes(1)
+    middle = np.full((1, domain.corners), 1 / domain.corners)
+    loops = _loops(plant, law, np.concatenate([corners, middle]))
+    d = balancing(loops[-1:])
+    units = d[:, None] * d
+    loops = loops * (d / d[:, None])
+    loops, centre = loops[:-1], loops[-1]
+    S = _driving(centre, a, b, e)
+    if S is None:
+        return None
+    X = _solved(loops, S, a, b, e)
+    if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
+        return None
+    mean = X.mean(axis=0)
+    product = centre @ mean
+    if np.linalg.eigvalsh(a * mean + b * (product + product.T) + e * product @ centre.T).max() >= 0:
+        return None
+    X = X * units
+    if law.W is not None:
+        W = law.parts(corners)[0]
+        inverse = np.linalg.inv(W)
+        X = inverse @ X @ inverse.swapaxes(-1, -2)
+    X = (X + X.swapaxes(-1, -2)) / 2
+    found: dict[str, Any] = {"X": X, "degree": 1, "elevation": 0}
+    return found if law.W is None else found | {"multiple": np.zeros(len(X))}
+
+
+def _loops(plant: UncertainPlant, law: Law, alpha: Array) -> Array:
+    A, B = plant.at(alpha)
+    return np.asarray(A + B @ law.gain(alpha))
+
+
+def _driving(A: Array, a: float, b: float, e: float) -> Array | None:
+    """Return S of one loop, of which X is the sum of v v*."""
+    poles, V = np.linalg.eig(A)
+    inside = -(a + 2 * b * poles.real + e * np.abs(poles) ** 2)
+    if inside.min() <= 0:
+        return None
+    S = ((V * inside) @ V.conj().T).real
+    return np.asarray((S + S.T) / 2)
+
+
+def _solved(A: Array, S: Array, a: float, b: float, e: float) -> Array:
+    """Return X at loops (count, n, n)."""
+    eye, driving = np.eye(A.shape[-1]), np.broadcast_to(S, A.shape)
+    if not e:
+        return lyapunov(A + a / (2 * b) * eye, driving / b)
+    square = (b / e) ** 2 - a / e  # of the radius
+    moved = (A + b / e * eye) / np.sqrt(square)
+    return lyapunov(moved - eye, driving / (e * square), 1.0)

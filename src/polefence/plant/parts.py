@@ -1,0 +1,139 @@
+"""A family on a part of the box of its parameters: a family itself, of the same law and signals.
+
+Of a plant that is sampled the corners of a part are sampled exactly, and its remainder is that of
+the interpolation between them: with the square of the part's sides it goes to zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import product
+
+from polefence.plant.family import SamplesOf, UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.plant.parameters import Parameter
+from polefence.plant.system import Exact, System
+from polefence.proof.interpolation import ONE, sample
+from polefence.proof.laws import on_corners
+from polefence.proof.matrices import Rationals, mix
+from polefence.proof.plant import Node, corners
+
+Point = tuple[Fraction, ...]
+
+
+def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
+    """Return the family on a part of the box; it moves no more, and is the samples of none.
+
+    Parameters
+    ----------
+    low, high : tuple of Fraction
+        Weights of each parameter's upper end, from 0 to 1.
+    """
+    found = [node(plant, at) for at in corners(low, high)]
+    vertices = tuple(
+        System(_exact(own.A), _exact(own.B), _exact(own.E) if own.E else None, f"vertex {k + 1}")
+        for k, own in enumerate(found)
+    )
+    remainder = plant.remainder and replace(
+        plant.remainder.inside(low, high), rounding=(), bends=()
+    )
+    return replace(
+        plant,
+        vertices=vertices,
+        parameters=tuple(map(_narrowed, plant.parameters, low, high)),
+        outputs=tuple(_inside(plant, own, low, high) for own in plant.every_output),
+        vehicle=None,
+        remainder=remainder,
+        sampling=None,
+    )
+
+
+def ends(plant: UncertainPlant) -> tuple[Point, Point]:
+    """Return the lower and the upper corner of the whole box."""
+    count = len(plant.parameters)
+    return (Fraction(0),) * count, (Fraction(1),) * count
+
+
+def node(plant: UncertainPlant, at: Point) -> Node:
+    """Return A, B and E at a point of the box.
+
+    Of samples those columns and rows that are between samples are sampled there, to doubles.
+    """
+    weights = _weights(at)
+    A, B, E = (
+        mix(weights, [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key))])
+        if getattr(plant.vertices[0], key)
+        else []
+        for key in ("exact_A", "exact_B", "exact_E")
+    )
+    own = plant.sampling
+    if own is None or not plant.bent:
+        return Node(at, A, B, E)
+    if at not in own.known:
+        own.known[at] = _sampled(own, plant.sample_time or plant.step, weights)
+    F, (n, m) = own.known[at], own.plant.shape
+    T = plant.step or Fraction(1)
+    first = n + (own.delay - 1) * m
+    for i, row in enumerate(F):
+        for j in range(n):
+            A[i][j] = (row[j] - (i == j)) / T if plant.step else row[j]
+        acting = A[i][first : first + m] if own.delay else B[i]
+        acting[:m] = [x / T for x in row[n : n + m]]
+        if own.delay:
+            A[i][first : first + m] = acting
+        if E:
+            E[i] = [x / T for x in row[n + m :]]
+    return Node(at, A, B, E)
+
+
+def _sampled(own: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
+    """Return [F, G, H] at a point, rounded to doubles of the units."""
+    n, plant = own.plant.shape[0], own.plant
+    none: Exact = ((),) * n
+    rows = [
+        [[*a, *b, *e] for a, b, e in zip(v.exact_A, v.exact_B, v.exact_E or none, strict=True)]
+        for v in plant.vertices
+    ]
+    units = own.units
+    M = [
+        [x * T * u / unit for x, u in zip(row, units, strict=True)]
+        for row, unit in zip(mix(weights, rows), units, strict=False)
+    ]
+    return [
+        [
+            (Fraction(x / ONE) + (i == j)) * units[i] / units[j]
+            if i != j
+            else Fraction(x / ONE + 1)
+            for j, x in enumerate(row)
+        ]
+        for i, row in enumerate(sample(M, own.terms))
+    ]
+
+
+def _weights(at: Sequence[Fraction]) -> list[Fraction]:
+    pairs = ((1 - t, t) for t in at)
+    return [math.prod(own, start=Fraction(1)) for own in product(*pairs)]
+
+
+def _narrowed(own: Parameter, low: Fraction, high: Fraction) -> Parameter:
+    """Return a parameter on a part of its interval; weights are of p, or of 1/p."""
+    first, last = own.scheduling(own.low), own.scheduling(own.high)
+    ends = (own.scheduling(first + (last - first) * t) for t in (low, high))
+    start, end = ends
+    return replace(own, low=start, high=end, rate=None)
+
+
+def _inside(plant: UncertainPlant, own: Output, low: Point, high: Point) -> Output:
+    """Return an output whose rows are those at the corners of a part."""
+    C, D, F = (
+        tuple(tuple(row) for (row,) in on_corners([[list(row)] for row in rows], low, high))
+        for rows in own.exact(plant)
+    )
+    return replace(own, C=C, D=D, F=F if plant.disturbance_count else ())
+
+
+def _exact(M: Rationals) -> Exact:
+    return tuple(map(tuple, M))

@@ -257,6 +257,11 @@ class _Inside:
 
     def leaving(self, box: Box) -> list[Fraction] | None:
         """Return an alpha at which a pole leaves the region, None if none was found."""
+        domain = self.law.domain_of(self.plant)
+        if self.plant.bent:
+            poles = np.linalg.eigvals(self._loops(box.alpha(domain, domain.nodes(2))))
+            if self.part.distance(poles).max() < 0:
+                return None
         piece = self.piece(box, self.claim.evidence[0])
         alpha = counterexample(self._claim(piece).inside(piece))
         if alpha is None:
@@ -270,13 +275,16 @@ class _Inside:
     def widest(self, box: Box) -> int:
         """Return the parameter along which the loop changes most."""
         domain = self.law.domain_of(self.plant)
+        return widest(
+            domain,
+            lambda own: self._loops(box.alpha(domain, own)),
+            lambda poles: -self.part.distance(poles),
+        )
 
-        def loops(own: Array) -> Array:
-            alpha = box.alpha(domain, own)
-            A, B = self.plant.at(alpha)
-            return np.asarray(A + B @ self.law.gain(alpha))
-
-        return widest(domain, loops, lambda poles: -self.part.distance(poles))
+    def _loops(self, alpha: Array) -> Array:
+        """Return the closed loops at points of the box."""
+        A, B = self.plant.at(alpha)
+        return np.asarray(A + B @ self.law.gain(alpha))
 
     @staticmethod
     def piece(box: Box, own: Evidence) -> Piece:

@@ -11,12 +11,15 @@ that each mode is as far from the edge as its own pole is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.discrete import balancing
@@ -54,9 +57,7 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     X = _solved(loops, S, a, b, e)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
         return None
-    mean = X.mean(axis=0)
-    product = centre @ mean
-    if np.linalg.eigvalsh(a * mean + b * (product + product.T) + e * product @ centre.T).max() >= 0:
+    if not _holds(X, loops, domain, numbers):
         return None
     X = X * units
     if law.W is not None:
@@ -66,6 +67,21 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     X = (X + X.swapaxes(-1, -2)) / 2
     found: dict[str, Any] = {"X": X, "degree": 1, "elevation": 0}
     return found if law.W is None else found | {"multiple": np.zeros(len(X))}
+
+
+def _holds(X: Array, loops: Array, domain: Domain, numbers: Sequence[Fraction]) -> bool:
+    """Whether all Bernstein coefficients of the inequality are positive in floats."""
+    a, b, e = (float(x) for x in numbers)
+    degree = 3 if e else 2  # of law and plant that are multi-affine; of others about
+    basis = domain.basis(domain.nodes(degree), 1)
+    A, X = (np.tensordot(basis, M, 1) for M in (loops, X))
+    AX = A @ X
+    F = a * X + b * (AX + AX.swapaxes(-1, -2)) + e * AX @ A.swapaxes(-1, -2)
+    try:
+        np.linalg.cholesky(-domain.interpolated(F, degree))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _loops(plant: UncertainPlant, law: Law, alpha: Array) -> Array:

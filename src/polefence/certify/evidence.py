@@ -28,7 +28,7 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
 from polefence.lmi.solve.spread import spread_of
-from polefence.plant.boxes import MOST_PARTS, Box, divided, widest
+from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
 from polefence.plant.parts import inside, node
@@ -50,7 +50,6 @@ FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
-MOST_BENT = 400  # parts of a plant that is sampled between nodes
 SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 

@@ -23,6 +23,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.discrete import balancing
+from polefence.response.modes import even
 from polefence.response.stationary import lyapunov
 
 
@@ -51,7 +52,7 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     units = d[:, None] * d
     loops = loops * (d / d[:, None])
     loops, centre = loops[:-1], loops[-1]
-    S = _driving(centre, a, b, e)
+    S = even(centre, e, a, b)
     if S is None:
         return None
     X = _solved(loops, S, a, b, e)
@@ -87,16 +88,6 @@ def _holds(X: Array, loops: Array, domain: Domain, numbers: Sequence[Fraction]) 
 def _loops(plant: UncertainPlant, law: Law, alpha: Array) -> Array:
     A, B = plant.at(alpha)
     return np.asarray(A + B @ law.gain(alpha))
-
-
-def _driving(A: Array, a: float, b: float, e: float) -> Array | None:
-    """Return S of one loop, of which X is the sum of v v*."""
-    poles, V = np.linalg.eig(A)
-    inside = -(a + 2 * b * poles.real + e * np.abs(poles) ** 2)
-    if inside.min() <= 0:
-        return None
-    S = ((V * inside) @ V.conj().T).real
-    return np.asarray((S + S.T) / 2)
 
 
 def _solved(A: Array, S: Array, a: float, b: float, e: float) -> Array:

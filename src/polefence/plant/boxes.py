@@ -18,6 +18,7 @@ T = TypeVar("T")
 Point = tuple[float, ...]
 
 MOST_PARTS = 64
+MOST_BENT = 400  # of a plant that is sampled between nodes
 NIL = 1e-14  # of a weight that rounding left
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.response.discrete import balancing
 from polefence.response.stationary import lyapunov
 
 
@@ -109,3 +110,23 @@ def _moved(A: Array) -> tuple[Any, Any, Any]:
     # moved a little, so that it has a full set of eigenvectors
     poles, right = np.linalg.eig(A + 1e-7 * size * np.cos(np.arange(n * n).reshape(n, n)))
     return poles, right, np.linalg.inv(right)
+
+
+def even(A: Array, e: float, a: float = 0.0, b: float = 1.0) -> Array | None:
+    """Return the S of which X is the sum of v v*, v the right eigenvectors of A, of length one.
+
+    In a X + b (A X + X A') + e A X A' = -S each mode is then as far from the edge of the region
+    a + 2 b Re z + e |z|^2 < 0 as its pole is. Lengths are those in balanced coordinates.
+
+    Returns
+    -------
+    (n, n) array or None
+        None where a pole is not in the region.
+    """
+    d = balancing(A[None])
+    poles, V = np.linalg.eig(A * (d / d[:, None]))
+    inside = -(a + 2 * b * poles.real + e * np.abs(poles) ** 2)
+    if inside.min() <= 0:
+        return None
+    S = ((V * inside) @ V.conj().T).real
+    return np.asarray((S + S.T) / 2 * (d * d[:, None]))

@@ -34,7 +34,7 @@ from polefence.response.discrete import balancing, zero_order_hold
 
 ENOUGH, MOST = 1e-4, 125  # of the change in a sample; coefficients
 # Terms of the series between nodes; what they may leave out; what rounding to doubles may change.
-TERMS, ROUNDING, ROUNDED = (20, 40, 60, 80, 100, 120), 2.0**-60, 2.0**-50
+TERMS, ROUNDING, ROUNDED = (20, 40, 60, 80, 100, 120), 2.0**-60, 2.0**-51
 
 
 @explained
@@ -175,8 +175,10 @@ def _between_nodes(
         if found.missing < ROUNDING:
             break
     scales = units[:n, None] / units
-    each = [np.full((n, n + m + q), ROUNDED)]
-    each += [np.array([[float(x) for x in row] for row in C]) * ROOM for C in found.along]
+    along = np.array([[[float(x) for x in row] for row in C] for C in found.along]) * ROOM
+    known = np.abs([np.hstack(own) for own in _held(plant, bare.sample_time or Fraction(0))])
+    largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
+    each = [ROUNDED * largest + ROOM * float(found.missing), *along]
     rounding, *bends = (tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in each)
     sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=own)
     vertices = inside(sampled, *ends(plant)).vertices

@@ -20,23 +20,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
 from polefence.base.effort import ended, spend
 from polefence.law.laws import Law, right_divide
-from polefence.plant.boxes import MOST_PARTS, Box, Point, divided, widest
+from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
+from polefence.plant.parts import inside
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.remainder import SHARE
-from polefence.response.modes import Modes
+from polefence.response.modes import Modes, even
 from polefence.response.stationary import bilinear, growth
 
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
 ROOM = 1e-7  # of the bound's square, for rounding
+ROOMS = (0.9, 0.5, 0.1)  # of what is between the least and the level
+SLIGHT = 1e-6  # of the bound's square, what each direction costs where there is a remainder
 # How far above the worst sample a gain is tried, one after the other.
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
@@ -45,6 +49,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
 SPENT = 0.3  # operations that one of these multiplications is
 DEGREES = (2, 4)  # on parts of the box
+BENT_DEGREES = (1, 2)  # the same, of samples
 LOWEST = 0.03  # of a level, what a point's own is at least
 NEXT = 1e-3  # above the last least level the search for the next begins
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
@@ -146,6 +151,18 @@ class DualProblem:
         if self.share is None:
             return np.ones(len(alpha))
         return values(self.share, self.domain, alpha)[:, 0, 0]
+
+    def inside(self, box: Box) -> DualProblem:
+        """Return the problem on a part of the box; of samples with their corners there."""
+        if not self.plant.bent:
+            return replace(self, box=box)
+        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+        plant = inside(self.plant, low, high)
+        alpha = box.alpha(self.domain, self.domain.nodes(1))
+        C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
+        E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
+        law = self.law.inside(plant, low, high)
+        return replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F)
 
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""
@@ -251,7 +268,7 @@ Known = dict[tuple[Box, int], Dual | None]  # what was found in a part, of a deg
 
 
 def in_parts(
-    problem: DualProblem, level: float, most: int = MOST_PARTS, known: Known | None = None
+    problem: DualProblem, level: float, most: int | None = None, known: Known | None = None
 ) -> list[Part] | None:
     """Return parts that make up the box, on each of which a dual polynomial proves the level.
 
@@ -265,9 +282,15 @@ def in_parts(
         What was found for lower levels of the problem; what is found now is added.
     """
     known = {} if known is None else known
+    most = most or (MOST_BENT if problem.plant.bent else MOST_PARTS)
+    by_level = problem.gain or problem.plant.remainder is not None
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
-    degrees = [own for own in DEGREES if problem.work(own) * ROUNDS <= MOST_IN_PART]
+    degrees = [
+        own
+        for own in (BENT_DEGREES if problem.plant.bent else DEGREES)
+        if problem.work(own) * ROUNDS <= MOST_IN_PART
+    ]
     if not degrees:
         return None
 
@@ -278,8 +301,8 @@ def in_parts(
         for degree in degrees:
             own = known.get((box, degree))
             # of a gain alone it hangs on the level whether there is one
-            if own is None and (problem.gain or (box, degree) not in known):
-                own = next(_each(replace(problem, box=box), level, [degree]), None)
+            if own is None and (by_level or (box, degree) not in known):
+                own = next(_each(problem.inside(box), level, [degree]), None)
                 known[box, degree] = own
                 done += problem.work(degree) * ROUNDS
                 spend(SPENT * problem.work(degree) * ROUNDS)
@@ -360,7 +383,37 @@ class _Interpolation:
 
     def proving(self, level: float) -> Dual | None:
         """Return what is found, of a gain somewhat below the level."""
-        return self._grown(level * (1 - ROOM) if self.problem.gain else None)
+        if self.problem.gain:
+            return self._grown(level * (1 - ROOM))
+        return self._even(level) if self.problem.plant.remainder is not None else self._grown(None)
+
+    def _even(self, level: float) -> Dual | None:
+        """Return what is found with R that uses the room below a level evenly in all modes.
+
+        R = r S, and Q = Q_0 + r Q_S, with the S of which Q_S is the sum of w w* over the left
+        eigenvectors w in the middle: what is missed may be the same share of each.
+        """
+        domain = self.problem.domain
+        closed, Y, E, _ = self.nodes
+        middle = self.problem.closed(np.full((1, domain.corners), 1 / domain.corners))[0][0]
+        S = even(middle.T, self.problem.step)
+        if S is None:
+            return None
+        found = [self.modes.observed(M) for M in (Y.swapaxes(-1, -2) @ Y, 0 * closed + S)]
+        least, more = (domain.interpolated(Q, self.degree) for Q in found)
+        square = float(np.einsum("pik,pij,pjk->p", E, found[0], E).max())
+        cost = float(np.einsum("pik,pij,pjk->p", E, found[1], E).max())
+        T = np.linalg.inv(np.linalg.cholesky(S))
+        for share in ROOMS:
+            room = share * ((level * (1 - ROOM)) ** 2 - square)
+            if room <= 0 or cost <= 0:
+                return None
+            Q = least + room / cost * more
+            cover = self._cover(Q, None, T.T / np.sqrt(room / cost))
+            missed, bound = self._missed(Q, None, cover)
+            if bound < level and np.linalg.eigvalsh(T @ missed @ T.T).max() < 0:
+                return Dual(Q, self.degree, bound, cover)
+        return None
 
     def _grown(self, level: float | None) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""
@@ -368,6 +421,8 @@ class _Interpolation:
         inverse, R, over = np.linalg.inv(T), np.zeros((n, n)), OVER
         share, unit = SHARES[0], float(self.problem.shares(self.problem.domain.nodes(0))[0])
         least: Array = np.zeros(len(self.nodes[0]))
+        if self.problem.plant.remainder is not None:  # what is not observed must cost a little
+            R = SLIGHT * self._size(level) ** 2 * unit * inverse.T @ inverse
         for k in range(ROUNDS):
             if level is not None:
                 higher = self._least(R, level, least)
@@ -388,6 +443,14 @@ class _Interpolation:
             more, over = over * majorant(missed) + room * np.eye(n), over * OVER
             R = R + inverse.T @ more @ inverse
         return None
+
+    def _size(self, level: float | None) -> float:
+        """Return about what is bounded."""
+        if level is not None:
+            return level
+        _, Y, E, _ = self.nodes
+        Q = self.modes.observed(Y.swapaxes(-1, -2) @ Y)
+        return float(np.sqrt(np.einsum("pik,pij,pjk->p", E, Q, E).max()))
 
     def _solutions(self, R: Array, level: float | None, least: Array, share: float) -> Array | None:
         """Return Bernstein coefficients of solutions that tell a share more than they need."""
@@ -455,22 +518,26 @@ class _Interpolation:
             middle = np.sqrt(low * high)
         return high
 
-    def _cover(self, Q: Array, known: Cover | None) -> Cover:
-        """Return what covers the remainder at about the least cost, with a kappa that holds."""
-        rows, columns = (known.rows, known.columns) if known else self._cheapest(Q)
+    def _cover(self, Q: Array, known: Cover | None, units: Array | None = None) -> Cover:
+        """Return what covers the remainder at about the least cost, with a kappa that holds.
+
+        ``units`` are those in which what is missed is judged; by default those of the states.
+        """
+        units = self.units if units is None else units
+        rows, columns = (known.rows, known.columns) if known else self._cheapest(Q, units)
         H = np.diag(rows)
         kappa = float(np.linalg.eigvalsh(H @ Q @ H).max()) * OVER
         return Cover(rows, columns, max(kappa, TINY))
 
-    def _cheapest(self, Q: Array) -> tuple[Array, Array]:
-        """Return rows and columns that cover the remainder, in the units in which states move."""
+    def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
+        """Return rows and columns that cover the remainder at about the least cost in units."""
         remainder = self.problem.plant.remainder
         entries = () if remainder is None else remainder.entries
         basis, (W, N, *_) = self.raised
         P = (W + self.problem.step * N).swapaxes(-1, -2) @ np.tensordot(basis, Q, 1)
         V = self.problem.form(self.problem.domain.nodes(self.total))
-        a = np.square(self.units.T @ P).sum(axis=-2).max(axis=0)
-        b = np.square(V @ self.units).sum(axis=-1).max(axis=0)
+        a = np.square(units.T @ P).sum(axis=-2).max(axis=0)
+        b = np.square(V @ units).sum(axis=-1).max(axis=0)
         return cheapest(np.array(entries, dtype=float), a, b)
 
     def _driving(self, cover: Cover) -> Array:

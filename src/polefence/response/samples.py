@@ -25,7 +25,7 @@ from polefence.plant.parts import ends, inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.samples import MAX_DELAY
+from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.claims.steps import FURTHER
 from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.text import plural
@@ -175,10 +175,10 @@ def _between_nodes(
         if found.missing < ROUNDING:
             break
     scales = units[:n, None] / units
-    along = np.array([[[float(x) for x in row] for row in C] for C in found.along]) * ROOM
+    along = np.array([[[float(x) for x in row] for row in C] for C in found.along]) * 1.01
     known = np.abs([np.hstack(own) for own in _held(plant, bare.sample_time or Fraction(0))])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
-    each = [ROUNDED * largest + ROOM * float(found.missing), *along]
+    each = [ROUNDED * largest + 1.01 * float(found.missing), *along]
     rounding, *bends = (tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in each)
     sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=own)
     vertices = inside(sampled, *ends(plant)).vertices

@@ -103,12 +103,7 @@ def _sampled(own: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
         for row, unit in zip(mix(weights, rows), units, strict=False)
     ]
     return [
-        [
-            (Fraction(x / ONE) + (i == j)) * units[i] / units[j]
-            if i != j
-            else Fraction(x / ONE + 1)
-            for j, x in enumerate(row)
-        ]
+        [Fraction((x + (i == j) * ONE) / ONE) * units[i] / units[j] for j, x in enumerate(row)]
         for i, row in enumerate(sample(M, own.terms))
     ]
 

@@ -86,12 +86,16 @@ def at_sample_time(
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
-    if degree is None and len(plant.parameters) > 2:
-        found = _between_nodes(plant, bare, units, delay)
-    else:
-        tried = _degrees(plant) if degree is None else [degree]
-        curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
+    tried = _degrees(plant) if degree is None else [degree]
+    curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
+    try:
         found = _with_remainder(plant, bare, units, delay, curve, about)
+    except FormatError as problem:
+        if degree is not None or not plant.parameters:
+            raise InputError(
+                f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
+            ) from problem
+        found = _between_nodes(plant, bare, units, delay)
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
@@ -141,13 +145,9 @@ def _with_remainder(
 ) -> UncertainPlant:
     """Return the samples with a remainder that holds; ``about`` tells how many terms it takes."""
     (n, m), q = plant.shape, plant.disturbance_count
-    where = f"{plant.name} sampled every {float(bare.sample_time or 0):g} s"
     terms = _terms(plant, units, float(bare.sample_time or 0), about)
     own = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    try:
-        exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=own)).off()
-    except FormatError as problem:
-        raise InputError(f"{where}: {problem}; take a shorter sample time") from problem
+    exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=own)).off()
     entries = np.array([[float(x) for x in row] for row in exact])
     # 1 % of room over what it has to hold
     rows = (entries + float(rest)) * 1.01 * units[:n, None] / units

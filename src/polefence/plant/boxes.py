@@ -19,6 +19,7 @@ Point = tuple[float, ...]
 
 MOST_PARTS = 64
 MOST_BENT = 400  # of a plant that is sampled between nodes
+NARROWEST = 2.0**-10  # side of a part that is halved: a loop that needs less is hardly inside
 NIL = 1e-14  # of a weight that rounding left
 
 
@@ -110,7 +111,7 @@ def divided(
             done.append((box, own))
             continue
         k = along(box)
-        if k is None:
+        if k is None or box.high[k] - box.low[k] < NARROWEST:
             return None
         open_ = [*open_, *box.halves(k)]
     return done

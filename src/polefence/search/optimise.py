@@ -41,14 +41,12 @@ from polefence.lmi.solve.search import singular_is_failure
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states
 from polefence.plant.tracks import own_states as states_of_a_car
 from polefence.proof.short import Short
 from polefence.region.regions import Region, stable
 from polefence.region.text import digits_up
 from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification
-from polefence.search import nearby
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
 from polefence.search.placed import as_sampled
@@ -242,10 +240,6 @@ def _optimised(
             raise InputError(
                 f"{minimise.title}: with a structure, minimise it for one input; limit the others"
             )
-    if plant.remainder is not None:
-        asked_method = None if either or structure is not None else method
-        question = minimise, subject_to, region, asked_method, budget, structure
-        return _nearby(plant, *question, fewer_states)
     deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
     limits, words = tuple(subject_to), _in_words(plant, region, asked)
     # what is searched is in differences where the plant is in discrete time
@@ -259,72 +253,6 @@ def _optimised(
         return _as_sampled(_tuned(task, structure, fewer_states), asked)
     require_optimisable(plant, method, count)
     return _as_sampled(_of_a_kind(task, deadline), asked)
-
-
-def _nearby(
-    plant: UncertainPlant,
-    minimise: Specification | None,
-    subject_to: Sequence[Specification],
-    region: Region | None,
-    method: Method | None,
-    budget: float | None,
-    structure: Structure | None,
-    fewer: bool,
-) -> Optimised:
-    """Return a law of a plant with a remainder, found without that and proved with it."""
-    asked = stable_region(plant) if region is None else in_time_of(plant, region)
-    found = (*subject_to, *([] if minimise is None else [minimise]))
-    bare = plant.combinations
-    best: Optimised | None = None
-    deadline, lowest = Deadline(budget), np.inf
-
-    def searched(limits: Sequence[Specification], inside: Region | None) -> Optimised:
-        question = minimise, limits, inside, method, budget, structure
-        return _optimised(bare, *question, fewer)
-
-    def proved(done: Optimised, inside: Region) -> Optimised | None:
-        larger, every = plant, found
-        if structure is not None:  # a law may have fewer states than it was allowed
-            kept = replace(structure, order=structure.order and own_states(done.plant))
-            larger, _, every = _with_own_states(kept, plant, found)
-        least = None if minimise is None else every[-1]
-        limits = every if minimise is None else every[:-1]
-        proofs = nearby.bounded(larger, done.law, asked, least, limits)
-        if proofs is None:
-            return None
-        design, bounds = proofs
-        closer = done.closer
-        if closer is not None:
-            closer = replace(closer, level=closer.level * bounds[0].level / _level(done))
-        own = replace(done, design=design, bounds=bounds, shared=np.inf, designed=inside)
-        return replace(own, closer=closer)
-
-    for share, calm in nearby.ATTEMPTS:
-        if deadline.passed and best is not None:
-            best = replace(best, cut=_cut(deadline))
-            break
-        closer = [replace(own, at_most=(own.at_most or 0) * (1 - share)) for own in subject_to]
-        inner = nearby.decaying(plant, asked, calm)
-        try:
-            done = searched(closer, inner)
-        except NotProvedError:
-            break
-        nearer = proved(done, inner)
-        lowest = min(lowest, _level(done))
-        if nearer is not None and (best is None or _level(nearer) < _level(best)):
-            best = nearer
-        if best is not None and (minimise is None or _level(best) <= lowest * (1 + nearby.ENOUGH)):
-            break
-    if best is None:
-        # what was asked for, not something closer: its refusal is the answer
-        best = proved(searched(subject_to, region), asked)
-    if best is None:
-        raise NotProvedError(
-            "not proved: no law found keeps region and limits within the interpolation-error bound "
-            f"of the samples of {plant.name}; take a shorter sample time, or narrower ranges of "
-            "parameters"
-        )
-    return best
 
 
 def _in_words(plant: UncertainPlant, region: Region | None, asked: Region) -> tuple[str, ...]:

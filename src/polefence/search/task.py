@@ -83,7 +83,8 @@ class Task:
 
         With the filters' states the law that it gives would be one of these too.
         """
-        o, plant = options(self.method), self.plant
+        # the LMI is about the combinations of the vertices; what is proved is about the plant
+        o, plant = options(self.method), self.plant.combinations
         asked: list[tuple[Specification, float | None]]
         asked = [(s, None) for s in self.limits if s.of_signal]
         if self.minimise is not None and self.minimise.of_signal:
@@ -262,6 +263,8 @@ def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[B
     """
     asked = () if task.minimise is None else (task.minimise,)
     bounds: list[Bound] = []
+    if task.plant.remainder is not None:  # of which the LMI knows nothing
+        return None
     with suppress(SolverError), singular_is_failure():
         name = "quadratic"
         evidence: dict[str, Any] = {"W": found.values["W1"]}

@@ -62,7 +62,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         If the plant is so large that the exact checker does not take even the first.
     """
     n = plant.shape[0]
-    for form in LADDER[:1] if plant.coarse else LADDER:
+    for form in LADDER[:1] if plant.bent else LADDER:
         blocks = _blocks(plant, law, form)
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if form == LADDER[0]:
@@ -161,7 +161,7 @@ class Search:
             evidence = evidence_at(self.plant, self.law, self.part, form)
             if evidence is not None:
                 return evidence
-        for X in () if self.plant.coarse else lyapunov_matrices(self.plant, self.law, self.part):
+        for X in () if self.plant.bent else lyapunov_matrices(self.plant, self.law, self.part):
             evidence = {"X": X, "degree": 0, "elevation": 0}
             if certificate_of(self.plant, self.law, self.part, [evidence]).holds():
                 return evidence

@@ -55,15 +55,12 @@ class SamplesOf(Short):
         Of the exponential's series, with which the remainder is proved.
     units : tuple of Fraction
         Of states, inputs and disturbances, in which it is evaluated.
-    node_terms : int
-        Of the series at nodes, points of the box that are sampled one by one; zero without any.
     """
 
     plant: UncertainPlant
     delay: int
     terms: int
     units: tuple[Fraction, ...]
-    node_terms: int = 0
 
     @cached_property
     def known(self) -> dict[tuple[Fraction, ...], list[list[Fraction]]]:
@@ -518,11 +515,6 @@ class UncertainPlant(Short):
     def bent(self) -> bool:
         """Whether it is sampled between nodes: the smaller a part of the box, the nearer to it."""
         return self.remainder is not None and bool(self.remainder.bends)
-
-    @property
-    def coarse(self) -> bool:
-        """Whether it is sampled between nodes, and known on the whole box by these alone."""
-        return self.remainder is not None and self.remainder.interpolated
 
     @property
     def curve_degree(self) -> int:

@@ -104,7 +104,7 @@ def _sampled(own: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
     ]
     return [
         [Fraction((x + (i == j) * ONE) / ONE) * units[i] / units[j] for j, x in enumerate(row)]
-        for i, row in enumerate(sample(M, own.node_terms))
+        for i, row in enumerate(sample(M, own.terms))
     ]
 
 

@@ -14,4 +14,4 @@ def claim_of_samples(plant: UncertainPlant) -> Samples:
     if own is None:
         raise InputError(f"{plant.name} is not a sampled plant")
     A, B, E = matrices_of(own.plant)
-    return Samples(bare_plant(plant), A, B, E, own.delay, own.terms, own.units, own.node_terms)
+    return Samples(bare_plant(plant), A, B, E, own.delay, own.terms, own.units)

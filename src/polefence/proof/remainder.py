@@ -49,12 +49,10 @@ class Remainder(Short):
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
     ``curve`` holds the Bernstein coefficients of the same shape, of a ``degree`` in each simplex,
-    of what is added to the combination of the vertices; there are none where nothing is.
-
-    Of samples there may be ``bends``: bounds on the second derivatives along the parameters, and
-    ``rounding``, what an entry is off by at a node. On a part of the box the samples are then
-    those at its corners, and multi-affine between them: the smaller the part, the smaller is its
-    remainder. ``entries`` and ``curve`` are of the whole box.
+    of what is added to the combination of the vertices; there are none where nothing is. Where
+    nodes inside the box are known, ``rounding`` is what an entry is off by there, and ``bends``
+    are bounds on the second derivatives along the parameters: the smaller a part of the box, the
+    smaller is its remainder.
     """
 
     entries: Rows
@@ -79,15 +77,6 @@ class Remainder(Short):
             for rows in zip(rounding, *bends, strict=True)
         )
         return cls(total, rounding=rounding, bends=tuple(bends))
-
-    @property
-    def interpolated(self) -> bool:
-        """Whether the whole box has the remainder of the interpolation between its corners."""
-        if not self.bends or self.curve:
-            return False
-        between = Remainder.between(self.rounding, self.bends).entries
-        pairs = zip(self.entries, between, strict=True)
-        return all(x >= y for rows in pairs for x, y in zip(*rows, strict=True))
 
     def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
         """Return it with every matrix changed."""
@@ -194,8 +183,10 @@ class Remainder(Short):
                 raise FormatError(f"plant.bends must hold {n} rows of {n + m + q} numbers")
             if min(map(min, own)) < 0:
                 raise FormatError("plant.bends must hold numbers of zero or more")
-        if self.bends and len(self.bends) != len(sizes):
-            raise FormatError("plant.bends must be one a parameter")
+        if self.bends and (self.curve or len(self.bends) != len(sizes)):
+            raise FormatError("plant.bends must be one a parameter, without a curve")
+        if self.bends and self.entries != Remainder.between(self.rounding, self.bends).entries:
+            raise FormatError("plant.remainder is not that of plant.bends")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:

@@ -10,7 +10,6 @@ every design.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -87,22 +86,16 @@ def at_sample_time(
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
-    nodes: UncertainPlant | None = None
-    with suppress(FormatError):
-        nodes = _between_nodes(plant, bare, units, delay) if plant.parameters else None
-    bare = bare if nodes is None else replace(bare, vertices=nodes.vertices)
     tried = _degrees(plant) if degree is None else [degree]
     curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
     try:
         found = _with_remainder(plant, bare, units, delay, curve, about)
     except FormatError as problem:
-        if degree is not None or nodes is None:
+        if degree is not None or not plant.parameters:
             raise InputError(
                 f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
             ) from problem
-        found = nodes
-    else:
-        found = found if nodes is None else _with_nodes(found, nodes)
+        found = _between_nodes(plant, bare, units, delay)
     verdict = prove(claim_of_samples(found))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
@@ -165,23 +158,19 @@ def _with_remainder(
 def _between_nodes(
     plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: int
 ) -> UncertainPlant:
-    """Return the samples with the remainder of an interpolation, which is smaller on parts.
-
-    Raises
-    ------
-    FormatError
-        If the sample time is too long for the series at nodes.
-    """
+    """Return the samples with the remainder of an interpolation, which is smaller on parts."""
     (n, m), q = plant.shape, plant.disturbance_count
     exact = tuple(map(Fraction, units.tolist()))
     for terms in TERMS:
-        own = SamplesOf(plant, delay, 1, exact, terms)
+        own = SamplesOf(plant, delay, terms, exact)
         claim = claim_of_samples(replace(bare, sampling=own))
         try:
             found = claim.bounds()
-        except FormatError:
+        except FormatError as problem:
             if terms == TERMS[-1]:
-                raise
+                raise InputError(
+                    f"{plant.name}: {problem}; take a shorter sample time"
+                ) from problem
             continue
         if found.missing < ROUNDING:
             break
@@ -194,16 +183,6 @@ def _between_nodes(
     sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=own)
     vertices = inside(sampled, *ends(plant)).vertices
     return replace(sampled, vertices=vertices)
-
-
-def _with_nodes(whole: UncertainPlant, nodes: UncertainPlant) -> UncertainPlant:
-    """Return samples with a remainder of the whole box, and one of each part."""
-    one, other = whole.remainder, nodes.remainder
-    own, more = whole.sampling, nodes.sampling
-    if one is None or other is None or own is None or more is None:
-        return whole
-    remainder = replace(one, rounding=other.rounding, bends=other.bends)
-    return replace(whole, remainder=remainder, sampling=replace(own, node_terms=more.node_terms))
 
 
 def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:

@@ -33,7 +33,7 @@ from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
-MAX_TERMS, MAX_NODE_TERMS, MAX_DELAY = 40, 120, 64
+MAX_TERMS, MAX_DELAY = 120, 64
 SHORT = 1000  # bits that an entry may have, about
 NONE = Fraction(0)
 
@@ -43,7 +43,7 @@ class Samples(Short, Claim):
     """The plant's vertices and remainder hold the samples of x' = A x + B u + E w.
 
     ``units`` are of its states, inputs and disturbances, one each, in which the series is
-    evaluated; ``terms`` is how many of it are, and ``node_terms`` how many at nodes.
+    evaluated; ``terms`` is how many of it are.
     """
 
     kind: ClassVar[str] = "samples"
@@ -57,7 +57,6 @@ class Samples(Short, Claim):
     delay: int
     terms: int
     units: tuple[Fraction, ...]
-    node_terms: int = 0
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
@@ -67,8 +66,7 @@ class Samples(Short, Claim):
         E = [row.matrix("E") for row in rows if "E" in row]
         delay, terms = table.whole("delay", 0), table.whole("terms", 1, MAX_TERMS)
         width = len(A[0]) + len(B[0][0]) + (len(E[0][0]) if E else 0)
-        at_nodes = table.whole("node_terms", 1, MAX_NODE_TERMS) if "node_terms" in table else 0
-        return cls(plant, A, B, E, delay, terms, table.numbers("units", width), at_nodes)
+        return cls(plant, A, B, E, delay, terms, table.numbers("units", width))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -77,7 +75,6 @@ class Samples(Short, Claim):
             for j in range(len(self.A))
         ]
         own = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
-        own |= {"node_terms": self.node_terms} if self.node_terms else {}
         return {"kind": self.kind} | own | {"vertices": vertices}
 
     def statement(self, plant: Plant) -> str:
@@ -125,8 +122,6 @@ class Samples(Short, Claim):
         plant.remainder.require(plant.n, plant.m, plant.q, self.sizes)
         if not 0 <= self.delay <= MAX_DELAY or not 1 <= self.terms <= MAX_TERMS:
             raise FormatError(f"samples: delay is 0 to {MAX_DELAY}, terms 1 to {MAX_TERMS}")
-        if self.bent != bool(self.node_terms) or (self.bent and not plant.ranges):
-            raise FormatError("samples: node_terms are of a plant with bends and parameters")
         if (len(plant.A), plant.q) != (N, q) or plant.n < self.width or plant.m < m:
             raise FormatError("samples: the sampled plant is of another shape")
         for key, matrices, columns in (("A", self.A, n), ("B", self.B, m), ("E", self.E, q)):
@@ -148,9 +143,8 @@ class Samples(Short, Claim):
         """Compare what goes on between samples, and how late inputs move on."""
         if not self._moves_on():
             return undecided("the inputs on their way do not move on by one sample")
-        at_nodes = self._decided_at_nodes() if self.bent else None
-        if at_nodes is not None and not (at_nodes.proved and self._has_series):
-            return at_nodes
+        if self.bent:
+            return self._decided_at_nodes()
         try:
             entries, rest = self.off()
         except FormatError as problem:
@@ -171,11 +165,6 @@ class Samples(Short, Claim):
         """Whether the plant's remainder is that of an interpolation between nodes."""
         return self.plant.remainder is not None and bool(self.plant.remainder.bends)
 
-    @property
-    def _has_series(self) -> bool:
-        """Whether the remainder of the whole box is that of the series in all parameters."""
-        return self.plant.remainder is not None and not self.plant.remainder.interpolated
-
     def bounds(self) -> Bends:
         """Return how much the samples bend along each parameter, in the units.
 
@@ -185,7 +174,7 @@ class Samples(Short, Claim):
             If the sample time is too long for so many terms.
         """
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
-        return bends(M, self.node_terms)
+        return bends(M, self.terms)
 
     def _decided_at_nodes(self) -> Verdict:
         """Compare the samples at vertices and nodes, and how much they bend between them."""
@@ -206,7 +195,7 @@ class Samples(Short, Claim):
                 return undecided("the samples bend more than the plant says")
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         for at, own in self._known_samples():
-            series = sample(mix(_weights(at), M), self.node_terms)
+            series = sample(mix(_weights(at), M), self.terms)
             for i, (row, terms) in enumerate(zip(self._in_units([own])[0], series, strict=True)):
                 for j, (x, y) in enumerate(zip(row, terms, strict=True)):
                     apart = abs(x - (i == j) - Fraction(y, ONE)) + found.missing

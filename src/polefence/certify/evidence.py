@@ -31,7 +31,7 @@ from polefence.lmi.solve.spread import spread_of
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
-from polefence.plant.parts import inside, node
+from polefence.plant.parts import inside, node, off_along
 from polefence.plant.system import Array
 from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
@@ -222,7 +222,7 @@ class _Inside:
         piece = self.piece(box, self.claim.evidence[0])
         claim, plant, law = self._claim(piece).inside(piece), self.plant, self.law
         own = self.loop.inside(box)
-        if plant.bent:
+        if plant.remainder is not None:
             plant = inside(plant, piece.low, piece.high)
             law = law.inside(plant, piece.low, piece.high)
             own = loop_of(plant, law)
@@ -278,6 +278,7 @@ class _Inside:
             domain,
             lambda own: self._loops(box.alpha(domain, own)),
             lambda poles: -self.part.distance(poles),
+            off_along(self.plant, self.law.gain, box),
         )
 
     def _loops(self, alpha: Array) -> Array:
@@ -294,7 +295,7 @@ class _Inside:
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
-    if not law.divisible(plant) or (plant.remainder is not None and not plant.bent):
+    if not law.divisible(plant):
         return 1
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])

@@ -117,11 +117,17 @@ def divided(
     return done
 
 
-def widest(domain: Domain, loops: Callable[[Array], Array], inside: Callable[[Any], Array]) -> int:
+def widest(
+    domain: Domain,
+    loops: Callable[[Array], Array],
+    inside: Callable[[Any], Array],
+    off: Array | None = None,
+) -> int:
     """Return the number of the parameter along which closed loops at alpha change most.
 
     Each pole is moved beside how far it is inside: a slow one that comes near the edge changes a
-    Lyapunov matrix more than a fast one that moves far.
+    Lyapunov matrix more than a fast one that moves far. Between its corners a Lyapunov matrix is
+    off by about a quarter of the square of that, and by twice what the loop itself is off by.
 
     Parameters
     ----------
@@ -129,6 +135,8 @@ def widest(domain: Domain, loops: Callable[[Array], Array], inside: Callable[[An
         From points alpha to the loops there.
     inside : callable
         From poles to how far each is inside of a region.
+    off : (count, n, n), optional
+        What entries of the loops are off by along each parameter, of samples between nodes.
     """
     count = len(domain.sizes)
     ends = np.full((2 * count, count), 0.5)
@@ -137,7 +145,22 @@ def widest(domain: Domain, loops: Callable[[Array], Array], inside: Callable[[An
     poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
     depth = np.maximum(inside(poles), NIL * np.abs(poles) + np.finfo(float).tiny)
     low, high = (poles[::2], depth[::2]), (poles[1::2], depth[1::2])
-    return int(np.maximum(_moved(low, high), _moved(high, low)).argmax())
+    moved = np.maximum(_moved(low, high), _moved(high, low)) ** 2 / 4
+    if off is not None:
+        middle = loops(_alpha(domain, np.full((1, count), 0.5)))[0]
+        moved = moved + 2 * _shifted(middle, inside, off)
+    return int(moved.argmax())
+
+
+def _shifted(loop: Array, inside: Callable[[Any], Array], off: Array) -> Array:
+    """Return about how far poles of a loop go where its entries are off, the most of each."""
+    poles, V = np.linalg.eig(loop)
+    try:
+        left = np.abs(np.linalg.inv(V))
+    except np.linalg.LinAlgError:  # a pole of several that has one mode
+        return np.full(len(off), np.inf)
+    depth = np.maximum(inside(poles), NIL * np.abs(poles) + np.finfo(float).tiny)
+    return np.asarray((np.einsum("pi,kij,jp->kp", left, off, np.abs(V)) / depth).max(axis=1))
 
 
 def _moved(one: tuple[Any, Array], other: tuple[Any, Array]) -> Array:

@@ -7,15 +7,18 @@ the interpolation between them: with the square of the part's sides it goes to z
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
+import numpy as np
+
+from polefence.plant.boxes import Box
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
-from polefence.plant.system import Exact, System
+from polefence.plant.system import Array, Exact, System
 from polefence.proof.interpolation import ONE, sample
 from polefence.proof.laws import on_corners
 from polefence.proof.matrices import Rationals, mix
@@ -49,6 +52,26 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
         remainder=remainder,
         sampling=None,
     )
+
+
+def off_along(plant: UncertainPlant, gain: Callable[[Array], Array], box: Box) -> Array | None:
+    """Return what entries of a closed loop on a part are off by along each parameter, (k, n, n).
+
+    None of a plant that is not sampled between nodes.
+
+    Parameters
+    ----------
+    gain : callable
+        From alpha to a law's gain; that in the middle is taken.
+    """
+    remainder, n = plant.remainder, plant.shape[0]
+    if remainder is None or not remainder.bends:
+        return None
+    bends = np.array(remainder.bends, dtype=float)
+    sides, domain = np.subtract(box.high, box.low), plant.domain
+    K = gain(box.alpha(domain, np.full(domain.corners, 1 / domain.corners)))
+    A, B = bends[..., :n], bends[..., n : n + len(K)]
+    return np.asarray((A + B @ np.abs(K)) * sides[:, None, None] ** 2 / 8)
 
 
 def ends(plant: UncertainPlant) -> tuple[Point, Point]:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
-from polefence.proof.remainder import MAX_CURVE, Remainder
+from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -358,23 +358,24 @@ def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
     rows = table.matrix("remainder", n, n + m + q)
     common_denominator([rows])
-    entries = tuple(map(tuple, rows))
+    found = Remainder(tuple(map(tuple, rows)))
+    if "curve" in table:
+        below = table.table("curve")
+        degree = below.whole("degree", None, MAX_CURVE, 2)
+        curve = below.matrices("coefficients", n, n + m + q)
+        common_denominator(curve)
+        found = replace(found, curve=_rows(curve), degree=degree)
     if "bends" in table:
         below = table.table("bends")
-        each = [
-            below.matrix("rounding", n, n + m + q),
-            *below.matrices("along", n, n + m + q, MAX_PARAMETERS),
-        ]
-        common_denominator(each)
-        rounding, *bends = (tuple(map(tuple, M)) for M in each)
-        return Remainder(entries, rounding=rounding, bends=tuple(bends))
-    if "curve" not in table:
-        return Remainder(entries)
-    below = table.table("curve")
-    degree = below.whole("degree", None, MAX_CURVE, 2)
-    curve = below.matrices("coefficients", n, n + m + q)
-    common_denominator(curve)
-    return Remainder(entries, tuple(tuple(map(tuple, M)) for M in curve), degree)
+        rounding = below.matrix("rounding", n, n + m + q)
+        bends = below.matrices("along", n, n + m + q, MAX_PARAMETERS)
+        common_denominator([rounding, *bends])
+        found = replace(found, rounding=tuple(map(tuple, rounding)), bends=_rows(bends))
+    return found
+
+
+def _rows(matrices: list[Rationals]) -> tuple[Rows, ...]:
+    return tuple(tuple(map(tuple, M)) for M in matrices)
 
 
 def sizes_of(count: int, on: str) -> Sizes:

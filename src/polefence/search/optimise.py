@@ -50,7 +50,7 @@ from polefence.requirements.specification import Specification
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
 from polefence.search.placed import as_sampled
-from polefence.search.task import Candidate, Task, candidate, level_of, together
+from polefence.search.task import Candidate, Missing, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
 from polefence.search.tuned import Orders, orders_below, tuned_candidates
@@ -522,9 +522,9 @@ def _least(*every: Optimised, most: float = np.inf) -> Optimised:
     return replace(chosen, closer=closer)
 
 
-def _bounded(task: Task, own: Candidate | None) -> Optimised | None:
+def _bounded(task: Task, own: Candidate | Missing) -> Optimised | None:
     """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
-    if own is None:
+    if isinstance(own, Missing):
         return None
     if task.minimise is None:
         return Optimised(Design(own.certificate), own.limits, 0.0, task.region)

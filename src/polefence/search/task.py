@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -235,22 +236,31 @@ class Candidate:
     limits: tuple[Bound, ...]
 
 
-def candidate(task: Task, law: Law) -> Candidate | None:
-    """Return proofs of the region and of the limits of a task; None where there is not each."""
+class Missing(Enum):
+    """What a law has no proof of."""
+
+    REGION = "region"
+    LIMIT = "limit"
+
+
+def candidate(task: Task, law: Law) -> Candidate | Missing:
+    """Return proofs of the region and of the limits of a task, or what has none."""
     limits: list[Bound] = []
+    missing = Missing.REGION
     with suppress(SolverError), singular_is_failure():
         certificate = analysed(task.plant, law, task.region, Deadline(None)).certificate
         if certificate is None:
-            return None
+            return missing
+        missing = Missing.LIMIT
         for limit in task.limits:
             # of the certificate's law: its alpha may live on another domain than the search's
             bound = kept_bound(task.plant, certificate.law, limit)
             # of a law that doubles cannot evaluate a proof is of no use
             if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
-                return None
+                return missing
             limits.append(bound)
         return Candidate(certificate, tuple(limits))
-    return None
+    return missing
 
 
 def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[Bound, ...]] | None:

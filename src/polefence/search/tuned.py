@@ -8,8 +8,7 @@ it would have otherwise, to less and less. What is proved are limits and region 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from itertools import product
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import HalfPlane, Region, stable
 from polefence.requirements.specification import Specification
-from polefence.search.task import Candidate, Task, candidate
+from polefence.search.task import Candidate, Missing, Task, candidate
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
 from polefence.search.tune.tuner import Tuned, rough, tune
 from polefence.search.tune.worth import NEAR
@@ -58,34 +57,55 @@ def tuned_candidates(
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
-    some = False
-    for times, share in product(BEYOND if cut_off else (1.0,), (*TIGHTER, *FARTHER)):
-        if ended():
-            return
-        if share in FARTHER and some and not task.plant.moving:
-            continue
-        found = [] if cut_off else list(known)
-        found = found or _searched(task, structure, share, times, starts)
-        known = ()
-        for number, own in enumerate(_promising(found)):
-            if number and ended():  # the best is looked at whatever it took to find
+    some, shares = False, (*TIGHTER, *FARTHER)
+    for times in BEYOND if cut_off else (1.0,):
+        room = Room()
+        while room.region < len(shares) and room.limits < len(shares):
+            if ended():
                 return
-            if task.minimise is not None and own.level >= proved():
-                if number or cut_off:
-                    break
-                return  # nor is one for tighter limits
-            law = candidate(task, own.law)
-            if law is not None:
+            if max(room.region, room.limits) >= len(TIGHTER) and some and not task.plant.moving:
+                break
+            found = [] if cut_off else list(known)
+            found = found or _searched(task, structure, room, times, starts)
+            known = ()
+            missing: Missing | None = None
+            for number, own in enumerate(_promising(found)):
+                if number and ended():  # the best is looked at whatever it took to find
+                    return
+                if task.minimise is not None and own.level >= proved():
+                    if number or cut_off:
+                        break
+                    return  # nor is one for tighter limits
+                law = candidate(task, own.law)
+                if isinstance(law, Missing):
+                    missing = missing or law
+                    continue
                 some = True
                 yield law, own, found[0].level
-        starts = (*starts, *(own.law for own in found[:1]))
+            room = room.after(missing)
+            starts = (*starts, *(own.law for own in found[:1]))
+
+
+@dataclass(frozen=True)
+class Room:
+    """How much tighter the region and the limits are asked for: which of the shares."""
+
+    region: int = 0
+    limits: int = 0
+
+    def after(self, missing: Missing | None) -> Room:
+        """Return more room for what the best law had no proof of; for both where it had all."""
+        return Room(
+            self.region + (missing is not Missing.LIMIT),
+            self.limits + (missing is not Missing.REGION),
+        )
 
 
 def _searched(
-    task: Task, structure: Structure, share: float, times: float, starts: Sequence[Law]
+    task: Task, structure: Structure, room: Room, times: float, starts: Sequence[Law]
 ) -> list[Tuned]:
     """Return what a search finds, whose poles are faster than parameters move if they can be."""
-    least, limits, region = _asked(task, share, times)
+    least, limits, region = _asked(task, room, times)
     faster = _faster(task.plant, region)
     if faster is not None:
         found = tune(task.plant, structure, least, limits, faster, starts)
@@ -191,7 +211,7 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tune
     found = list[Tuned]()
     for own in (*lower_degrees(task.plant, structure), structure):
         known = (*starts, *(each.law for each in found[:1] if each.kept))
-        more = _searched(task, own, TIGHTER[0], BEGINNING, known)
+        more = _searched(task, own, Room(), BEGINNING, known)
         found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
     return found[:MOST]
 
@@ -206,7 +226,7 @@ def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Struc
 def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
     """Yield laws of an order, of limits that are somewhat tighter: to start from."""
     plant = task.plant
-    asked = _asked(task, TIGHTER[0], BEGINNING)
+    asked = _asked(task, Room(), BEGINNING)
     least, limits, region = asked
     if structure.order == 1:  # of more states the laws of the order below are no worse
         yield from filtered(plant, structure, *asked)
@@ -220,13 +240,16 @@ def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
 
 
 def _asked(
-    task: Task, share: float, times: float
+    task: Task, room: Room, times: float
 ) -> tuple[Specification | None, tuple[Specification, ...], Region]:
     """Return what is minimised in a search, its limits and its region, somewhat tighter."""
+    shares = (*TIGHTER, *FARTHER)
     least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
     limits = tuple(
-        own if own.at_most is None else replace(own, at_most=own.at_most * (1 - share))
+        own
+        if own.at_most is None
+        else replace(own, at_most=own.at_most * (1 - shares[room.limits]))
         for limit in task.limits
         for own in limit.tuned(times)
     )
-    return least, limits, task.region.tighter(share, stable(float(task.plant.step)))
+    return least, limits, task.region.tighter(shares[room.region], stable(float(task.plant.step)))

@@ -29,7 +29,7 @@ from polefence.base.effort import ended, spend
 from polefence.law.laws import Law, right_divide
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
-from polefence.plant.parts import inside
+from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.remainder import SHARE
@@ -97,6 +97,8 @@ class DualProblem:
         Of the box, what the bound's square is a share of; one by default.
     box : Box, optional
         The part of the box that it is about.
+    between : bool
+        Whether the loops are samples at the corners of a part, interpolated between them.
     """
 
     plant: UncertainPlant
@@ -108,6 +110,7 @@ class DualProblem:
     gain: bool = False
     share: Polynomial | None = None
     box: Box | None = None
+    between: bool = False
 
     @property
     def domain(self) -> Domain:
@@ -162,7 +165,7 @@ class DualProblem:
         C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
         E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
         law = self.law.inside(plant, low, high)
-        return replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F)
+        return replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F, between=True)
 
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""
@@ -176,6 +179,7 @@ class DualProblem:
             self.domain,
             lambda alpha: self.closed(alpha)[0],
             lambda poles: -growth(poles, self.step),
+            None if self.box is None else off_along(self.plant, self.law.gain, self.box),
         )
 
     def form(self, alpha: Array) -> Array:
@@ -385,7 +389,7 @@ class _Interpolation:
         """Return what is found, of a gain somewhat below the level."""
         if self.problem.gain:
             return self._grown(level * (1 - ROOM))
-        return self._even(level) if self.problem.plant.remainder is not None else self._grown(None)
+        return self._even(level) if self.problem.between else self._grown(None)
 
     def _even(self, level: float) -> Dual | None:
         """Return what is found with R that uses the room below a level evenly in all modes.

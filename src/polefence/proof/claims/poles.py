@@ -279,8 +279,6 @@ class Poles(Short, Claim):
             return
         if self.method != "lyapunov" or self.weights:
             raise FormatError("a plant with a remainder is proved by the method lyapunov")
-        if any(proof.cells for proof in self.evidence) and not self.remainder.bends:
-            raise FormatError("a plant with a remainder without bends is proved whole")
         n, m = len(self.A[0]), len(self.B[0][0])
         entries = self.remainder.entries
         self.remainder.require(n, m, len(entries[0]) - n - m if entries else 0, self.sizes)
@@ -417,12 +415,12 @@ class Poles(Short, Claim):
         """
         low, high = piece.low, piece.high
         law, evidence = self.law.inside(low, high), (piece.evidence,)
-        if self.remainder is None or not self.remainder.bends:
+        remainder = self.remainder and self.remainder.inside(low, high)
+        if remainder is not None and remainder.bends:
+            A, B = between_nodes((self.A, self.B), self.nodes, low, high)
+        else:
             A, B = (on_corners(matrices, low, high) for matrices in (self.A, self.B))
-            return replace(self, A=A, B=B, law=law, evidence=evidence)
-        A, B = between_nodes((self.A, self.B), self.nodes, low, high)
-        own = self.remainder.inside(low, high)
-        return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=own, nodes=())
+        return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=remainder, nodes=())
 
     def _lyapunov(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]

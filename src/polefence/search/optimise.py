@@ -287,12 +287,16 @@ def _of_a_kind(task: Task, deadline: Deadline) -> Optimised:
     """
     with stage("law by an LMI"):
         law, given, reason = _of_lmi(task)
+        if given is None and law is not None and task.minimise is None:
+            given = _bounded(task, candidate(task, law))
     if given is not None and (task.minimise is None or deadline.passed):
         return replace(given, cut=_cut(deadline))
     tuned: Optimised | None = None
     with suppress(InputError), bounded(MOST_WORK) as effort:
         starts = [*([] if law is None else [law]), *_of_stability(task)]
         tuned = _best_tuned(*structured(task, structure_of(task.method)), starts)
+    if given is None and tuned is None and law is not None and task.minimise is not None:
+        given = _bounded(task, candidate(task, law))
     every = [own for own in (given, tuned) if own is not None]
     if not every:
         raise refusal(task, reason)
@@ -303,7 +307,8 @@ def _of_a_kind(task: Task, deadline: Deadline) -> Optimised:
 def _of_lmi(task: Task) -> tuple[Law | None, Optimised | None, str]:
     """Return the law that one Lyapunov matrix for everything gives, and with its proofs.
 
-    In place of one too fast to be built one of a smaller gain. Where there is none, why.
+    In place of one too fast to be built one of a smaller gain. Where there is none, why; there are
+    no proofs where that one matrix gives none.
     """
     try:
         found = task.reached(task.region)
@@ -320,7 +325,7 @@ def _of_lmi(task: Task) -> tuple[Law | None, Optimised | None, str]:
         return calm, replace(given, closer=Closer(level_of(task, found), gain, own)), ""
     proofs = together(task, law, found)
     if proofs is None:
-        return law, _bounded(task, candidate(task, law)), ""
+        return law, None, ""
     certificate, bounds = proofs
     shared = 0.0 if task.minimise is None else bounds[0].level
     return law, Optimised(Design(certificate), bounds, shared, task.region), ""

@@ -33,7 +33,7 @@ from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.search.effort import is_too_fast
 from polefence.search.optimise import optimise
-from polefence.search.task import Task, level_of, together
+from polefence.search.task import Missing, Task, level_of, together
 from support.files import bounds_in
 from support.specs import DENSITY, ONE_STATE, rms
 
@@ -378,6 +378,6 @@ def test_a_law_that_no_search_tunes_is_that_of_the_method(one, monkeypatch):
     assert np.array_equal(done.law.K, whole.law.K)
     assert whole.shared < math.inf == done.shared
     assert done.bounds[0].level == pytest.approx(whole.bounds[0].level, rel=1e-5)
-    monkeypatch.setattr("polefence.search.optimise.candidate", lambda *_: None)
+    monkeypatch.setattr("polefence.search.optimise.candidate", lambda *_: Missing.REGION)
     with pytest.raises(NotProvedError, match="a bound or the region was not proved of the law"):
         optimise(*asked)

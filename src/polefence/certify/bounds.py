@@ -577,7 +577,7 @@ def _proved(
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(level))
-    with counted() as count:
+    with counted(claim.allowed) as count:
         try:
             verdict = prove(claim)
         except FormatError:  # more work than is checked: other evidence may take less

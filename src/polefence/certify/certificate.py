@@ -348,7 +348,7 @@ def check_claim(claim: Poles) -> Check:
 
 def decide(claim: Poles) -> tuple[Verdict, tuple[Fraction, ...] | None]:
     """Prove a claim, or refute it by an alpha, or leave it undecided."""
-    with counted():  # what the proof leaves of it, a counterexample may take
+    with counted(claim.allowed):  # what the proof leaves of it, a counterexample may take
         verdict = prove(claim)
         alpha = None if verdict.proved else counterexample(claim)
     if verdict.proved:

@@ -179,7 +179,7 @@ class Search:
         if self.most < 2 or self._late():
             return None
         self.halved = True
-        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_WORK)
+        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_IN_PARTS)
 
         def along(box: Box) -> int | None:
             self.alpha = inside.leaving(box)
@@ -300,7 +300,7 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
     if plant.bent:
-        return min(MOST_BENT, work.MAX_WORK // checked)
+        return min(MOST_BENT, work.MAX_IN_PARTS // checked)
     found = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
 

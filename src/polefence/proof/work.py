@@ -10,6 +10,7 @@ from dataclasses import dataclass
 # Bounds on what a claim can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
 MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
+MAX_IN_PARTS = 8 * MAX_WORK  # of a claim that is proved in parts of the box
 FULL = 20  # claims at that bound which one file may hold
 MAX_FILE = FULL * MAX_WORK
 RATIONAL = 20  # operations on integers that one on rationals is

@@ -231,6 +231,11 @@ class Claim:
         """Say what the rest of the file has that contradicts the claim; "" where nothing does."""
         return ""
 
+    @property
+    def allowed(self) -> int:
+        """The most work that it may take to prove."""
+        return MAX_WORK
+
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield the names of matrices that ought to be symmetric, and them."""
         yield from ()
@@ -263,7 +268,7 @@ def prove(claim: Claim) -> Verdict:
     FormatError
         If the claim is incomplete or inconsistent, or asks for work out of all proportion.
     """
-    with counted():
+    with counted(claim.allowed):
         claim.require()
         try:
             return claim.decided()
@@ -271,9 +276,9 @@ def prove(claim: Claim) -> Verdict:
             tell(0)
 
 
-def require_work(least: int) -> None:
+def require_work(least: int, most: int = MAX_WORK) -> None:
     """Refuse, before any is done, more work than is done here."""
-    if least > MAX_WORK:
+    if least > most:
         raise WorkError("the inequalities are too many, or too large, to be checked here")
 
 

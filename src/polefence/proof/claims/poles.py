@@ -99,7 +99,7 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, output_text, quoted, region_text
-from polefence.proof.work import MAX_WORK, FormatError, WorkError
+from polefence.proof.work import MAX_IN_PARTS, MAX_WORK, FormatError, WorkError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 ONE = Fraction(1)
@@ -265,7 +265,7 @@ class Poles(Short, Claim):
                 raise FormatError("cells belong to the method lyapunov")
         self._require_remainder()
         self._require_counts()
-        if self.least > MAX_WORK:
+        if self.least > self.allowed:
             raise WorkError(
                 f"{self.count} inequalities of this size are too many to be checked here"
             )
@@ -342,6 +342,11 @@ class Poles(Short, Claim):
             raise FormatError("multiples belong to scheduled laws given")
         if any(e.tau for e in self._each) and not self._is_theorem_1:
             raise FormatError("tau belongs to the right-hand sides of Theorem 1")
+
+    @property
+    def allowed(self) -> int:
+        """The most work that it may take to prove: more in parts of the box."""
+        return MAX_IN_PARTS if any(proof.cells for proof in self.evidence) else MAX_WORK
 
     @property
     def least(self) -> int:

@@ -82,7 +82,7 @@ from polefence.proof.text import (
     quoted,
 )
 from polefence.proof.transfer import Tensor, Transfer, positive, transfer
-from polefence.proof.work import FormatError, tell
+from polefence.proof.work import MAX_IN_PARTS, MAX_WORK, FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
 
@@ -554,7 +554,7 @@ class SignalClaim(Short, Claim):
             pieces = [self.inside(piece) for piece in evidence.cells]
         for claim in pieces:
             claim._require_parts()
-        require_work(sum(claim.least for claim in pieces))
+        require_work(sum(claim.least for claim in pieces), self.allowed)
 
     def _with(self, piece: Piece) -> Self:
         own = self.subject.remainder
@@ -601,6 +601,11 @@ class SignalClaim(Short, Claim):
         loop.remainder.require(loop.n, loop.m, loop.q, loop.sizes)
         dual = loop.evidence.dual
         spread.require(loop.remainder, omega=not dual, kappa=dual)
+
+    @property
+    def allowed(self) -> int:
+        """The most work that it may take to prove: more in parts of the box."""
+        return MAX_IN_PARTS if self.subject.evidence.cells else MAX_WORK
 
     @property
     def least(self) -> int:

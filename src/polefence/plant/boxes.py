@@ -19,7 +19,7 @@ Point = tuple[float, ...]
 
 MOST_PARTS = 64
 MOST_BENT = 400  # of a plant that is sampled between nodes
-NARROWEST = 2.0**-16  # side of a part that is halved: a loop that needs less is hardly inside
+NARROWEST = 2.0**-30  # side of a part that is halved: what needs less is on the edge to rounding
 NIL = 1e-14  # of a weight that rounding left
 
 

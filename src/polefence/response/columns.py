@@ -148,12 +148,12 @@ def read_columns(path: Path, limit: int, remedy: str, names: Sequence[str] = ())
                     continue
             names = names or [f"column {k + 1}" for k in range(len(cells))]
             try:
-                found = list(map(float, cells))
+                row = list(map(float, cells))
             except ValueError as problem:
                 raise _refusal(f"{path}: row {rows.line_num}", cells, names) from problem
-            if len(found) != len(names):
+            if len(row) != len(names):
                 raise _refusal(f"{path}: row {rows.line_num}", cells, names)
-            numbers.extend(found)
+            numbers.extend(row)
             lines.append(rows.line_num)
     except csv.Error as problem:
         raise InputError(f"{path}: row {rows.line_num}: {problem}") from problem
@@ -177,10 +177,10 @@ def _is_header(cells: Sequence[str]) -> bool:
 def _refusal(where: str, cells: Sequence[str], names: Sequence[str]) -> InputError:
     """Say why a row holds no numbers of these names."""
     if len(cells) != len(names):
-        found = f"{len(cells)} cells" if len(cells) != 1 else "one cell"
+        count = f"{len(cells)} cells" if len(cells) != 1 else "one cell"
         *most, last = names
         wanted = f"{', '.join(most)} and {last}" if most else last
-        return InputError(f"{where}: {found if cells else 'empty'}; give {wanted}, a comma between")
+        return InputError(f"{where}: {count if cells else 'empty'}; give {wanted}, a comma between")
     k = next(k for k, cell in enumerate(cells) if _number(cell) is None)
     cell = cells[k].strip()
     if not cell:

@@ -45,7 +45,9 @@ def closed_loops(plant: UncertainPlant, law: Any = None, alpha: Any = None) -> l
     points = np.eye(len(plant.vertices)) if alpha is None else np.atleast_2d(alpha)
     plants = [to_control(plant, weights, outputs=True) for weights in points]
     Ks = gains(plant, law, np.asarray(points, dtype=float))
-    return [_closed(own, K, k) for k, (own, K) in enumerate(zip(plants, Ks, strict=True), 1)]
+    return [
+        _closed(plant_at, K, k) for k, (plant_at, K) in enumerate(zip(plants, Ks, strict=True), 1)
+    ]
 
 
 def _closed(plant: Any, K: Any, number: int) -> Any:
@@ -55,7 +57,7 @@ def _closed(plant: Any, K: Any, number: int) -> Any:
     m = len(K)
     fed, through = plant.B[:, :m] @ K, plant.D[:, :m] @ K
     given, outputs = plant.input_labels, plant.output_labels
-    demands = valid_names((*given, *outputs, *(f"{own}_of_law" for own in given[:m])))
+    demands = valid_names((*given, *outputs, *(f"{name}_of_law" for name in given[:m])))
     return control.ss(
         plant.A + fed,
         plant.B,

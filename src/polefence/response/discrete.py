@@ -236,13 +236,13 @@ def _first_states(tables: tuple[Array, Array, Array], start: Array, inputs: Arra
         carried[:, j + 1] = (carried[:, j, None] @ power[:, width])[:, 0] + last[:, j]
     joined = power[:, :width].transpose(0, 2, 1, 3).reshape(count, n, width * n)
     states += (carried @ joined).reshape(count, rows, width, n)
-    found = states.reshape(count, rows * width, n)[:, :blocks]
-    _require_finite(found)
-    return found
+    firsts = states.reshape(count, rows * width, n)[:, :blocks]
+    _require_finite(firsts)
+    return firsts
 
 
-def _require_finite(found: Array) -> None:
-    if not np.all(np.isfinite(found)):
+def _require_finite(values: Array) -> None:
+    if not np.all(np.isfinite(values)):
         raise InputError("the response outgrows floating point; the loop is unstable, end earlier")
 
 
@@ -286,9 +286,9 @@ def exponential(M: Array) -> Array:
 def balancing(M: Array) -> Array:
     """Return powers of two d (n,) that even out diag(d)^-1 M diag(d) of all M (count, n, n)."""
     largest = np.abs(M).max(axis=0)
-    n, own = len(largest), np.diagonal(largest).max()
+    n, diagonal = len(largest), np.diagonal(largest).max()
     # What nothing follows, or follows nothing, as a disturbance: made small beside the rest.
-    small = 1e-6 * float(own or largest.max())
+    small = 1e-6 * float(diagonal or largest.max())
     if small == 0 or not np.isfinite(largest).all():
         return np.ones(n)
     np.fill_diagonal(largest, 0.0)

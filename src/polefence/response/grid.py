@@ -116,15 +116,15 @@ def evenly(time: Any) -> tuple[float, int]:
         If they are not.
     """
     try:
-        found = np.asarray(time, dtype=float)
+        times = np.asarray(time, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        found = np.zeros(0)
-    if found.ndim != 1 or len(found) < 2:
+        times = np.zeros(0)
+    if times.ndim != 1 or len(times) < 2:
         raise InputError("time [s] must be an array of two instants or more")
-    step = positive(found[1], "second instant of time [s]")
-    if not np.allclose(found, every(step, len(found)), rtol=EVEN, atol=EVEN * step):
+    step = positive(times[1], "second instant of time [s]")
+    if not np.allclose(times, every(step, len(times)), rtol=EVEN, atol=EVEN * step):
         raise InputError("time [s] must be evenly spaced from 0")
-    return step, len(found)
+    return step, len(times)
 
 
 def samples(duration: float, step: float, count: int, signals: int) -> int:
@@ -168,17 +168,17 @@ def frequencies(loops: Loops, given: object) -> Array:
         last = min(high * 10, math.pi / loops.step) if loops.step else high * 10
         return np.geomspace(min(low / 10, last / 10), last, 400) / (2 * math.pi)
     try:
-        found = np.atleast_1d(np.array(given, dtype=float))
+        hertz = np.atleast_1d(np.array(given, dtype=float))
     except (TypeError, ValueError, OverflowError):
-        found = np.array([math.nan])
-    if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)) or np.any(found < 0):
+        hertz = np.array([math.nan])
+    if hertz.ndim != 1 or not len(hertz) or not np.all(np.isfinite(hertz)) or np.any(hertz < 0):
         raise InputError("frequency [Hz] must be a list of finite numbers, zero or more")
-    if loops.step and found.max() > (1 + EVEN) / (2 * loops.step):
+    if loops.step and hertz.max() > (1 + EVEN) / (2 * loops.step):
         raise InputError(
             f"frequency [Hz]: {loops.plant.name} is in discrete time, with frequencies up to half "
             f"of the sampling rate, {0.5 / loops.step:g} Hz"
         )
-    return found
+    return hertz
 
 
 def _duration(loops: Loops, poles: npt.NDArray[np.complex128], fastest: float) -> float:

@@ -312,18 +312,18 @@ def _final(path: _Path) -> tuple[Array, Array]:
     alike = dict[tuple[int, ...], list[int]]()  # signals that follow the same states
     for i in range(p):
         alike.setdefault(tuple(needed(path.C[:, i : i + 1], closed).tolist()), []).append(i)
-    for states, own in alike.items():
+    for states, same in alike.items():
         keep = np.array(states, dtype=int)
         A = closed[:, keep][:, :, keep]
         good = np.setdiff1d(np.arange(len(A)), unstable(A, path.loops.step))
         reached = np.linalg.solve(A[good], -path.E[good][:, keep])
-        rows = path.C[good][:, own][:, :, keep]
-        values[good[:, None], own] = rows @ reached + path.D[good][:, own]
+        rows = path.C[good][:, same][:, :, keep]
+        values[good[:, None], same] = rows @ reached + path.D[good][:, same]
         if len(good) and len(keep):
             # by state: one that goes far says little of how exact the others are (Skeel)
             moved = np.abs(np.linalg.inv(A[good])) @ (np.abs(A[good]) @ np.abs(reached))
             moved += FAR * np.abs(reached).max(axis=1, keepdims=True)
-            scale[own] = (np.abs(rows) @ moved).max(axis=0)
+            scale[same] = (np.abs(rows) @ moved).max(axis=0)
     return values, scale
 
 
@@ -358,16 +358,16 @@ def sampled(loops: Loops, w: Any, time: Any, signals: int) -> tuple[float, Array
     if callable(w):
         w = _called(w, grid.every(step, count))
     try:
-        found = np.asarray(w, dtype=float)
+        samples = np.asarray(w, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        found = np.zeros(0)
-    found = found[:, None] if found.ndim == 1 and q == 1 else found
-    if found.shape != (count, q):
+        samples = np.zeros(0)
+    samples = samples[:, None] if samples.ndim == 1 and q == 1 else samples
+    if samples.shape != (count, q):
         raise InputError(f"the disturbance has shape {np.shape(w)}; give ({count}, {q}) samples")
-    bad = np.flatnonzero(~np.all(np.isfinite(found), axis=1))
+    bad = np.flatnonzero(~np.all(np.isfinite(samples), axis=1))
     if len(bad):
         raise InputError(f"the disturbance is not a finite number at sample {bad[0] + 1}; mend it")
-    return step, found
+    return step, samples
 
 
 def _nothing(q: int, time: Array) -> Array:
@@ -539,15 +539,15 @@ def settling(
         raise InputError("of = 'final': no final value of this response is known; use 'peak'")
     count, _, p = values.shape
     end = np.zeros((count, p)) if final is None else np.asarray(final, dtype=float)
-    found = np.empty((count, p))
+    times = np.empty((count, p))
     for part, rows in _chunks(values):
         size = np.abs(rows).max(axis=-1)
         to = end[part]
         goes = np.abs(to) if of == "final" else np.where(_returns(to, size), size, np.abs(to))
         band = share * (size if of == "peak" else goes)
         rows -= to[..., None]
-        found[part] = _last_crossing(time, rows, band)
-    return found
+        times[part] = _last_crossing(time, rows, band)
+    return times
 
 
 def _last_crossing(time: Array, rows: Array, band: Array) -> Array:
@@ -580,16 +580,16 @@ def overshoot(values: Array, final: Array | None = None) -> Array:
         What the signals tend to.
     """
     count, _, p = values.shape
-    found = np.full((count, p), np.nan)
+    shares = np.full((count, p), np.nan)
     if final is None:
-        return found
+        return shares
     for part, rows in _chunks(values):
         size, to = np.abs(rows).max(axis=-1), np.asarray(final, dtype=float)[part]
         beyond = np.where(to > 0, rows.max(axis=-1), -rows.min(axis=-1))
         usable = ~_returns(to, size) & np.isfinite(to)
         known = np.where(usable, np.abs(to), 1.0)
-        found[part] = np.where(usable, np.maximum(beyond / known - 1, 0.0), np.nan)
-    return found
+        shares[part] = np.where(usable, np.maximum(beyond / known - 1, 0.0), np.nan)
+    return shares
 
 
 def peaks(time: Array, values: Array) -> tuple[Array, Array]:

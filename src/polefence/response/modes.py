@@ -84,8 +84,8 @@ def _adjoint(M: Any) -> Any:
 
 
 def _product(left: Any, middle: Any, right: Any) -> Array:
-    found = (left @ middle @ right).real
-    return np.asarray((found + np.swapaxes(found, 1, 2)) / 2)
+    product = (left @ middle @ right).real
+    return np.asarray((product + np.swapaxes(product, 1, 2)) / 2)
 
 
 def _checked(A: Array, X: Array, W: Array, step: float) -> Array:

@@ -51,7 +51,7 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
         best = np.zeros(len(A))
         np.maximum.at(best, loops, top)
         higher = _higher(A, E, C, F, best * (1 + CLOSE))
-        missed = [k for k, found in enumerate(higher) if len(found)]
+        missed = [k for k, crossings in enumerate(higher) if len(crossings)]
         if not missed:
             break
         gained = False
@@ -62,9 +62,9 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
             j = int(more.argmax())
             if more[0, j] > best[k] * (1 + CLOSE):
                 around = np.array([[edges[0] / 2, middle[0, j], 2 * edges[-1]]])
-                own = _zoomed(height, np.array([k]), around)
-                loops, w = np.append(loops, k), np.append(w, own[0])
-                top, gained = np.append(top, own[1]), True
+                zoomed = _zoomed(height, np.array([k]), around)
+                loops, w = np.append(loops, k), np.append(w, zoomed[0])
+                top, gained = np.append(top, zoomed[1]), True
         if not gained:
             break
     best = np.zeros(len(A))
@@ -111,11 +111,11 @@ def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
 
     def summed(w: Array, some: Any = slice(None)) -> Array:
         with np.errstate(all="ignore"):
-            each = 1 / (1j * w[:, :, None] - poles[some][:, None])
+            resolvent = 1 / (1j * w[:, :, None] - poles[some][:, None])
             if left.shape[1] == right.shape[2] == 1:
-                G = (each @ (left[some, 0] * right[some, :, 0])[:, :, None])[..., None]
+                G = (resolvent @ (left[some, 0] * right[some, :, 0])[:, :, None])[..., None]
             else:
-                G = (left[some][:, None] * each[:, :, None]) @ right[some][:, None]
+                G = (left[some][:, None] * resolvent[:, :, None]) @ right[some][:, None]
         return largest(G + F[some][:, None])
 
     w = np.abs(poles)
@@ -132,9 +132,9 @@ def _grid(poles: Any) -> Array:
     # frequencies between the slowest and the fastest rate, besides the poles' own
     share = np.linspace(0, 1, 24)
     even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
-    own = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
+    rates = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
     ends = np.stack([0 * fast, 1e4 * fast], axis=1)
-    return np.stack([_apart(row) for row in np.concatenate([even, own, ends], axis=1)])
+    return np.stack([_apart(row) for row in np.concatenate([even, rates, ends], axis=1)])
 
 
 def _apart(w: Array) -> Array:
@@ -166,23 +166,23 @@ def _zoomed(height: Any, loops: Any, around: Array) -> tuple[Array, Array]:
     low, best, high = around.T
     top = height(best[:, None], loops)[:, 0]
     share = np.linspace(0, 1, 9)
-    each = np.arange(len(loops))
+    rows = np.arange(len(loops))
     for _ in range(7):  # each leaves a quarter of the interval
         w = np.sort(np.append(low[:, None] + (high - low)[:, None] * share, best[:, None], 1), 1)
         values = height(w, loops)
         j = values.argmax(axis=1)
-        best, top = w[each, j], values[each, j]
-        low, high = w[each, np.maximum(j - 1, 0)], w[each, np.minimum(j + 1, w.shape[1] - 1)]
+        best, top = w[rows, j], values[rows, j]
+        low, high = w[rows, np.maximum(j - 1, 0)], w[rows, np.minimum(j + 1, w.shape[1] - 1)]
     return best, top
 
 
 def _higher(A: Array, E: Array, C: Array, F: Array, level: Array) -> list[Array]:
     """Return for each loop the frequencies at which a singular value has that level, rising."""
-    found = [np.zeros(0)] * len(A)
+    crossings = [np.zeros(0)] * len(A)
     direct = largest(F)
     some = np.flatnonzero((level > direct * (1 + CLOSE)) & (level > 0))
     if not len(some):
-        return found
+        return crossings
     A, E, C, F = A[some], E[some], C[some], F[some]
     square = level[some, None, None] ** 2
     Et, Ct, Ft = (np.swapaxes(M, 1, 2) for M in (E, C, F))
@@ -194,9 +194,9 @@ def _higher(A: Array, E: Array, C: Array, F: Array, level: Array) -> list[Array]
     scale = np.sqrt(np.maximum(size[1], 1e-100)) / np.sqrt(np.maximum(size[0], 1e-100))
     H = np.block([[middle, up * scale], [-down / scale, -np.swapaxes(middle, 1, 2)]])
     values = np.linalg.eigvals(H)
-    for k, own in zip(some, values, strict=True):
+    for k, eigenvalues in zip(some, values, strict=True):
         # on the imaginary axis but for rounding
-        imaginary = np.abs(own.real) <= 1e-7 * np.abs(own).max()
-        w = np.sort(own.imag[imaginary & (own.imag >= 0)])
-        found[k] = w
-    return found
+        imaginary = np.abs(eigenvalues.real) <= 1e-7 * np.abs(eigenvalues).max()
+        w = np.sort(eigenvalues.imag[imaginary & (eigenvalues.imag >= 0)])
+        crossings[k] = w
+    return crossings

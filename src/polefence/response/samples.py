@@ -89,17 +89,17 @@ def at_sample_time(
     tried = _degrees(plant) if degree is None else [degree]
     curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
     try:
-        found = _with_remainder(plant, bare, units, delay, curve, about)
+        samples = _with_remainder(plant, bare, units, delay, curve, about)
     except FormatError as problem:
         if degree is not None or not plant.parameters:
             raise InputError(
                 f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
             ) from problem
-        found = _between_nodes(plant, bare, units, delay)
-    verdict = prove(claim_of_samples(found))
+        samples = _between_nodes(plant, bare, units, delay)
+    verdict = prove(claim_of_samples(samples))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
-    return found
+    return samples
 
 
 def _degrees(plant: UncertainPlant) -> list[int]:
@@ -112,8 +112,8 @@ def _degrees(plant: UncertainPlant) -> list[int]:
 def _change(held: list[tuple[Array, Array, Array]], units: Array) -> float:
     """Return how much a sample changes states, in the units, at most."""
     n = len(held[0][0])
-    each = ((F - np.eye(n)) / units[:n, None] * units[:n] for F, *_ in held)
-    return max(float(np.abs(M).max()) for M in each)
+    steps = ((F - np.eye(n)) / units[:n, None] * units[:n] for F, *_ in held)
+    return max(float(np.abs(M).max()) for M in steps)
 
 
 def _chosen(
@@ -146,13 +146,13 @@ def _with_remainder(
     """Return the samples with a remainder that holds; ``about`` tells how many terms it takes."""
     (n, m), q = plant.shape, plant.disturbance_count
     terms = _terms(plant, units, float(bare.sample_time or 0), about)
-    own = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
-    exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=own)).off()
+    origin = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
+    exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=origin)).off()
     entries = np.array([[float(x) for x in row] for row in exact])
     # 1 % of room over what it has to hold
     rows = (entries + float(rest)) * 1.01 * units[:n, None] / units
-    found = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
-    return replace(bare, remainder=replace(wide, entries=found), sampling=own)
+    rounded = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
+    return replace(bare, remainder=replace(wide, entries=rounded), sampling=origin)
 
 
 def _between_nodes(
@@ -162,25 +162,27 @@ def _between_nodes(
     (n, m), q = plant.shape, plant.disturbance_count
     exact = tuple(map(Fraction, units.tolist()))
     for terms in TERMS:
-        own = SamplesOf(plant, delay, terms, exact)
-        claim = claim_of_samples(replace(bare, sampling=own))
+        origin = SamplesOf(plant, delay, terms, exact)
+        claim = claim_of_samples(replace(bare, sampling=origin))
         try:
-            found = claim.bounds()
+            bounds = claim.bounds()
         except FormatError as problem:
             if terms == TERMS[-1]:
                 raise InputError(
                     f"{plant.name}: {problem}; take a shorter sample time"
                 ) from problem
             continue
-        if found.missing < ROUNDING:
+        if bounds.missing < ROUNDING:
             break
     scales = units[:n, None] / units
-    along = np.array([[[float(x) for x in row] for row in C] for C in found.along]) * 1.01
-    known = np.abs([np.hstack(own) for own in _held(plant, bare.sample_time or Fraction(0))])
+    along = np.array([[[float(x) for x in row] for row in C] for C in bounds.along]) * 1.01
+    known = np.abs([np.hstack(block) for block in _held(plant, bare.sample_time or Fraction(0))])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
-    each = [ROUNDED * largest + 1.01 * float(found.missing), *along]
-    rounding, *bends = (tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in each)
-    sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=own)
+    remainders = [ROUNDED * largest + 1.01 * float(bounds.missing), *along]
+    rounding, *bends = (
+        tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in remainders
+    )
+    sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=origin)
     vertices = inside(sampled, *ends(plant)).vertices
     return replace(sampled, vertices=vertices)
 
@@ -200,11 +202,11 @@ def _curve(
 ) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
     """Return the Bernstein coefficients of what is added to the vertices' combination."""
     domain, shape = plant.domain, (delay, *plant.shape, plant.disturbance_count)
-    found = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
+    coefficients = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
     # to 40 bits of the largest entry; 1e-300 stands for zero
-    largest = np.maximum(np.abs(found).max(axis=0), 1e-300)
+    largest = np.maximum(np.abs(coefficients).max(axis=0), 1e-300)
     unit = 2.0 ** (np.floor(np.log2(largest)) - 40)
-    rounded = (_placed(M, bare, *shape) for M in np.round(found / unit) * unit)
+    rounded = (_placed(M, bare, *shape) for M in np.round(coefficients / unit) * unit)
     return tuple(tuple(tuple(map(Fraction, row.tolist())) for row in M) for M in rounded)
 
 
@@ -233,7 +235,7 @@ def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
 
 def _held(plant: UncertainPlant, T: Fraction) -> list[tuple[Array, Array, Array]]:
     """Return F, G, H of every vertex."""
-    m, found = plant.shape[1], []
+    m, matrices = plant.shape[1], []
     for vertex in plant.vertices:
         E = np.zeros((plant.shape[0], 0)) if vertex.E is None else vertex.E
         F, GH = zero_order_hold(vertex.A, np.hstack([vertex.B, E]), float(T))
@@ -242,8 +244,8 @@ def _held(plant: UncertainPlant, T: Fraction) -> list[tuple[Array, Array, Array]
                 f"{plant.name} outgrows floating point in a sample of {float(T):g} s; take a "
                 "shorter one"
             )
-        found.append((F, GH[:, :m], GH[:, m:]))
-    return found
+        matrices.append((F, GH[:, :m], GH[:, m:]))
+    return matrices
 
 
 def _on_the_way(
@@ -264,15 +266,15 @@ def _on_the_way(
             B[:n] = G
         E = np.vstack([H, np.zeros((late, H.shape[1]))]) if H.shape[1] else None
         vertices.append(System(A, B, E, f"vertex {k + 1}"))  # type: ignore[arg-type]
-    labels = [own.label for own in states(plant)]
+    labels = [state.label for state in states(plant)]
     for j in range(1, delay + 1):
         ending = f", {plural(j, 'sample')} late"
-        labels += [_label(own.name + ending, own.unit) for own in inputs(plant)]
+        labels += [_label(signal.name + ending, signal.unit) for signal in inputs(plant)]
     return replace(
         plant,
         vertices=tuple(vertices),
         states=tuple(labels) if plant.states or delay else (),
-        outputs=tuple(_late(plant, own, delay) for own in plant.every_output),
+        outputs=tuple(_late(plant, output, delay) for output in plant.every_output),
         sample_time=T,
         vehicle=None,
     )
@@ -290,8 +292,7 @@ def _late(plant: UncertainPlant, output: Output, delay: int) -> Output:
     zeros = (Fraction(0),) * m
     if not delay:
         return replace(output, C=C, D=D, F=F)
-    each = zip(C, D, strict=True)
-    rows = [(*c, *zeros * (delay - 1), *d) for c, d in each]
+    rows = [(*c, *zeros * (delay - 1), *d) for c, d in zip(C, D, strict=True)]
     return replace(output, C=rows, D=[zeros for _ in rows], F=F)
 
 
@@ -308,22 +309,22 @@ def _units(plant: UncertainPlant) -> Array:
     return np.concatenate([d, 2.0 ** np.round(np.log2(acting))])
 
 
-def _about(plant: UncertainPlant, found: UncertainPlant, units: Array, delay: int) -> Array:
+def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: int) -> Array:
     """Return about what entries are off by, in the units, at a few points."""
-    apart = _apart(plant, found, delay, plant.domain.nodes(found.curve_degree + 1))
+    apart = _apart(plant, samples, delay, plant.domain.nodes(samples.curve_degree + 1))
     return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * units)
 
 
-def _apart(plant: UncertainPlant, found: UncertainPlant, delay: int, alpha: Array) -> Array:
+def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: int, alpha: Array) -> Array:
     """Return the exact samples less those of a plant in discrete time, at points alpha."""
     n, m = plant.shape
     A, B = plant.at(alpha)
     BE = np.concatenate([B, _driven(plant, alpha)], axis=2)
-    exact = np.concatenate(zero_order_hold(A, BE, float(found.sample_time or 0)), axis=2)
-    A, B = found.at(alpha)
+    exact = np.concatenate(zero_order_hold(A, BE, float(samples.sample_time or 0)), axis=2)
+    A, B = samples.at(alpha)
     acting = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
-    own = np.concatenate([A[:, :n, :n], acting, _driven(found, alpha)[:, :n]], axis=2)
-    return np.asarray(exact - own)
+    computed = np.concatenate([A[:, :n, :n], acting, _driven(samples, alpha)[:, :n]], axis=2)
+    return np.asarray(exact - computed)
 
 
 def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
@@ -339,14 +340,14 @@ def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
     left = np.cumsum(powers[::-1], axis=0)[::-1]  # of the k-th term and all behind it
     # terms are left out where they are 1 % of what entries are off by, or of the size of rounding
     enough = np.maximum(0.01 * about, 1e-13 * left[0])
-    good = [bool(np.all(own <= enough)) for own in left]
+    good = [bool(np.all(rest <= enough)) for rest in left]
     return min(good.index(True) if True in good else MAX_TERMS, MAX_TERMS) or 1
 
 
 def _up(values: Array) -> tuple[Fraction, ...]:
     """Round up to numbers of few digits."""
-    found = []
+    rounded = []
     for value in values.tolist():
         unit = Fraction(2) ** (math.frexp(value)[1] - 24)  # 24 bits
-        found.append(math.ceil(Fraction(value) / unit) * unit if value else Fraction(0))
-    return tuple(found)
+        rounded.append(math.ceil(Fraction(value) / unit) * unit if value else Fraction(0))
+    return tuple(rounded)

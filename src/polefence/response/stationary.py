@@ -218,12 +218,12 @@ def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
     X = np.empty((count, n, n))
     for first in range(0, count, group := max(1, BUFFER // (8 * size * size))):
         part = slice(first, first + group)
-        own = A[part]
-        equations = np.zeros((len(own), size, size))
-        each = np.arange(size)
+        matrices = A[part]
+        equations = np.zeros((len(matrices), size, size))
+        k_all = np.arange(size)
         for k in range(n):  # sum over k of A_ik X_kj, and of X_ik A_jk
-            equations[:, each, place[k, columns]] += own[:, rows, k]
-            equations[:, each, place[rows, k]] += own[:, columns, k]
+            equations[:, k_all, place[k, columns]] += matrices[:, rows, k]
+            equations[:, k_all, place[rows, k]] += matrices[:, columns, k]
         solved = np.linalg.solve(equations, -Q[part][:, rows, columns, None])
         X[part] = solved[:, place, 0]
     return X * (d * d[:, None])
@@ -231,12 +231,16 @@ def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
 
 def _densities(psd: Any, q: int) -> Array:
     try:
-        found = np.asarray(psd, dtype=float)
+        densities = np.asarray(psd, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        found = np.full(1, np.nan)
-    if found.shape not in ((), (q,)) or not np.all(np.isfinite(found)) or np.any(found < 0):
+        densities = np.full(1, np.nan)
+    if (
+        densities.shape not in ((), (q,))
+        or not np.all(np.isfinite(densities))
+        or np.any(densities < 0)
+    ):
         raise InputError(f"psd = {psd!r}; give {q} finite densities, zero or more, one each")
-    return np.array(np.broadcast_to(found, q))
+    return np.array(np.broadcast_to(densities, q))
 
 
 def _refuse_unstable(
@@ -271,10 +275,10 @@ def roughness(road_class: str) -> float:
     InputError
         If there is no such class.
     """
-    found = ROUGHNESS.get(str(road_class).upper())
-    if found is None:
+    value = ROUGHNESS.get(str(road_class).upper())
+    if value is None:
         raise InputError(f"no road class {road_class!r}; {suggest(str(road_class), ROUGHNESS)}")
-    return float(found)
+    return float(value)
 
 
 @explained

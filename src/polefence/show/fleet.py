@@ -48,11 +48,11 @@ def fleet_page(
     proved = sum(row["status"] == "proved" for row in rows)
     sections = [_overview(questions, rows)]
     for question, largest in questions:
-        own = [row for row in rows if row["question"] == question]
-        if any(_finite(row) for row in own):
-            sections.append(_question(question, largest, names, own))
-        elif own and own[0]["ask"] == "cover" and any(row["law"] for row in own):
-            sections.append(_laws(question, names, own))
+        asked = [row for row in rows if row["question"] == question]
+        if any(_finite(row) for row in asked):
+            sections.append(_question(question, largest, names, asked))
+        elif asked and asked[0]["ask"] == "cover" and any(row["law"] for row in asked):
+            sections.append(_laws(question, names, asked))
     if failed:
         sections.append(_failures(failed))
     title = f"{name}: {variants} variants"
@@ -68,14 +68,14 @@ def _finite(row: Row) -> bool:
 def _overview(questions: Sequence[tuple[str, bool]], rows: Sequence[Row]) -> Section:
     cells = []
     for question, largest in questions:
-        own = [row for row in rows if row["question"] == question]
-        counts = Counter(row["status"] for row in own)
-        bounds = sorted(row["value"] for row in own if _finite(row))
-        digits, unit = (digits_down if largest else digits_up), own[0]["unit"] if own else ""
+        asked = [row for row in rows if row["question"] == question]
+        counts = Counter(row["status"] for row in asked)
+        bounds = sorted(row["value"] for row in asked if _finite(row))
+        digits, unit = (digits_down if largest else digits_up), asked[0]["unit"] if asked else ""
         span = ["-"] * 3
         if bounds:
             span = [digits(bounds[k]) for k in (0, len(bounds) // 2, -1)]
-        seconds = sum(row["seconds"] for row in own)
+        seconds = sum(row["seconds"] for row in asked)
         said = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
         cells.append((question, said, *span, unit, f"{seconds:.3g} s"))
     head = ("question", "answers", "least", "middle", "largest", "unit", "worked")
@@ -158,16 +158,16 @@ def _map_of_laws(laws: Sequence[str], varied: Sequence[str], rows: Sequence[Row]
         y = np.array([float([*laws, ""].index(row["law"])) for row in rows])
     _, sizes = _ringed(x, y)
     for k, law in enumerate([*laws, ""]):
-        own = np.array([row["law"] == law for row in rows])
+        under = np.array([row["law"] == law for row in rows])
         style: dict[str, Any] = {"color": FAILED, "marker": "x"}
         if law:
             style = {"color": f"C{k % 10}", "marker": MARKERS[k // 10 % len(MARKERS)]}
         label = (law or "none") if k < 12 or not law else None
-        if own.any():
+        if under.any():
             # the larger of two at one place lies behind
-            for size in sorted(set(sizes[own].tolist()), reverse=True):
-                at = own & (sizes == size)
-                own_label = label if size == sizes[own].max() else None
+            for size in sorted(set(sizes[under].tolist()), reverse=True):
+                at = under & (sizes == size)
+                own_label = label if size == sizes[under].max() else None
                 axes.scatter(x[at], y[at], s=size, label=own_label, zorder=2 + 1 / size, **style)
     axes.set(xlabel=varied[0])
     if len(varied) == 1:

@@ -166,8 +166,8 @@ def _fixed(plant: UncertainPlant, scheduled: Design) -> dict[str, Any]:
     return {
         "radius": fixed.region.numbers["radius"],
         "signals": {
-            label: {"scheduled": ours, "fixed": own}
-            for (label, ours), own in zip(
+            label: {"scheduled": ours, "fixed": fixed_sizes}
+            for (label, ours), fixed_sizes in zip(
                 _sizes(plant, scheduled).items(), _sizes(plant, fixed).values(), strict=True
             )
         },
@@ -177,10 +177,10 @@ def _fixed(plant: UncertainPlant, scheduled: Design) -> dict[str, Any]:
 def _sizes(plant: UncertainPlant, design: Design) -> dict[str, dict[str, float]]:
     """Return settling, peak and magnitude of each signal, the worst over the family."""
     alpha, signals = sampled_points(plant), (*states(plant)[:4], require_ride(plant).acceleration)
-    own = step(plant, design, alpha, signals, duration=2 * DURATION, step=STEP)
+    response = step(plant, design, alpha, signals, duration=2 * DURATION, step=STEP)
     gain = frequency(plant, design, alpha, np.geomspace(0.05, 50, 300), signals).gain
-    each = (own.settling(0.05), np.abs(own.peaks()[0]), np.abs(gain[..., 0]).max(axis=1))
-    worst = zip(*(values.max(axis=0).tolist() for values in each), strict=True)
+    sizes = (response.settling(0.05), np.abs(response.peaks()[0]), np.abs(gain[..., 0]).max(axis=1))
+    worst = zip(*(values.max(axis=0).tolist() for values in sizes), strict=True)
     return {
         signal.label: dict(zip(SIZES, row, strict=True))
         for signal, row in zip(signals, worst, strict=True)
@@ -189,8 +189,8 @@ def _sizes(plant: UncertainPlant, design: Design) -> dict[str, dict[str, float]]
 
 def total_rows(centres: Sequence[float] = CENTRES) -> int:
     """Return how many smallest radii a reproduction computes."""
-    each = 3 * len(centres) + len(FAMILIES) + sum(len(edge) for edge in EDGES.values())
-    return each * len(METHODS)
+    count = 3 * len(centres) + len(FAMILIES) + sum(len(edge) for edge in EDGES.values())
+    return count * len(METHODS)
 
 
 def cloud(plant: UncertainPlant, poles: Callable[[Array], Array]) -> tuple[Array, Array]:
@@ -234,8 +234,8 @@ def _radii(rows: Mapping[str, Sequence[Limit]]) -> list[Row]:
             "published": printed[row.method] if name == PUBLISHED_ON else None,
             **row.as_row(),
         }
-        for name, found in rows.items()
-        for row in found
+        for name, radii in rows.items()
+        for row in radii
     ]
 
 
@@ -303,8 +303,8 @@ def _slow_centres(rows: Mapping[str, Sequence[Limit]]) -> list[Row]:
     """Return d / sigma of every method on both sides of where Lemma 1 loses stability."""
     return [
         {"family": name, **row.as_row(), "d/sigma": row.ratio}
-        for name, found in rows.items()
-        for row in found
+        for name, radii in rows.items()
+        for row in radii
     ]
 
 
@@ -322,7 +322,7 @@ def _inconsistencies(
         f"{row['gain']} on {row['family']}": row["farthest pole of the published gain"]
         for row in results["gains"]
     }
-    found: list[tuple[str, dict[str, Any]]] = [
+    findings: list[tuple[str, dict[str, Any]]] = [
         (
             "Table 1 has k = 10000 N/m, equation (22) has 1000 +- 20 beta; "
             "k/m1 at the lightest car is neither in (23)",
@@ -362,7 +362,7 @@ def _inconsistencies(
         _readings(data, plants),
         _deviations(data),
     ]
-    return [{"statement": statement, "computed": computed} for statement, computed in found]
+    return [{"statement": statement, "computed": computed} for statement, computed in findings]
 
 
 def _shapes(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -379,17 +379,17 @@ def _shapes(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
 
 def _coarse_example(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return what the printed example of Theorem 1 gives, K_j = Z_j W_j^-1."""
-    example, found = data["theorem1_example"], dict[str, Any]()
+    example, computed = data["theorem1_example"], dict[str, Any]()
     for j, K in example["K"].items():
         W, Z = np.array(example["W"][j]), np.array([example["Z"][j]])
         error = np.linalg.norm(np.linalg.solve(W, Z.T).T[0] - K) / np.linalg.norm(K)
-        found[f"condition number of W_{j} as printed"] = float(np.linalg.cond(W))
-        found[f"smallest eigenvalue of W_{j} as printed"] = float(np.linalg.eigvalsh(W)[0])
-        found[f"relative error of Z_{j} W_{j}^-1"] = float(error)
+        computed[f"condition number of W_{j} as printed"] = float(np.linalg.cond(W))
+        computed[f"smallest eigenvalue of W_{j} as printed"] = float(np.linalg.eigvalsh(W)[0])
+        computed[f"relative error of Z_{j} W_{j}^-1"] = float(error)
     return (
         "(28)-(35) are printed too coarsely to give (37)-(40): Z_j W_j^-1 misses every K_j, and "
         "W_3 as printed is not positive definite",
-        found,
+        computed,
     )
 
 
@@ -435,21 +435,21 @@ def _deviations(data: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
         poles = np.linalg.eigvals(np.array(A, dtype=float) + np.array(B, dtype=float) @ K)
         return float(np.abs(poles - centre).max() - radius)
 
-    found = dict[str, Any]()
+    deviations = dict[str, Any]()
     for name, sign in ((name, sign) for name in ("m1", "c", "k") for sign in (-1, 1)):
         shares = sign * np.linspace(0, 0.2, 2001)
         at = next((k for k, share in enumerate(shares) if over(share, name) > 0), None)
         place = f"{name} {'lower' if sign < 0 else 'higher'} by [%]"
         if at is None:
-            found[place] = "more than 20"
+            deviations[place] = "more than 20"
         else:
             share = brentq(over, shares[at - 1], shares[at], args=(name,))
-            found[place] = 100 * abs(float(share))
+            deviations[place] = 100 * abs(float(share))
     return (
         "with standard pole placement, an infinitesimal change is said to suffice for poles to "
         "leave the region; for (27) and the disk of radius 31, it takes these of one parameter of "
         "Table 1 alone",
-        found,
+        deviations,
     )
 
 
@@ -480,10 +480,10 @@ def figures(
     """Draw all figures of the paper."""
     rows = results["limits"]
     plants = {name: family(f"quarter-car-{name}") for name in FAMILIES}
-    columns = {f"{name} family": found for name, found in rides.items()}
+    columns = {f"{name} family": ride for name, ride in rides.items()}
     bands = {
-        title: {f"scheduled, {DISK}": found.bands, "passive": found.passive_bands}
-        for title, found in columns.items()
+        title: {f"scheduled, {DISK}": ride.bands, "passive": ride.passive_bands}
+        for title, ride in columns.items()
     }
     table1 = results["published"]["table1"]
     return {
@@ -510,12 +510,12 @@ def figures(
         ),
         # with the settling time that the paper states, 0.5 s
         "figure-7": responses_figure(
-            {title: found.step for title, found in columns.items()}, 0.5, SHOWN
+            {title: ride.step for title, ride in columns.items()}, 0.5, SHOWN
         ),
         "figure-8": responses_figure(
-            {title: found.impulse for title, found in columns.items()}, until=SHOWN
+            {title: ride.impulse for title, ride in columns.items()}, until=SHOWN
         ),
-        "figure-9": frequency_figure({t: found.frequency for t, found in columns.items()}),
+        "figure-9": frequency_figure({t: ride.frequency for t, ride in columns.items()}),
         "figure-10": bands_figure(bands, [RIDE.nominal, MOTION.nominal], BOUNDARY),
     }
 
@@ -617,21 +617,21 @@ def _table1_text(rows: Mapping[str, Mapping[str, Any]]) -> str:
         "c": ("damper", "20 %, with k"),
     }
     cells = [
-        (name, what[name][0], f"{own['value']} {own['unit']}", what[name][1])
-        for name, own in rows.items()
+        (name, what[name][0], f"{entry['value']} {entry['unit']}", what[name][1])
+        for name, entry in rows.items()
     ]
     return table(("Table 1", "", "value", "uncertain in `physical`"), cells)
 
 
-def _fixed_text(found: Mapping[str, Mapping[str, Any]]) -> str:
+def _fixed_text(fixed: Mapping[str, Mapping[str, Any]]) -> str:
     """Set the paper's word on fixed gains beside what was computed."""
     rows, worse = [], []
-    for family_name, own in found.items():
+    for family_name, computed in fixed.items():
         laws = {
             "scheduled": f"scheduled, {short_text(DISK)}",
-            "fixed": f"fixed, {short_text(Disk(DISK.centre, own['radius']))}",
+            "fixed": f"fixed, {short_text(Disk(DISK.centre, computed['radius']))}",
         }
-        for signal, both in own["signals"].items():
+        for signal, both in computed["signals"].items():
             rows += [
                 (family_name, signal, label, *(number(both[law][key]) for key in SIZES))
                 for law, label in laws.items()
@@ -807,11 +807,11 @@ def _gain(plant: UncertainPlant, law: Any, alpha: Array, acceleration: Output) -
     return frequency(plant, law, alpha, nodes, [acceleration]).gain[:, :, 0, 0]  # type: ignore[return-value]
 
 
-def _weighted(found: bands.StationaryRide) -> tuple[Array, Array]:
+def _weighted(ride: bands.StationaryRide) -> tuple[Array, Array]:
     """Weight the bands by the filters' factors at their centres, as the standard does."""
     return (
-        found.ride * np.abs(WK.gain(bands.RIDE.centre)),
-        found.motion * np.abs(WF.gain(bands.MOTION.centre)),
+        ride.ride * np.abs(WK.gain(bands.RIDE.centre)),
+        ride.motion * np.abs(WF.gain(bands.MOTION.centre)),
     )
 
 
@@ -846,39 +846,39 @@ def _summary(ride: Ride) -> dict[str, Any]:
     }
 
 
-def ride_text(found: Mapping[str, Any], settled: float) -> str:
+def ride_text(rides: Mapping[str, Any], settled: float) -> str:
     """Set what the paper states of figures 7 and 10 beside what was computed, as Markdown."""
     times = [
         (name, f"{share} band", *(number(t) for t in row.values()))
-        for name, own in found.items()
-        for share, row in own["longest settling time [s]"].items()
+        for name, ride in rides.items()
+        for share, row in ride["longest settling time [s]"].items()
     ]
-    signals = next(iter(next(iter(found.values()))["longest settling time [s]"].values()))
+    signals = next(iter(next(iter(rides.values()))["longest settling time [s]"].values()))
     comfort = [
         (
             name,
             *(
-                "{:.3g} to {:.3g}".format(*own[f"weighted rms acceleration{law} [m/s2]"])
+                "{:.3g} to {:.3g}".format(*ride[f"weighted rms acceleration{law} [m/s2]"])
                 for law in ("", ", passive")
             ),
-            f"{100 * own['largest share of the severe discomfort boundary']:.2g} %",
+            f"{100 * ride['largest share of the severe discomfort boundary']:.2g} %",
         )
-        for name, own in found.items()
+        for name, ride in rides.items()
     ]
     verdicts = []
     for share in SHARES:
         band = f"{100 * share:g} %"
         longest = {
-            n: max(own["longest settling time [s]"][band].values()) for n, own in found.items()
+            n: max(ride["longest settling time [s]"][band].values()) for n, ride in rides.items()
         }
         met = [name for name, value in longest.items() if value < settled]
         verdicts.append(f"With a band of {band} that holds on: {', '.join(met) or 'neither'}.")
     pole = DISK.centre + DISK.radius
     slowest = math.log(1 / min(SHARES)) / -pole
     rougher = all(
-        own["weighted rms acceleration [m/s2]"][0]
-        > own["weighted rms acceleration, passive [m/s2]"][1]
-        for own in found.values()
+        ride["weighted rms acceleration [m/s2]"][0]
+        > ride["weighted rms acceleration, passive [m/s2]"][1]
+        for ride in rides.values()
     )
     return "\n\n".join(
         [

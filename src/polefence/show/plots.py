@@ -236,10 +236,10 @@ def poles_figure(
     for ax, (title, heading, seen) in zip(axes, drawn, strict=True):
         cloud, vertices = map(np.ravel, panels[title])
         _draw_poles(ax, cloud, vertices, others.get(title))
-        own, aspect = _shape(seen)
-        draw_region(ax, region, own)
+        window, aspect = _shape(seen)
+        draw_region(ax, region, window)
         if seen is whole:
-            _note_unseen(ax, cloud, own)
+            _note_unseen(ax, cloud, window)
         ax.set_title(heading)
         ax.set_xlabel("real part of z" if discrete else "real part [1/s]")
         ax.set_aspect(aspect, adjustable="box")
@@ -585,12 +585,12 @@ def signals_figure(
 def _styles(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     names = list(dict.fromkeys(name for p in panels for name in p.curves if name))
     laws = list(dict.fromkeys(name.removesuffix(BESIDE) for name in names))
-    own = {law: LAW_STYLES[k % len(LAW_STYLES)] for k, law in enumerate(laws)}
-    found = {
-        name: own[name.removesuffix(BESIDE)] | (DOTTED if name.endswith(BESIDE) else {})
+    of_law = {law: LAW_STYLES[k % len(LAW_STYLES)] for k, law in enumerate(laws)}
+    styles = {
+        name: of_law[name.removesuffix(BESIDE)] | (DOTTED if name.endswith(BESIDE) else {})
         for name in names
     }
-    return found | {"": COMMON}
+    return styles | {"": COMMON}
 
 
 def _floor(ax: Axes, time: Array, level: Array) -> None:
@@ -691,16 +691,16 @@ def frequency_figure(columns: Mapping[str, Frequency]) -> Figure:
     """Draw magnitudes from the first source to each signal; one column a family."""
     first = next(iter(columns.values()))
     figure, axes = _grid(first.signals, len(columns), sharey="row")
-    for column, (title, found) in zip(axes.T, columns.items(), strict=True):
-        for i, (ax, signal) in enumerate(zip(column, found.signals, strict=True)):
+    for column, (title, response) in zip(axes.T, columns.items(), strict=True):
+        for i, (ax, signal) in enumerate(zip(column, response.signals, strict=True)):
             ax.set_xscale("log")
             ax.set_yscale("log")
-            _curves(ax, found.frequency, np.abs(found.gain[:, :, i, 0]), found.alpha)
+            _curves(ax, response.frequency, np.abs(response.gain[:, :, i, 0]), response.alpha)
             if ax is axes[i, 0]:
-                ax.set_ylabel(_axis_label(signal, found.sources[0].unit))
+                ax.set_ylabel(_axis_label(signal, response.sources[0].unit))
         column[0].set_title(title)
-        column[-1].set_xlabel(f"frequency of {found.sources[0].name} [Hz]")
-        column[-1].set_xlim(found.frequency[0], found.frequency[-1])
+        column[-1].set_xlabel(f"frequency of {response.sources[0].name} [Hz]")
+        column[-1].set_xlim(response.frequency[0], response.frequency[-1])
     figure.legend(handles=_response_handles(), loc="outside lower center", ncols=2, fontsize=8.5)
     return figure
 
@@ -873,13 +873,13 @@ def _cloud_handles(panels: Sequence[BoundsPanel]) -> list[Any]:
     from matplotlib.lines import Line2D
 
     large = {"ms": 8}
-    found = [
+    handles = [
         Line2D([], [], label="proved for all parameters", **BOUND),
         Line2D([], [], label="with the law, at points of the family", **{**OWN, **large}),
     ]
     if any(panel.passive is not None and panel.passive.any() for panel in panels):
-        found.append(Line2D([], [], label="without control, sampled", **{**PASSIVE, **large}))
-    return found
+        handles.append(Line2D([], [], label="without control, sampled", **{**PASSIVE, **large}))
+    return handles
 
 
 @explained
@@ -955,17 +955,20 @@ def margins_figure(margins: Margins) -> Figure:
     rows = list(margins)
     figure, (ax,) = new_figure(1, 8.5, 1.1 + 0.42 * len(rows))
     places = np.arange(len(rows))[::-1]
-    for y, own in zip(places, rows, strict=True):
-        said = f"{own.text} {own.unit} proved" if own.proved else "undecided"
+    for y, margin in zip(places, rows, strict=True):
+        said = f"{margin.text} {margin.unit} proved" if margin.proved else "undecided"
         share, style = 100.0, {"fc": "none", "ec": "#2166ac", "ls": "--"}
-        if own.upper is not None:
-            said += f", breaks at {digits_up(own.upper, 4)}"
-            share, style = 100 * own.value / own.upper if own.upper else 0.0, {"color": "#2166ac"}
+        if margin.upper is not None:
+            said += f", breaks at {digits_up(margin.upper, 4)}"
+            share, style = (
+                100 * margin.value / margin.upper if margin.upper else 0.0,
+                {"color": "#2166ac"},
+            )
         else:
-            said += ", no break is sought" if own.kind == "rate" else ", no break was found"
+            said += ", no break is sought" if margin.kind == "rate" else ", no break was found"
         ax.barh(y, share, height=0.6, **style)
         ax.text(102, y, " ".join(said.split()), va="center", fontsize=8.5)
-    ax.set_yticks(places, [own.subject for own in rows], fontsize=8.5)
+    ax.set_yticks(places, [margin.subject for margin in rows], fontsize=8.5)
     ax.set(xlim=(0, 100), xlabel="proved, as a share of the error that breaks it [%]")
     ax.set_title(
         f"{margins.design.plant.name}: all poles in {short_text(margins.region)}", fontsize=9.5
@@ -973,7 +976,7 @@ def margins_figure(margins: Margins) -> Figure:
     return figure
 
 
-def concepts_figure(found: Concepts) -> Figure:
+def concepts_figure(results: Concepts) -> Figure:
     """Draw what is proved of suspension concepts and what they have in drives, beside the limits.
 
     On the right their tyre load over their acceleration, in drives.
@@ -983,10 +986,10 @@ def concepts_figure(found: Concepts) -> Figure:
     found : Concepts
     """
     figure, (left, right) = new_figure(2, 9.6, 3.9, width_ratios=[1.25, 1])
-    names = [one.name for one, _ in found.rows]
+    names = [one.name for one, _ in results.rows]
     y = np.arange(len(names))[::-1]
-    costs = [ridden.cost for _, ridden in found.rows]
-    levels = [np.nan if one.level is None else one.level for one, _ in found.rows]
+    costs = [ridden.cost for _, ridden in results.rows]
+    levels = [np.nan if one.level is None else one.level for one, _ in results.rows]
     edge = 1.6 * np.nanmin(costs)  # farther bounds are told, not drawn
     for k, level in zip(y, levels, strict=True):
         if level > edge:
@@ -997,18 +1000,18 @@ def concepts_figure(found: Concepts) -> Figure:
         drawn, y, ls="", marker="|", ms=15, mew=2.2, color="black", label="proved, every load"
     )
     left.plot(costs, y, ls="", marker="o", ms=5.5, color="#2166ac", label="drives, worst load")
-    lowest = {"no semi-active law below": (found.semi_active, "--")}
-    lowest["no law below"] = (found.active, ":")
+    lowest = {"no semi-active law below": (results.semi_active, "--")}
+    lowest["no law below"] = (results.active, ":")
     # limits that are nearer than a thousandth are drawn as one
-    if found.active and found.semi_active and found.semi_active < 1.001 * found.active:
+    if results.active and results.semi_active and results.semi_active < 1.001 * results.active:
         del lowest["no semi-active law below"]
     for label, (limit, dashes) in lowest.items():
         if limit is not None:
             left.axvline(limit, color="#b2182b", ls=dashes, lw=1.3, label=label, zorder=0.9)
     left.set_yticks(y, names)
-    left.set_xlim(0.97 * np.nanmin([*costs, found.active or np.nan]), edge)
-    left.set_xlabel(_wrapped(found.specification.title, 48))
-    driven = (row for row in found.rows if math.isfinite(row[1].cost))
+    left.set_xlim(0.97 * np.nanmin([*costs, results.active or np.nan]), edge)
+    left.set_xlabel(_wrapped(results.specification.title, 48))
+    driven = (row for row in results.rows if math.isfinite(row[1].cost))
     across = sorted(driven, key=lambda row: row[1].acceleration)
     for k, (one, ridden) in enumerate(across):
         damped, x = bool(one.dampers) or not one.sensors, ridden.acceleration

@@ -108,8 +108,8 @@ def html_report(
         raise NotProvedError(f"no report: {answer}")
     title = f"{design.plant.name} in {short_text(design.region)}"
     named = _named(design, bounds, (road, speed))
-    own = sections(design, answer, road, speed, named, front)
-    return Report(page(title, answer.answer, own, _summary(design, named), date))
+    parts = sections(design, answer, road, speed, named, front)
+    return Report(page(title, answer.answer, parts, _summary(design, named), date))
 
 
 def page(
@@ -204,7 +204,10 @@ def _claim(design: Design, answer: Check, besides: Sequence[Bound]) -> Section:
         ("plant", design.plant.name),
         ("region", short_text(design.region)),
         ("law", f"{design.law.title}; method {design.method}"),
-        ("claim", "; ".join((*answer.claims, *(own.what for own in besides if not own.level)))),
+        (
+            "claim",
+            "; ".join((*answer.claims, *(bound.what for bound in besides if not bound.level))),
+        ),
         ("answer", f"{answer.answer}: {answer.reason}"),
     ]
     stable = implies_stability(design.plant, design.region)
@@ -215,7 +218,7 @@ def _claim(design: Design, answer: Check, besides: Sequence[Bound]) -> Section:
             "For every value of the parameters below, each taken as constant, all closed-loop "
             "poles lie in the region. The proof was done afresh for this report, in integers."
             f"{note}",
-            _left_out(design.plant, any(own.kind == Estimate.kind for own in besides)),
+            _left_out(design.plant, any(bound.kind == Estimate.kind for bound in besides)),
         ),
         Table(("", ""), tuple(rows)),
     )
@@ -312,7 +315,7 @@ def _limits(design: Design) -> Section | None:
     rows = limits(plant, centres, METHODS, bounds=False)
     shown = [row.as_row() for row in rows if row.radius is not None and row.radius < -row.centre]
     here = 100 * (1 - radius / -centre)
-    own = limits(plant, centre, METHODS)
+    radii = limits(plant, centre, METHODS)
     figure = limits_figure({plant.name: shown}) if shown else None
     if figure is not None:
         ax = figure.axes[0]
@@ -321,7 +324,7 @@ def _limits(design: Design) -> Section | None:
     return Section(
         "How far the methods go",
         ("The smallest disk about this centre that each method proves [1/s]:",),
-        Table(("method", "radius, proved", "lower bound, proved"), tuple(map(_limit, own))),
+        Table(("method", "radius, proved", "lower bound, proved"), tuple(map(_limit, radii))),
         figure,
         "The larger d/sigma, the smaller the disk, over the distance of its centre; every point "
         "proved.",
@@ -355,7 +358,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
     density = velocity_density(*road)
     if document is None:
         return ()
-    found = []
+    bounds = []
     for claim in document.claims[1:]:
         said, what, level, under = claim.said(document.plant), "", "", ""
         if isinstance(claim, SignalClaim):
@@ -369,19 +372,19 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
             under += acting_text(claim.scales, document.plant, claim.scale_text)
-        found.append(Bound(what or said, level, under.strip(), said if what else "", claim.kind))
-    return tuple(found)
+        bounds.append(Bound(what or said, level, under.strip(), said if what else "", claim.kind))
+    return tuple(bounds)
 
 
 def _unit(plant: UncertainPlant, claim: SignalClaim) -> str:
     """Return the unit of a bound; none where the entries of a vector have others."""
-    known = {own.name: own.unit for own in plant.signals}
-    units = {_short(known.get(own.name, own.unit)) for own in claim.outputs}
+    known = {signal.name: signal.unit for signal in plant.signals}
+    units = {_short(known.get(output.name, output.unit)) for output in claim.outputs}
     if len(units) > 1 or isinstance(claim, RelativeRms):
         return ""
     (unit,) = units
     if isinstance(claim, Gain):
-        per = {_short(split(own)[1]) for own in plant.disturbances}
+        per = {_short(split(disturbance)[1]) for disturbance in plant.disturbances}
         return f"{unit} per {per.pop()}" if unit and len(per) == 1 and all(per) else ""
     return unit
 
@@ -392,10 +395,10 @@ def _short(unit: str) -> str:
 
 
 def _bounds(bounds: Sequence[Bound]) -> Section | None:
-    rows = [(own.what, own.level, own.under) for own in bounds if own.level]
+    rows = [(bound.what, bound.level, bound.under) for bound in bounds if bound.level]
     if not rows:
         return None
-    exact = tuple(own.statement for own in bounds if own.statement)
+    exact = tuple(bound.statement for bound in bounds if bound.statement)
     return Section(
         "Bounds on signals, proved",
         ("For the same values of the parameters, in the same arithmetic:",),
@@ -412,7 +415,11 @@ def _summary(design: Design, bounds: Sequence[Bound]) -> str:
     )
     whole = parameters or f"the convex hull of {len(design.plant.vertices)} vertices"
     claims = [f"all poles in {short_text(design.region)}"]
-    claims += [f"{own.what} at most {own.level} {own.under}".strip() for own in bounds if own.level]
+    claims += [
+        f"{bound.what} at most {bound.level} {bound.under}".strip()
+        for bound in bounds
+        if bound.level
+    ]
     return f"Proved for every value of {whole}: {'; '.join(claims)}."
 
 
@@ -445,7 +452,7 @@ def _gain(design: Design) -> Section:
 
 
 def _terms(design: Design, law: Law, states: Sequence[str]) -> Section:
-    names = tuple(own.label for own in law.measured) or states
+    names = tuple(signal.label for signal in law.measured) or states
     rows = tuple(
         (f"{name} {_input(design, i)}".strip(), *(f"{k:.6g}" for k in row))
         for name, K in law.named_gains().items()
@@ -489,19 +496,19 @@ def responses(design: Design) -> Section:
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
     try:
-        found = step(plant, design, alpha, signals, source, _drawn(design, alpha))
+        response = step(plant, design, alpha, signals, source, _drawn(design, alpha))
     except InputError as error:
         return Section("Responses", (f"None are drawn: {error}.",))
     name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
     shares = (0.05, 0.02)
     heads = tuple(f"within {100 * share:g} % [s]" for share in shares)
-    times = [found.settling(share).max(axis=0) for share in shares]
+    times = [response.settling(share).max(axis=0) for share in shares]
     left = _left(design, alpha, signals) if source is None else {}
     size = "" if source is not None else _size(plant)
-    peaks = np.abs(found.peaks()[0]).max(axis=0)
+    peaks = np.abs(response.peaks()[0]).max(axis=0)
     rows = tuple(
         (signal.label, f"{peak:.4g}", left.get(signal.name, "-"), *(_seconds(t[i]) for t in times))
-        for i, (signal, peak) in enumerate(zip(found.signals, peaks, strict=True))
+        for i, (signal, peak) in enumerate(zip(response.signals, peaks, strict=True))
     )
     return Section(
         "Responses",
@@ -511,14 +518,14 @@ def responses(design: Design) -> Section:
             "that for good (near zero: within that share of its peak).",
         ),
         Table(("signal", "largest peak", "left", *heads), rows),
-        responses_figure({plant.name: found}),
+        responses_figure({plant.name: response}),
     )
 
 
 def _left(design: Design, alpha: Any, signals: Sequence[Output]) -> dict[str, str]:
     """Return what a unit of the first disturbance leaves of each signal, by name."""
-    found = rests(design.plant, design, alpha, signals)
-    return {rest.signal.name: rest.span for rest in found if rest.source == found[0].source}
+    left = rests(design.plant, design, alpha, signals)
+    return {rest.signal.name: rest.span for rest in left if rest.source == left[0].source}
 
 
 def _size(plant: UncertainPlant) -> str:

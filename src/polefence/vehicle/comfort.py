@@ -126,9 +126,9 @@ def vibration_total(vertical: Any, step: float, roll: Any = None, pitch: Any = N
         As `comfort` raises.
     """
     square = rms(WK.apply(vertical, step)) ** 2
-    for own, share in zip((roll, pitch), ROTATIONS.values(), strict=True):
-        if own is not None:
-            square = square + (share * rms(WE.apply(own, step))) ** 2
+    for rotation, share in zip((roll, pitch), ROTATIONS.values(), strict=True):
+        if rotation is not None:
+            square = square + (share * rms(WE.apply(rotation, step))) ** 2
     return np.asarray(np.sqrt(square))
 
 
@@ -226,8 +226,8 @@ def _fading(square: Array, ratio: float) -> Array:
     start = np.zeros((*square.shape[:-1], 1))
     # Nothing has been before the first sample: the mean begins at zero.
     start[..., 0] = -(1 - mean) * square[..., 0]
-    found, _ = lfilter([1 - mean, mean - decay], [1.0, -decay], square, axis=-1, zi=start)
-    return np.maximum(found, 0.0)
+    mean_square, _ = lfilter([1 - mean, mean - decay], [1.0, -decay], square, axis=-1, zi=start)
+    return np.maximum(mean_square, 0.0)
 
 
 def _trapezoid(values: Array) -> Array:
@@ -248,9 +248,9 @@ def comfort_reading(weighted_rms: float) -> tuple[str, ...]:
         If it is no number, or negative.
     """
     value = _amount(weighted_rms, "weighted rms [m/s2]")
-    found = [label for low, high, label in COMFORT if low <= value <= high]
+    labels = [label for low, high, label in COMFORT if low <= value <= high]
     # A range ends where the next but one may begin; 0.315 itself is no longer comfortable.
-    return tuple(found[1:] if value == COMFORT[0][1] else found)
+    return tuple(labels[1:] if value == COMFORT[0][1] else labels)
 
 
 @explained

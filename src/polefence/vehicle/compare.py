@@ -93,22 +93,24 @@ def compare(
     """
     require_ride(plant)
     density, N = velocity_density(road, speed), len(plant.vertices)
-    found, left_out = dict[str, Array](), dict[str, str]()
+    measured, left_out = dict[str, Array](), dict[str, str]()
     alpha = points(plant) if alpha is None else check_alpha(np.atleast_2d(alpha), N)
     for name, law in counted(laws.items(), "law"):
-        own = law.reason if isinstance(law, NoLaw) else _quantities(plant, law, alpha, density)
-        if isinstance(own, str):
-            left_out[name] = own
+        quantities = (
+            law.reason if isinstance(law, NoLaw) else _quantities(plant, law, alpha, density)
+        )
+        if isinstance(quantities, str):
+            left_out[name] = quantities
         else:
-            found[name] = own
-    if not found:
+            measured[name] = quantities
+    if not measured:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise InputError(
             f"no law is left to compare ({why or 'none was given'}); give one that keeps the "
             "whole family stable"
         )
-    values = np.stack(list(found.values()))
-    return Comparison(plant, str(road).upper(), speed, alpha, tuple(found), values, left_out)
+    values = np.stack(list(measured.values()))
+    return Comparison(plant, str(road).upper(), speed, alpha, tuple(measured), values, left_out)
 
 
 @explained
@@ -149,12 +151,12 @@ def standard_laws(
         If the plant is no quarter car, a name is unknown, or the disk is none. A method that gives
         no proof raises nothing: its law is a `NoLaw`.
     """
-    found = dict[str, Any]()
+    laws = dict[str, Any]()
     for name in names:
         if name not in NAMES:
             raise InputError(f"no law {name!r}; {suggest(name, NAMES)}")
-        found[name] = _law(plant, name, disk)
-    return found
+        laws[name] = _law(plant, name, disk)
+    return laws
 
 
 def _law(plant: UncertainPlant, name: str, disk: tuple[float, float]) -> Any:
@@ -296,18 +298,18 @@ class Comparison(Short):
         InputError
             If there is none.
         """
-        known = {f"{row.law}: {row.quantity}": row for row in self.rows}
-        found = known.get(f"{law}: {quantity}")
-        if found is None:
+        known = {f"{one.law}: {one.quantity}": one for one in self.rows}
+        row = known.get(f"{law}: {quantity}")
+        if row is None:
             raise InputError(f"no {quantity!r} of {law!r}; {suggest(f'{law}: {quantity}', known)}")
-        return found
+        return row
 
     def _row(self, i: int, k: int) -> Row:
-        own = self.values[i, :, k]
-        at = self.alpha[int(np.argmax(own))].tolist()
-        worst, best = float(own.max()), float(own.min())
+        values = self.values[i, :, k]
+        at = self.alpha[int(np.argmax(values))].tolist()
+        worst, best = float(values.max()), float(values.min())
         return Row(
-            self.laws[i], *QUANTITIES[k], worst, best, float(np.median(own)), worst - best,
+            self.laws[i], *QUANTITIES[k], worst, best, float(np.median(values)), worst - best,
             values_at(self.plant, at), tuple(at),
         )  # fmt: skip
 
@@ -321,8 +323,8 @@ class Comparison(Short):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        own = [row for row in self.rows if row.quantity == QUANTITIES[0][0]]
-        rows = [(row.law, f"worst {row.worst:.4g} {row.unit}") for row in own]
+        shown = [row for row in self.rows if row.quantity == QUANTITIES[0][0]]
+        rows = [(row.law, f"worst {row.worst:.4g} {row.unit}") for row in shown]
         title = f"{QUANTITIES[0][0]}, road {self.road}, {self.speed:g} m/s"
         return card(title, [*rows, *self.left_out.items()])
 

@@ -171,14 +171,14 @@ def concepts(
     """
     known = require_ride(plant)
     first, _, third, _ = known.places
-    known_states = [own.name for own in states(plant)]
-    own = tuple(measured or (known_states[first], known_states[third]))
-    task = _Task(plant, specification, tuple(dampers), known, own)
+    known_states = [state.name for state in states(plant)]
+    sensed = tuple(measured or (known_states[first], known_states[third]))
+    task = _Task(plant, specification, tuple(dampers), known, sensed)
     active, others = task.below(()), task.below(task.dampers)
     if active is not None:  # what no law has, no semi-active one has
         others = active if others is None else max(active, others)
-    each = counted(list(task.concepts()), "concept")
-    rows = tuple((one, task.driven(one)) for one in each)
+    designed = counted(list(task.concepts()), "concept")
+    rows = tuple((one, task.driven(one)) for one in designed)
     return Concepts(plant, specification, rows, others, active, len(task.loads))
 
 
@@ -196,9 +196,11 @@ class _Task:
         _, through, _ = stacked(plant, choose(plant, measured))
         if through.any():
             raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
-        for own in choose(plant, measured):
-            if own.unit not in NOISE:
-                raise InputError(f"measured: {own.name}: no sensor is known for {own.unit or '1'}")
+        for signal in choose(plant, measured):
+            if signal.unit not in NOISE:
+                raise InputError(
+                    f"measured: {signal.name}: no sensor is known for {signal.unit or '1'}"
+                )
         self.others = unproved(plant, specification, dampers)
         self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
         # the corners, and others at random
@@ -206,7 +208,7 @@ class _Task:
 
     def concepts(self) -> Iterator[Concept]:
         """Design all."""
-        names = tuple(own.name for own in states(self.plant))
+        names = tuple(state.name for state in states(self.plant))
         body, deflection = names[self.known.places[2]], names[self.known.places[0]]
         rate = f"rate of {deflection}"
         c = np.array(self.others.coefficients)
@@ -219,14 +221,16 @@ class _Task:
         larger, law = self.lqg()
         yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
         for name, sensors in (("active, few sensors", self.measured), ("active, all states", None)):
-            found = optimise(self.plant, self.specification, structure=Structure(measured=sensors))
-            level = found.bounds[0].level
-            yield Concept(name, sensors or names, found.plant, found.law, (), level)
+            optimised = optimise(
+                self.plant, self.specification, structure=Structure(measured=sensors)
+            )
+            level = optimised.bounds[0].level
+            yield Concept(name, sensors or names, optimised.plant, optimised.law, (), level)
 
     def proved(self, plant: UncertainPlant, law: Law) -> float | None:
         """Return what is proved of a law of forces."""
-        found = best_bound(plant, law, self.specification)
-        return None if found is None else found.level
+        bound = best_bound(plant, law, self.specification)
+        return None if bound is None else bound.level
 
     def clipped(self, name: str, sensors: tuple[str, ...], K: Array) -> Concept:
         """Return a demand of dampers with what is proved of it."""
@@ -241,12 +245,12 @@ class _Task:
         """Return the skyhook that has the least rms in drives."""
         car = masses(self.plant, self.known, nominal(self.plant))
         critical = 2 * float(np.sqrt(car.k * car.m1))
-        found = []
+        driven = []
         for share in np.geomspace(0.1, 4.0, 9).tolist():
             K = np.zeros(self.plant.shape[::-1])
             K[self.known.input, self.known.places[2]] = -share * critical
-            found.append((self._roads(self.plant, FixedGain(K), self.dampers, 1)[0].max(), K))
-        return min(found, key=lambda pair: pair[0])[1]
+            driven.append((self._roads(self.plant, FixedGain(K), self.dampers, 1)[0].max(), K))
+        return min(driven, key=lambda pair: pair[0])[1]
 
     def against_the_spring(self) -> Array:
         """Return ADD's demand, which leaves the body without force: minus the spring's."""
@@ -268,7 +272,7 @@ class _Task:
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
         seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
-        noise = np.diag([NOISE[own.unit] ** 2 * SAMPLE for own in signals])
+        noise = np.diag([NOISE[signal.unit] ** 2 * SAMPLE for signal in signals])
         R = D.T @ D
         try:
             P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
@@ -284,8 +288,8 @@ class _Task:
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
         """Return what no law goes below, of these dampers or of forces."""
-        found = lowest(self.plant, self.specification, self.others.passive, dampers)
-        return None if found is None else found[1]
+        bound = lowest(self.plant, self.specification, self.others.passive, dampers)
+        return None if bound is None else bound[1]
 
     def driven(self, one: Concept) -> Ridden:
         """Drive it; a law with poles too fast for the drives' step is not driven."""
@@ -314,19 +318,21 @@ class _Task:
         w = random.standard_normal((steps, self.plant.disturbance_count))
         w *= np.sqrt(spec.density / 2 / STEP * spec.squares(self.plant))
         moved = disturbed(plant, w, STEP, hold="held")
-        found = drive(plant, law, moved, self.loads, Hardware(dampers=dampers))
+        driven = drive(plant, law, moved, self.loads, Hardware(dampers=dampers))
         tyre = known.tyre if known.tyre_force is None else known.tyre_force
-        cost = [own.name for own in spec.outputs(self.plant)]
-        shown = [own.name for own in (known.acceleration, tyre, known.travel, known.force)]
+        cost = [signal.name for signal in spec.outputs(self.plant)]
+        shown = [signal.name for signal in (known.acceleration, tyre, known.travel, known.force)]
         asked, begin = list(dict.fromkeys([*cost, *shown])), round(SETTLED / STEP)
-        values = found.response(asked).values
+        values = driven.response(asked).values
         squares = np.mean(values[:, begin:] ** 2, axis=1)
         place = {name: i for i, name in enumerate(asked)}
-        v = found.states[:, begin:, : self.rates.shape[1]] @ self.rates.T
-        into = -np.sum(found.applied[:, begin:, : len(self.rates)] * v, axis=-1)
+        v = driven.states[:, begin:, : self.rates.shape[1]] @ self.rates.T
+        into = -np.sum(driven.applied[:, begin:, : len(self.rates)] * v, axis=-1)
         power = np.maximum(into, 0.0).mean(axis=1)
         pairs = zip(cost, spec.filters, strict=True)
-        whole = sum(_mean_square(values[..., place[name]], own, begin) for name, own in pairs)
+        whole = sum(
+            _mean_square(values[..., place[name]], filter_, begin) for name, filter_ in pairs
+        )
         return np.vstack([whole, *(squares[:, place[name]] for name in shown), power])
 
 

@@ -18,7 +18,7 @@ GRAVITY = 9.81  # [m/s2]
 
 def tyre_forces(plant: UncertainPlant, car: Car) -> tuple[Output, ...]:
     """Return the variation of each tyre's force on the road [N], in the order of the wheels."""
-    known = {own.name: own for own in plant.every_output}
+    known = {output.name: output for output in plant.every_output}
     return tuple(known[f"{wheel.name} tyre force variation"] for wheel in car.wheels)
 
 
@@ -41,9 +41,9 @@ def static_loads(plant: UncertainPlant, car: Car, alpha: Array) -> Array:
     (..., wheels) array
     """
     falling = {"heave rate", *(f"{wheel.name} wheel velocity" for wheel in car.wheels)}
-    g = np.array([GRAVITY * (own.name in falling) for own in states(plant)])
+    g = np.array([GRAVITY * (state.name in falling) for state in states(plant)])
     n = plant.shape[0] - own_states(plant)
     A, g = plant.at(alpha)[0][..., :n, :n], g[:n, None]
     x = np.linalg.solve(A, np.broadcast_to(g, (*A.shape[:-1], 1)))[..., 0]
-    rows = [np.tensordot(alpha, own.arrays(plant)[0], 1) for own in tyre_forces(plant, car)]
+    rows = [np.tensordot(alpha, force.arrays(plant)[0], 1) for force in tyre_forces(plant, car)]
     return np.stack([np.sum(row[..., :n] * x, axis=-1) for row in rows], axis=-1)

@@ -140,19 +140,19 @@ class Estimator(Short):
 
     def parameters(self, shares: Array) -> Array:
         """Return parameter values, in their units, at shares (..., q)."""
-        found = []
+        values = []
         for i, p in enumerate(self.plant.parameters):
             low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
             s = low + shares[..., i] * (high - low)
             value = 1 / s if p.inverted else s
-            found.append(np.clip(value, float(p.low), float(p.high)))
-        return np.stack(found, axis=-1) if found else np.zeros(shares.shape)
+            values.append(np.clip(value, float(p.low), float(p.high)))
+        return np.stack(values, axis=-1) if values else np.zeros(shares.shape)
 
     def physical(self, theta: Array) -> Array:
         """Return m1, c, k at theta (..., 3); infinite where 1/m1 is not positive."""
         inverse = np.where(theta[..., :1] > 0, theta[..., :1] * self.scale[0], np.nan)
-        found = np.concatenate([1 / inverse, theta[..., 1:] * self.scale[1:] / inverse], axis=-1)
-        return np.where(np.isnan(found), np.inf, found)
+        physical = np.concatenate([1 / inverse, theta[..., 1:] * self.scale[1:] / inverse], axis=-1)
+        return np.where(np.isnan(physical), np.inf, physical)
 
     def deviation(self, theta: Array, information: Array) -> Array:
         """Return standard deviations of m1, c, k, to first order (..., 3)."""
@@ -220,12 +220,12 @@ def point(corners: Array, shares: Array) -> Array:
 def slopes(corners: Array, shares: Array) -> Array:
     """Return the derivatives of `point` by each share, (..., q, r)."""
     pairs, turned = _pairs(shares), np.array([-1.0, 1.0])
-    found = []
+    derivatives = []
     for i in range(shares.shape[-1]):
-        own = [*pairs]
-        own[i] = np.broadcast_to(turned, pairs[i].shape)
-        found.append(corner_weights(own) @ corners)
-    return np.stack(found, axis=-2)
+        turned_pairs = [*pairs]
+        turned_pairs[i] = np.broadcast_to(turned, pairs[i].shape)
+        derivatives.append(corner_weights(turned_pairs) @ corners)
+    return np.stack(derivatives, axis=-2)
 
 
 def corner_weights(pairs: list[Array]) -> Array:
@@ -282,15 +282,15 @@ def _pairs(shares: Array) -> list[Array]:
 
 def _sweep(corners: Array, weight: Array, target: Array, shares: Array) -> Array:
     """Minimise along one coordinate after the other."""
-    found = shares.copy()
+    best = shares.copy()
     for i in range(shares.shape[-1]):
-        line = slopes(corners, found)[..., i, :]
+        line = slopes(corners, best)[..., i, :]
         pull = (weight @ line[..., None])[..., 0]
         steep = np.sum(pull * line, axis=-1)
-        wrong = target - point(corners, found)
+        wrong = target - point(corners, best)
         step = np.sum(pull * wrong, axis=-1) / np.where(steep > 0, steep, np.inf)
-        found[..., i] = np.minimum(np.maximum(found[..., i] + step, 0.0), 1.0)
-    return found
+        best[..., i] = np.minimum(np.maximum(best[..., i] + step, 0.0), 1.0)
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,7 +368,7 @@ def estimate(
     Without force only c/m1 and k/m1 show, and m1 keeps its prior; where one parameter moves c and
     k together, even it cannot be told from m1 then.
     """
-    own = estimator(plant, period, tuning)
+    recursion = estimator(plant, period, tuning)
     named = {
         "acceleration": acceleration, "force": force, "velocity": velocity, "deflection": deflection
     }  # fmt: skip
@@ -377,32 +377,32 @@ def estimate(
         shapes = ", ".join(f"{k} {np.shape(v)}" for k, v in named.items())
         raise InputError(f"samples must have one shape; got {shapes}")
     phi = np.stack([u, rate, x], axis=-1)
-    belief, beliefs = own.begin(len(y)), list[Belief]()
+    belief, beliefs = recursion.begin(len(y)), list[Belief]()
     for k in range(y.shape[1]):
-        belief = own.update(belief, phi[:, k], y[:, k])
+        belief = recursion.update(belief, phi[:, k], y[:, k])
         beliefs.append(belief)
-    return collected(own, period * np.arange(y.shape[1]), beliefs)
+    return collected(recursion, period * np.arange(y.shape[1]), beliefs)
 
 
-def collected(own: Estimator, time: Any, beliefs: Sequence[Belief]) -> Estimate:
+def collected(recursion: Estimator, time: Any, beliefs: Sequence[Belief]) -> Estimate:
     """Return beliefs at times as one value, all brought onto the box of parameters."""
     theta, R, shares = (
         np.stack([getattr(b, name) for b in beliefs], axis=1)
         for name in ("theta", "information", "shares")
     )
-    on_box = own.projected(Belief(theta, R, shares), STEPS).shares
-    values, deviation = own.physical(theta), own.deviation(theta, R)
-    return Estimate(np.asarray(time), values, deviation, own.parameters(on_box))
+    on_box = recursion.projected(Belief(theta, R, shares), STEPS).shares
+    values, deviation = recursion.physical(theta), recursion.deviation(theta, R)
+    return Estimate(np.asarray(time), values, deviation, recursion.parameters(on_box))
 
 
 def _samples(name: str, value: Any) -> Array:
     try:
-        found = np.atleast_2d(np.asarray(value, dtype=float))
+        samples = np.atleast_2d(np.asarray(value, dtype=float))
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be an array of numbers") from error
-    bad = np.argwhere(~np.isfinite(found))
+    bad = np.argwhere(~np.isfinite(samples))
     if len(bad):
         raise InputError(f"{name}: sample {bad[0][-1] + 1} is not finite; mend or cut it")
-    if found.ndim != 2 or not found.shape[1]:
-        raise InputError(f"{name} must have shape (time,) or (count, time); got {found.shape}")
-    return found
+    if samples.ndim != 2 or not samples.shape[1]:
+        raise InputError(f"{name} must have shape (time,) or (count, time); got {samples.shape}")
+    return samples

@@ -89,14 +89,14 @@ class Excitation(Short):
             If there is not one state, or one for each point.
         """
         try:
-            found = np.array(np.broadcast_to(self.start, (len(alpha), plant.shape[0])))
+            x = np.array(np.broadcast_to(self.start, (len(alpha), plant.shape[0])))
         except ValueError as error:
             n, count = plant.shape[0], len(alpha)
             raise InputError(f"start must have shape ({n},) or ({count}, {n})") from error
         Es = [v.E for v in plant.vertices if v.E is not None]
         if Es and self.impulse.any():
-            found += np.tensordot(alpha, np.stack(Es), 1) @ self.impulse
-        return found
+            x += np.tensordot(alpha, np.stack(Es), 1) @ self.impulse
+        return x
 
 
 @explained
@@ -155,11 +155,11 @@ def on_wheels(
         If the plant has no such disturbance, or one more that is a road, or as `Road.velocity`
         raises.
     """
-    names = [own.name for own in disturbances(plant)]
+    names = [disturbance.name for disturbance in disturbances(plant)]
     for name in places:
         if name not in names:
             raise InputError(f"{plant.name} has no disturbance {name!r}; {suggest(name, names)}")
-    roads = [own.name for own in disturbances(plant) if own.unit == "m/s"]
+    roads = [disturbance.name for disturbance in disturbances(plant) if disturbance.unit == "m/s"]
     for name in roads:
         if name not in places:
             raise InputError(f"{name!r} is a road too; say where its wheel is, or drive without")
@@ -167,8 +167,8 @@ def on_wheels(
     foremost = max(float(x) for x, _ in places.values())
     w = np.zeros((0, plant.disturbance_count))
     for name, (x, y) in places.items():
-        own = left if float(y) > 0 else right
-        _, mean = own.later(foremost - float(x)).velocity(speed, step, duration)
+        track = left if float(y) > 0 else right
+        _, mean = track.later(foremost - float(x)).velocity(speed, step, duration)
         if not len(w):
             w = np.zeros((len(mean), plant.disturbance_count))
         w[:, names.index(name)] = mean[: len(w)]
@@ -179,8 +179,8 @@ def _driven(plant: UncertainPlant, road: Road, speed: float, step: float, w: Arr
     """Return these disturbances, with the name and the height of a road."""
     where = road.distance[0] + speed * step * np.arange(len(w) + 1)
     height = np.interp(where, road.distance, road.height)
-    found = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
-    return replace(found, road=road.name, height=np.asarray(height))
+    excitation = _nothing(plant, f"{road.name}, at {speed:g} m/s", step, w)
+    return replace(excitation, road=road.name, height=np.asarray(height))
 
 
 def _nothing(plant: UncertainPlant, name: str, step: float, w: Any, steps: int = 0) -> Excitation:
@@ -228,21 +228,21 @@ def disturbed(
     if w is None or callable(w):
         if duration is None:
             raise InputError("give the duration [s]")
-        own = _function(w, plant.disturbance_count)
-        found = _nothing(plant, "a disturbance", step, own, _steps(duration, step))
+        function = _function(w, plant.disturbance_count)
+        excitation = _nothing(plant, "a disturbance", step, function, _steps(duration, step))
     else:
-        found = _sampled(plant, w, step, duration, hold == "held")
-    return found if start is None else replace(found, start=_start(start))
+        excitation = _sampled(plant, w, step, duration, hold == "held")
+    return excitation if start is None else replace(excitation, start=_start(start))
 
 
 def _start(start: Any) -> Array:
     try:
-        found = np.asarray(start, dtype=float)
+        x = np.asarray(start, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError("start must be numbers, one per state") from error
-    if not np.all(np.isfinite(found)):
+    if not np.all(np.isfinite(x)):
         raise InputError("start is not finite")
-    return found
+    return x
 
 
 def _sampled(
@@ -275,17 +275,17 @@ def _function(w: Any, width: int) -> Any:
 
     def values(times: Array) -> Array:
         try:
-            found = np.asarray(w(times), dtype=float)
-            found = found[:, None] if found.ndim == 1 and len(found) == len(times) else found
-            found = np.broadcast_to(found, (len(times), width))
+            values = np.asarray(w(times), dtype=float)
+            values = values[:, None] if values.ndim == 1 and len(values) == len(times) else values
+            values = np.broadcast_to(values, (len(times), width))
         except (TypeError, ValueError, IndexError) as error:
             raise InputError(
                 f"w: the function must take an array of times and return values ({error})"
             ) from error
-        if not np.all(np.isfinite(found)):
-            where = times[~np.isfinite(found).all(axis=1)][0]
+        if not np.all(np.isfinite(values)):
+            where = times[~np.isfinite(values).all(axis=1)][0]
             raise InputError(f"w at {where:g} s is not finite")
-        return found
+        return values
 
     return values
 
@@ -329,27 +329,27 @@ def excited(
     sources, known = disturbances(plant), states(plant)
     w = np.zeros((_steps(duration, step), len(sources)))
     w[:] = _sizes(steps or {}, sources, f"disturbance of {plant.name}")
-    words = [f"{kind} of {name}" for kind, own in (("step", steps), ("impulse", impulses))
-             for name in own or {}]  # fmt: skip
+    words = [f"{kind} of {name}" for kind, sizes in (("step", steps), ("impulse", impulses))
+             for name in sizes or {}]  # fmt: skip
     words += ["an initial state"] * bool(start)
-    found = _nothing(plant, " and ".join(words) or "nothing", step, w)
+    excitation = _nothing(plant, " and ".join(words) or "nothing", step, w)
     return replace(
-        found,
+        excitation,
         impulse=_sizes(impulses or {}, sources, f"disturbance of {plant.name}"),
         start=_sizes(start or {}, known, f"state of {plant.name}"),
     )
 
 
 def _sizes(given: Mapping[str, float], known: tuple[Signal, ...], what: str) -> Array:
-    names, found = [signal.name for signal in known], np.zeros(len(known))
+    names, sizes = [signal.name for signal in known], np.zeros(len(known))
     for name, size in given.items():
         if name not in names:
             remedy = suggest(name, names) if names else "it has none"
             raise InputError(f"no {what} is called {name!r}; {remedy}")
         if not math.isfinite(size):
             raise InputError(f"{name} = {size!r} must be a finite number")
-        found[names.index(name)] = size
-    return found
+        sizes[names.index(name)] = size
+    return sizes
 
 
 @explained
@@ -398,15 +398,15 @@ def _columns(path: Path, labels: tuple[str, ...], known: tuple[Signal, ...]) -> 
     example = ", ".join(["time [s]", *(signal.label for signal in known)])
     if len(labels) < 2 or split(labels[0]) not in (("time", "s"), ("time", "")):
         raise InputError(f"{path}: row 1 must name the columns, as in: {example}")
-    found = list[int]()
+    columns = list[int]()
     for label in labels[1:]:
         name, unit = split(label)
-        if name not in names or names.index(name) in found:
+        if name not in names or names.index(name) in columns:
             raise InputError(f"{path}: row 1: no disturbance {name!r}, or twice; give {example}")
         if unit and unit != known[names.index(name)].unit:
             raise InputError(
                 f"{path}: row 1: {label!r} is in {unit}; {name} is in "
                 f"{known[names.index(name)].unit or 'no unit'}"
             )
-        found.append(names.index(name))
-    return found
+        columns.append(names.index(name))
+    return columns

@@ -50,10 +50,10 @@ class Sizes(Short):
 
     @explained_fields
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
+        for size in fields(self):
+            value = getattr(self, size.name)
             if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"size of {each.name} = {value!r} must be a positive number")
+                raise InputError(f"size of {size.name} = {value!r} must be a positive number")
 
 
 @explained
@@ -183,7 +183,7 @@ def _references(asked: Asked) -> Iterator[Row]:
             both = (asked.over, asked.minimise)
             over, least = (sampled(asked.plant, law, s, alpha).worst for s in both)
             keeps = all(
-                sampled(asked.plant, law, own, alpha).worst <= (own.at_most or 0.0)
-                for own in asked.subject_to
+                sampled(asked.plant, law, limit, alpha).worst <= (limit.at_most or 0.0)
+                for limit in asked.subject_to
             )
             yield {"name": name, "over": over, "minimise": least, "keeps": keeps}

@@ -81,17 +81,17 @@ def rests(
     # as many points as keep all matrices below 2e7 numbers
     points = np.atleast_2d(alpha)[: max(200, int(2e7 / plant.shape[0] ** 2))]
     sources, asked, values, scale = final(plant, law, points, signals)
-    found = []
+    left = []
     for j, source in enumerate(sources):
         if source.name in plant.noise:
             continue
-        for i, own in enumerate(asked):
+        for i, signal in enumerate(asked):
             if np.all(np.isfinite(values[:, i, j])):
                 low, high = float(values[:, i, j].min()), float(values[:, i, j].max())
                 if max(abs(low), abs(high)) <= 1e-9 * scale[i, j]:  # zero but for rounding
                     low = high = 0.0
-                found.append(Rest(source, own, low, high))
-    return tuple(found)
+                left.append(Rest(source, signal, low, high))
+    return tuple(left)
 
 
 def held_words(plant: UncertainPlant, source: Signal) -> str:

@@ -336,8 +336,8 @@ def bump(height: float, length: float, before: float = 1.0, after: float = 100.0
     length = positive(length, "length of the bump [m]")
     # straight pieces, which leave a cosine bump by less than 4e-5 of its height
     x = np.linspace(0, 1, 257)
-    own = _size(height, "height of the bump [m]") / 2 * (1 - np.cos(2 * np.pi * x))
-    return _between_levels(x * length, own, before, after, "bump")
+    heights = _size(height, "height of the bump [m]") / 2 * (1 - np.cos(2 * np.pi * x))
+    return _between_levels(x * length, heights, before, after, "bump")
 
 
 @explained
@@ -450,16 +450,16 @@ def measured_road(path: str | Path, spacing: float | None = None) -> Road:
     """
     path = Path(path)
     remedy = "cut the profile into shorter roads"
-    found = read_columns(path, MAX_BYTES, remedy, ("distance", "height"))
-    for label in found.labels:
+    rows = read_columns(path, MAX_BYTES, remedy, ("distance", "height"))
+    for label in rows.labels:
         unit = split(label)[1]
         if unit not in ("", "m"):
             raise InputError(f"{path}: row 1: {label!r} is in {unit}; give metres, [m]")
-    if len(found.lines) < 2:
-        raise InputError(f"{path}: {len(found.lines)} points; a road needs two or more")
-    distance, height = found.values.T.copy()
+    if len(rows.lines) < 2:
+        raise InputError(f"{path}: {len(rows.lines)} points; a road needs two or more")
+    distance, height = rows.values.T.copy()
     fault = first_fault(distance, height)
     if fault:
-        raise InputError(f"{path}: row {found.lines[fault[0]]}: {fault[1]}")
+        raise InputError(f"{path}: row {rows.lines[fault[0]]}: {fault[1]}")
     road = Road(distance, height, path.stem)
     return road if spacing is None else road.resample(spacing)

@@ -45,8 +45,8 @@ def suspensions(plant: UncertainPlant, car: Car | None) -> Suspensions:
     """
     if car is None:
         return _of_a_quarter_car(plant)
-    known = {own.name: own for own in plant.every_output}
-    inlets = [own.name for own in inputs(plant)]
+    known = {output.name: output for output in plant.every_output}
+    inlets = [signal.name for signal in inputs(plant)]
     names = tuple(wheel.name for wheel in car.wheels)
     for name in names:
         force, deflection = f"{name} force", f"{name} suspension deflection"

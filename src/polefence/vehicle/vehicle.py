@@ -151,13 +151,13 @@ def require_ride(plant: UncertainPlant) -> Ride:
     InputError
         If the plant is not described as a quarter car.
     """
-    found = ride(plant)
-    if found is None:
+    signals = ride(plant)
+    if signals is None:
         raise InputError(
             f"{plant.name} is not described as a quarter car; add a table [vehicle] with "
             'model = "quarter car" to its spec'
         )
-    return found
+    return signals
 
 
 @explained

@@ -65,8 +65,8 @@ def _hardware(model: Model) -> dict[str, Any]:
     A, B = plant.at(corners)
     S, stops, weight, load, heavy = model.pushed(A, B), list[float](), np.zeros(0), np.zeros(0), 0
     if model.stops is not None:
-        own = model.stops
-        stops = [own.bump, own.rebound, own.stiffness, own.damping]
+        ends = model.stops
+        stops = [ends.bump, ends.rebound, ends.stiffness, ends.damping]
     if model.gravity and known is not None:
         load, heavy = model.first_load, known.places[2]
         weight = known.push(A, B)[:, heavy]
@@ -84,7 +84,7 @@ def _hardware(model: Model) -> dict[str, Any]:
         "per_mass": weight,
         "first_load": load,
     }
-    return {name: np.ascontiguousarray(own) for name, own in arrays.items()} | {
+    return {name: np.ascontiguousarray(values) for name, values in arrays.items()} | {
         "h": model.excitation.step,
         "driven": model.driven,
         "lag": actuator.rate,
@@ -112,8 +112,8 @@ class _Way:
     @property
     def learner(self) -> Learner | None:
         """What tells the law the parameters as it goes."""
-        own = None if self.controller is None else self.controller.source
-        return own if isinstance(own, Learner) else None
+        source = None if self.controller is None else self.controller.source
+        return source if isinstance(source, Learner) else None
 
     @property
     def every(self) -> int:
@@ -158,8 +158,8 @@ class _Way:
         """Steps in one call."""
         model, count = self.model, len(self.z)
         n, m = model.plant.shape
-        each = 3 * (count * (len(model.plant.vertices) + m * n) + model.plant.disturbance_count)
-        return max(1, min(CHUNK // each, WORK // (4 * count * model.width**2)))
+        numbers = 3 * (count * (len(model.plant.vertices) + m * n) + model.plant.disturbance_count)
+        return max(1, min(CHUNK // numbers, WORK // (4 * count * model.width**2)))
 
     def _call(self, first: int, times: Array, numbers: Array) -> None:
         model = self.model
@@ -180,21 +180,23 @@ class _Way:
         n, m = model.plant.shape
         none = np.zeros((1, len(self.z), m, n))
         if model.reading is not None:
-            own = model.gains(model.reading.at(times))
+            gains = model.gains(model.reading.at(times))
         elif controller is None:
-            own = none
+            gains = none
         elif self.learner is None:
             steps = max(1, len(times) // 3)
             samples = np.arange(-(-first // self.every) * self.every, first + steps, self.every)
-            own = none if not len(samples) else model.gains(controller.parameters(samples))
+            gains = none if not len(samples) else model.gains(controller.parameters(samples))
         elif controller.held is not None:
             return HELD, none
         else:
-            own = none if controller.gain is None else controller.gain[None, :, :, :n]
-        if own.strides[0] == 0:  # a law that does not look at the parameters
-            own = own[:1]
-        own = np.broadcast_to(own, (len(own), *none.shape[1:]))
-        return BY_GAIN if controller is None or self.learner else SAMPLED, np.ascontiguousarray(own)
+            gains = none if controller.gain is None else controller.gain[None, :, :, :n]
+        if gains.strides[0] == 0:  # a law that does not look at the parameters
+            gains = gains[:1]
+        gains = np.broadcast_to(gains, (len(gains), *none.shape[1:]))
+        return BY_GAIN if controller is None or self.learner else SAMPLED, np.ascontiguousarray(
+            gains
+        )
 
     @property
     def used(self) -> Array:
@@ -203,6 +205,6 @@ class _Way:
         if controller is None:
             return parameters_over_time(model, model.reading)
         steps = model.excitation.steps
-        found = controller.parameters(np.arange(0, steps + 1, self.every))
-        rows = np.arange(steps + 1) // self.every if len(found) > 1 else np.zeros(steps + 1, int)
-        return np.swapaxes(found[rows], 0, 1)
+        given = controller.parameters(np.arange(0, steps + 1, self.every))
+        rows = np.arange(steps + 1) // self.every if len(given) > 1 else np.zeros(steps + 1, int)
+        return np.swapaxes(given[rows], 0, 1)

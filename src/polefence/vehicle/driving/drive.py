@@ -108,9 +108,9 @@ class Setup:
     @cached_property
     def trajectories(self) -> Trajectories:
         """Parameters over time, checked."""
-        found = read_trajectories(self.plant, self.parameters, self.time)
-        found.check(self.time, self.outside)
-        return found
+        trajectories = read_trajectories(self.plant, self.parameters, self.time)
+        trajectories.check(self.time, self.outside)
+        return trajectories
 
     @cached_property
     def alpha(self) -> Array:
@@ -161,8 +161,8 @@ class Run:
     @property
     def columns(self) -> tuple[Column, ...]:
         """Name, unit and values (time,) of every signal."""
-        own = zip(self.response.signals, self.response.values[0].T, strict=True)
-        return (*((s.name, s.unit, values) for s, values in own), *self.more)
+        signals = zip(self.response.signals, self.response.values[0].T, strict=True)
+        return (*((s.name, s.unit, values) for s, values in signals), *self.more)
 
     def report(self) -> list[str]:
         """Return in plain lines where the guarantee does not hold, and what is in none."""
@@ -195,10 +195,10 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
         start = moved.begin(plant, setup.alpha)
         hold: Literal["held", "linear"] = "held" if moved.held else "linear"
         w = moved.samples if plant.disturbance_count else None
-        found = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
-        wheels = _wheels(setup.car, setup.alpha, found)
-        events = (*_contact(found), *wheels, *_lost(found))
-        return Run(setup, found, events=events)
+        response = linear.simulate(plant, law, setup.alpha, w, setup.time, asked, hold, start)
+        wheels = _wheels(setup.car, setup.alpha, response)
+        events = (*_contact(response), *wheels, *_lost(response))
+        return Run(setup, response, events=events)
     if setup.still:
         margins = ()
     parameters, car = setup.parameters, setup.car
@@ -208,8 +208,8 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     if law is not None and (
         parts.sampling is not None or parts.actuator != Actuator() or parts.dampers
     ):
-        for j, own in enumerate(_acting(plant)):
-            more.append((f"{own.name} demanded", own.unit, done.demanded[0, :, j]))
+        for j, signal in enumerate(_acting(plant)):
+            more.append((f"{signal.name} demanded", signal.unit, done.demanded[0, :, j]))
     names = ("",) if setup.car is None else [f"{wheel.name} " for wheel in setup.car.wheels]
     for wheel, force in zip(names, done.stop_forces[0].T, strict=False):
         more.append((f"{wheel}stop force", "N", force))
@@ -220,8 +220,8 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
             if setup.hardware.learns:
                 more.append((f"{name} estimated", unit, done.used[0, :, i]))
     covered = None if setup.still or done.covered is None else done.covered[0]
-    notes, found = (*done.notes, *_slow(setup, law)), done.response(asked)
-    return Run(setup, found, tuple(more), done.events, notes, covered)
+    notes, response = (*done.notes, *_slow(setup, law)), done.response(asked)
+    return Run(setup, response, tuple(more), done.events, notes, covered)
 
 
 def signals(plant: UncertainPlant) -> tuple[Output, ...]:
@@ -256,7 +256,7 @@ def static_load(setup: Setup) -> dict[str, Array]:
     if not setup.trajectories.constant:
         alpha = setup.trajectories.space.alpha(setup.trajectories.at(setup.time)[:, 0])
     if setup.car is not None:
-        names = [own.name for own in tyre_forces(plant, setup.car)]
+        names = [force.name for force in tyre_forces(plant, setup.car)]
         loads = static_loads(plant, setup.car, alpha)
     elif known is not None and known.tyre_force is not None:
         car, names = masses(plant, known, alpha), [known.tyre_force.name]
@@ -285,15 +285,15 @@ def _wheels(car: Car | None, alpha: Array, response: Response) -> list[Event]:
     """
     if car is None:
         return []
-    loads, found = static_loads(response.plant, car, alpha), list[Event]()
+    loads, events = static_loads(response.plant, car, alpha), list[Event]()
     loads = loads[:, None] if loads.ndim == 2 else loads
-    for i, own in enumerate(tyre_forces(response.plant, car)):
-        force = loads[..., i] + response.of(own.name)
+    for i, variation in enumerate(tyre_forces(response.plant, car)):
+        force = loads[..., i] + response.of(variation.name)
         words = f"the {car.wheels[i].name} tyre {LEAVES}"
         with np.errstate(invalid="ignore"):
             gone = force < 0
-        found += spans("road", gone, -force, response.time, lambda *_, words=words: words)
-    return found
+        events += spans("road", gone, -force, response.time, lambda *_, words=words: words)
+    return events
 
 
 def _lost(response: Response) -> list[Event]:
@@ -363,23 +363,23 @@ def drive(
     if not adaptive:
         require_step(model, trajectories, sampling is not None)
     if adaptive or compiled() is None:
-        own = record(model, integrate(model, controller, begin, adaptive), source)
+        history = record(model, integrate(model, controller, begin, adaptive), source)
     else:
-        own = recorded(model, controller, begin)
-    events, notes, covered = assessed(model, own, claims, scheduled)
+        history = recorded(model, controller, begin)
+    events, notes, covered = assessed(model, history, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
-    notes = (*notes, *given(model, own))
-    found = Drive(
-        plant, excitation.times, own.states, own.rates, own.demanded, own.applied, own.disturbance,
-        own.stops, own.parameters, own.used, events, notes, covered,
-        learned.estimate() if learned else None,
+    notes = (*notes, *given(model, history))
+    done = Drive(
+        plant, excitation.times, history.states, history.rates, history.demanded, history.applied,
+        history.disturbance, history.stops, history.parameters, history.used, events, notes,
+        covered, learned.estimate() if learned else None,
     )  # fmt: skip
     if car is None:
-        return found
+        return done
     times = first if trajectories.constant else excitation.times
     alpha = np.swapaxes(space.alpha(trajectories.at(times)), 0, 1)
-    lifted = _wheels(car, alpha, found.response(tyre_forces(plant, car)))
-    return replace(found, events=(*events, *lifted))
+    lifted = _wheels(car, alpha, done.response(tyre_forces(plant, car)))
+    return replace(done, events=(*events, *lifted))
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,7 +389,7 @@ class _Learned:
 
     def estimate(self) -> Estimate:
         beliefs = self.learner.beliefs
-        return collected(self.learner.own, self.period * np.arange(len(beliefs)), beliefs)
+        return collected(self.learner.estimator, self.period * np.arange(len(beliefs)), beliefs)
 
 
 def _source(trajectories: Trajectories, excitation: Excitation, parts: Hardware) -> Reading | None:
@@ -452,16 +452,16 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
     if K is None and model.reading is None and not settled:
         corners = trajectories.space.values(np.eye(len(model.plant.vertices)))
         K = model.padded(model.gains(corners))[:, None, None]
-    found = model.actuator.rate
+    fastest = model.actuator.rate
     for gain in _gains(model, K):
         F = every.F if gain is None else every.F + every.B @ gain
-        found = max(found, _largest(F))
+        fastest = max(fastest, _largest(F))
         if model.stops is not None:
             d, stops = model.stopped, model.stops
-            found = max(
-                found, _largest(F + every.S @ (stops.stiffness * d + stops.damping * d @ F))
+            fastest = max(
+                fastest, _largest(F + every.S @ (stops.stiffness * d + stops.damping * d @ F))
             )
-    return found
+    return fastest
 
 
 def _gains(model: Model, K: Array | None) -> Iterator[Array | None]:

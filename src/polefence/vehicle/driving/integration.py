@@ -223,15 +223,15 @@ def _blank(z: Array, demanded: Array | None) -> None:
 class Learner:
     """An estimator with its sensors; it keeps what it has believed."""
 
-    def __init__(self, model: Model, known: Ride, own: Estimator, how: Estimated) -> None:
-        self.model, self.known, self.own, self.how = model, known, own, how
+    def __init__(self, model: Model, known: Ride, estimator: Estimator, how: Estimated) -> None:
+        self.model, self.known, self.estimator, self.how = model, known, estimator, how
         self.random = np.random.default_rng(how.seed)
-        self.beliefs = [own.begin(len(model.trajectories.cars))]
+        self.beliefs = [estimator.begin(len(model.trajectories.cars))]
 
     @property
     def parameters(self) -> Array:
         """Present estimates, (count, q)."""
-        return self.own.parameters(self.beliefs[-1].shares)
+        return self.estimator.parameters(self.beliefs[-1].shares)
 
     def learn(self, z: Array, slope: Array, demand: Array) -> None:
         """Take a sample at z (count, width); one taken in the stops is not used."""
@@ -247,8 +247,8 @@ class Learner:
         measured, free = clean + noise, None
         if model.stops is not None:
             free = model.stops.force(compression, rate) == 0
-        belief = self.own.update(self.beliefs[-1], measured[:, :3], measured[:, 3], free)
-        self.beliefs.append(self.own.projected(belief))
+        belief = self.estimator.update(self.beliefs[-1], measured[:, :3], measured[:, 3], free)
+        self.beliefs.append(self.estimator.projected(belief))
 
 
 class Controller:
@@ -315,8 +315,8 @@ class Controller:
             return self.source.parameters[None]
         excitation, trajectories = self.model.excitation, self.model.trajectories
         times = np.minimum((k + INSIDE) * excitation.step, excitation.step * excitation.steps)
-        found = trajectories.space.inside(self.source.at(times))
-        return np.broadcast_to(found, (len(found), len(trajectories.cars), found.shape[-1]))
+        values = trajectories.space.inside(self.source.at(times))
+        return np.broadcast_to(values, (len(values), len(trajectories.cars), values.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,8 +371,10 @@ class Model:
         """Compression of the suspensions that have stops, by z, (k, width)."""
         if self.suspensions is None:
             return np.zeros((0, self.width))
-        own = self.suspensions.compression
-        return np.concatenate([own, np.zeros((len(own), self.width - own.shape[1]))], axis=1)
+        compression = self.suspensions.compression
+        return np.concatenate(
+            [compression, np.zeros((len(compression), self.width - compression.shape[1]))], axis=1
+        )
 
     def pushed(self, A: Array, B: Array) -> Array:
         """Return how forces of stops move the state, (..., n, k)."""
@@ -399,42 +401,42 @@ class Model:
         InputError
             If the plant has no such input, or its rate is not the same for all parameters.
         """
-        found = []
-        for own in self.hardware.dampers:
-            exact = own.of(self.plant)
+        dampers = []
+        for damper in self.hardware.dampers:
+            exact = damper.of(self.plant)
             if any(rate != exact.rate[0] for rate in exact.rate):
-                raise InputError(f"damper {own.force}: its rate changes with a parameter")
+                raise InputError(f"damper {damper.force}: its rate changes with a parameter")
             rate = np.array([float(x) for x in exact.rate[0][0]])
-            found.append((exact.number, rate, float(own.low), float(own.high)))
-        return tuple(found)
+            dampers.append((exact.number, rate, float(damper.low), float(damper.high)))
+        return tuple(dampers)
 
     def limited(self, u: Array, z: Array) -> Array:
         """Return u, inputs of an actuator cut off at its limit, of dampers at what they give."""
         parts = np.split(u, [self.driven], axis=-1)
-        found = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
+        applied = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
         for k, rate, low, high in self.dampers:
             v = z[..., : len(rate)] @ rate
             first, second = low * v, high * v
-            found[..., k] = np.clip(
-                found[..., k], np.minimum(first, second), np.maximum(first, second)
+            applied[..., k] = np.clip(
+                applied[..., k], np.minimum(first, second), np.maximum(first, second)
             )
-        return found
+        return applied
 
     def settings(self, u: Array, z: Array) -> Array:
         """Return u, in place of dampers' forces the coefficients that come nearest to them."""
-        found = u.copy() if self.dampers else u
+        settings = u.copy() if self.dampers else u
         for k, rate, low, high in self.dampers:
             v = z[..., : len(rate)] @ rate
-            c = np.divide(found[..., k], v, out=np.full(v.shape, low), where=v != 0)
-            found[..., k] = np.clip(c, low, high)
-        return found
+            c = np.divide(settings[..., k], v, out=np.full(v.shape, low), where=v != 0)
+            settings[..., k] = np.clip(c, low, high)
+        return settings
 
     def forces(self, settings: Array, z: Array) -> Array:
         """Return what `settings` stands for at z."""
-        found = settings.copy() if self.dampers else settings
+        forces = settings.copy() if self.dampers else settings
         for k, rate, _, _ in self.dampers:
-            found[..., k] *= z[..., : len(rate)] @ rate
-        return found
+            forces[..., k] *= z[..., : len(rate)] @ rate
+        return forces
 
     def applied(self, z: Array, demanded: Array) -> Array:
         """Return what acts on the plant at z, where so much is demanded."""
@@ -546,17 +548,17 @@ def gains_of(space: Space, law: Any) -> Gains:
             return law.at(points).reshape(*values.shape[:-1], m, n)
 
         return table
-    own = given_law(plant, law)
-    if len(own.C) > 1:
-        varying = ", ".join(repr(y.name) for y in own.measured if len(y.C) > 1)
+    given = given_law(plant, law)
+    if len(given.C) > 1:
+        varying = ", ".join(repr(y.name) for y in given.measured if len(y.C) > 1)
         raise InputError(
             f"the law takes {varying}, which depends on the parameters: drives have laws of states "
             "or of outputs that are the same for all parameters"
         )
-    K = own.K
+    K = given.K
     if K is not None:
         return lambda values: np.broadcast_to(K, (*values.shape[:-1], m, n))
-    return lambda values: own.gain(space.alpha(space.inside(values)), clamp=True)
+    return lambda values: given.gain(space.alpha(space.inside(values)), clamp=True)
 
 
 class Reading:
@@ -596,11 +598,11 @@ class Reading:
         return _lagged(self.filtered[k], start, end, (times - k * h)[:, None, None], h, lag)
 
     def _raw(self, times: Array) -> Array:
-        found = self.trajectories.at(np.maximum(times - self.how.delay, 0.0))
+        values = self.trajectories.at(np.maximum(times - self.how.delay, 0.0))
         if self.noise is not None:
             held = np.floor(times / self.period * (1 + 1e-12) + 1e-9).astype(int)
-            found = found + self.noise[np.clip(held, 0, len(self.noise) - 1)]
-        return found
+            values = values + self.noise[np.clip(held, 0, len(self.noise) - 1)]
+        return values
 
     def _ends(self, k: Any) -> tuple[Array, Array]:
         h = self.excitation.step
@@ -617,8 +619,8 @@ class Reading:
         begin = start[:1]
         after = _lagged(np.zeros(()), start, end, np.array(h), h, lag)
         decay = np.exp(-h / lag)
-        found, _ = lfilter([1.0], [1.0, -decay], after, axis=0, zi=decay * begin)
-        return np.concatenate([begin, np.broadcast_to(found, (steps, *begin.shape[1:]))])
+        filtered, _ = lfilter([1.0], [1.0, -decay], after, axis=0, zi=decay * begin)
+        return np.concatenate([begin, np.broadcast_to(filtered, (steps, *begin.shape[1:]))])
 
 
 def _lagged(before: Array, start: Array, end: Array, t: Array, h: float, lag: float) -> Array:

@@ -297,7 +297,7 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
     if model.actuator.bandwidth is not None:
         notes.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
     if learner is not None:
-        seen = learner.own.identifiable()
+        seen = learner.estimator.identifiable()
         for name, visible in zip(model.trajectories.space.names, seen, strict=False):
             if not visible:
                 notes.append(f"the estimator cannot see {name}, which keeps its first value")

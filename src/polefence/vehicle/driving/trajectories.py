@@ -30,8 +30,8 @@ class Space:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the parameters, or alpha1, alpha2, ..."""
-        found = tuple(p.name for p in self.plant.parameters)
-        return found or tuple(f"alpha{j + 1}" for j in range(len(self.plant.vertices)))
+        names = tuple(p.name for p in self.plant.parameters)
+        return names or tuple(f"alpha{j + 1}" for j in range(len(self.plant.vertices)))
 
     @cached_property
     def units(self) -> tuple[str, ...]:
@@ -41,14 +41,14 @@ class Space:
     @cached_property
     def low(self) -> Array:
         """Lower bounds, (q,)."""
-        found = [float(p.low) for p in self.plant.parameters]
-        return np.array(found or [0.0] * len(self.names))
+        bounds = [float(p.low) for p in self.plant.parameters]
+        return np.array(bounds or [0.0] * len(self.names))
 
     @cached_property
     def high(self) -> Array:
         """Upper bounds, (q,)."""
-        found = [float(p.high) for p in self.plant.parameters]
-        return np.array(found or [1.0] * len(self.names))
+        bounds = [float(p.high) for p in self.plant.parameters]
+        return np.array(bounds or [1.0] * len(self.names))
 
     def alpha(self, values: Array) -> Array:
         """Return the vertices' weights at values (..., q); beyond the intervals, extrapolated.
@@ -78,12 +78,12 @@ class Space:
         if not self.plant.parameters:
             return alpha
         pairs = Domain.of("box", alpha.shape[-1]).coordinates(alpha)
-        found = []
+        physical = []
         for i, p in enumerate(self.plant.parameters):
             low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
             s = low + pairs[..., 2 * i + 1] * (high - low)
-            found.append(1 / s if p.inverted else s)
-        values = np.stack(found, axis=-1)
+            physical.append(1 / s if p.inverted else s)
+        values = np.stack(physical, axis=-1)
         if np.abs(self.alpha(values) - alpha).max() > ROUNDING:
             raise ParameterValueError(
                 "alpha is not a product of the weights of "
@@ -123,10 +123,10 @@ class Trajectories:
         """Return values at times (T,), as (T, count, q), or (1, count, q) where nothing moves."""
         if self.constant:
             return self._rows[None]
-        found = np.empty((len(times), len(self.cars), len(self.space.names)))
+        values = np.empty((len(times), len(self.cars), len(self.space.names)))
         for j, car in enumerate(self.cars):
-            found[:, j] = car(times) if callable(car) else car
-        return found
+            values[:, j] = car(times) if callable(car) else car
+        return values
 
     def check(self, times: Array, outside: bool) -> None:
         """Refuse what is no number, or outside its interval unless ``outside``.
@@ -200,10 +200,10 @@ def _car(space: Space, given: Mapping[Any, Any], times: Array) -> Array | Trajec
         return np.array(parts, dtype=float)
 
     def values(times: Array) -> Array:
-        found = np.empty((len(times), len(parts)))
+        values = np.empty((len(times), len(parts)))
         for i, part in enumerate(parts):
-            found[:, i] = part(times) if callable(part) else part
-        return found
+            values[:, i] = part(times) if callable(part) else part
+        return values
 
     return values
 
@@ -236,8 +236,8 @@ def _checked(given: Trajectory, name: str, last: tuple[int, ...]) -> Trajectory:
 
     def values(times: Array) -> Array:
         try:
-            found = np.asarray(given(times), dtype=float)
-            return np.broadcast_to(found, (*times.shape, *last))
+            values = np.asarray(given(times), dtype=float)
+            return np.broadcast_to(values, (*times.shape, *last))
         except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise

@@ -125,7 +125,7 @@ def test_a_design_with_bounds_shows_them(opened):
     assert state.question.method == "quadratic"
     assert state.question.command(again) == "polefence check ride"
     answer = answered(again, state)
-    bounds = answer.found.bounds
+    bounds = answer.result.bounds
     assert len(bounds) == 4
     assert all("<=" in text and "rms of" in text for text in bounds)
     assert answer.proved

@@ -82,7 +82,7 @@ def test_all_that_is_asked_has_its_command_and_its_python(tmp_path, monkeypatch,
     own = written("", spec_text("quarter-car-ride") + more)
     region = parse_region("half_plane(0.5) & sector(0.1)")
     asked = State.first(own, region).asking(**{"method": "quadratic"} | changed).question
-    shown = asked.found(own).design.law
+    shown = asked.search(own).design.law
     assert main(shlex.split(asked.command(own))[1:]) == 0
     document = read_document(tmp_path / "design" / "design.json")
     assert len(document.claims) == (5 if asked.ride else 1)
@@ -127,8 +127,8 @@ def test_a_limit_takes_the_place_of_that_of_the_spec():
     other = State.first(own, HalfPlane(0)).asking(
         ride=True, over="rms of actuator force", limit=100.0
     )
-    free = [bound.rpartition("<= ")[2] for bound in asked.found(own).bounds]
-    held = other.question.found(own).bounds
+    free = [bound.rpartition("<= ")[2] for bound in asked.search(own).bounds]
+    held = other.question.search(own).bounds
     assert float(held[0].rpartition("<= ")[2]) > float(free[0])
     assert "rms of actuator force <= 100" in held
     assert len(held) == 4

@@ -60,26 +60,26 @@ def compare_command(options: Any) -> int:
 
     subject = read_subject(options.subject)
     subject.require_one_suspension("compare")
-    plant, own = subject.plant, law_of(subject)
+    plant, designed = subject.plant, law_of(subject)
     given = _given(plant, options.law or ())
     require_ride(plant)
     check_results(options)
     notes = list[str]()
-    if own is None and options.law is None:
-        plant, own = law_of_spec(plant, options.subject)
-        notes = [] if own or options.disk else ["", NOTHING_ASKED.format(options.subject)]
-    first = [] if own is None else [own]
+    if designed is None and options.law is None:
+        plant, designed = law_of_spec(plant, options.subject)
+        notes = [] if designed or options.disk else ["", NOTHING_ASKED.format(options.subject)]
+    first = [] if designed is None else [designed]
     laws = [*first, *(given.get(word) or _law(plant, word, options) for word in _words(options))]
-    found = compare(
+    comparison = compare(
         plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
     )
     if options.plot is not None:
         from polefence.show.plots import comparison_figure
 
-        write_figure(options.plot, comparison_figure(found))
+        write_figure(options.plot, comparison_figure(comparison))
     if options.json is not None:
-        write_json(options.json, found.document())
-    say(*found.lines, *notes)
+        write_json(options.json, comparison.document())
+    say(*comparison.lines, *notes)
     return PROVED
 
 

@@ -171,8 +171,8 @@ class _Table:
         if not self.begun:
             self._head()
         while self.left and self.left[0] in self.rows:
-            own = self.rows[self.left.popleft()]
-            say(_row_line(own, self.wide, self.width, self.plant.sample_time is None))
+            next_row = self.rows[self.left.popleft()]
+            say(_row_line(next_row, self.wide, self.width, self.plant.sample_time is None))
 
     def _head(self) -> None:
         self.begun = True

@@ -180,18 +180,18 @@ def _specifications(
         raise InputError(f"{options.spec}: nothing is minimised; give --minimise 'rms of SIGNAL'")
 
     def parsed(text: str) -> Specification:
-        own = parse_specification(text, own_road, known)
-        return own if own_road is None else own_road.acting(own, plant)
+        specification = parse_specification(text, own_road, known)
+        return specification if own_road is None else own_road.acting(specification, plant)
 
     over = in_units(parsed(options.over), limits)
     if over.at_most is not None:
         raise InputError(f"--over {options.over!r} has a limit; give limits by --value or --values")
     for text in options.limit:
-        own = parsed(text)
-        if own.title == over.title:
+        specification = parsed(text)
+        if specification.title == over.title:
             raise InputError(f"--limit {text!r} limits what --over sweeps; leave one of them out")
     # the spec's own limit on what is swept gives way
-    others = [own for own in limits if own.title != over.title]
+    others = [limit for limit in limits if limit.title != over.title]
     return least, over, others
 
 

@@ -67,7 +67,7 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
         If the store cannot be read.
     """
     study, seen = Study.of(store.about), set[tuple[Any, Any]]()
-    questions = {own.name: own for own in study.questions}
+    questions = {question.name: question for question in study.questions}
     fresh = list[_Fresh]()
     for row in store.rows():
         key = row["variant"], row["question"]
@@ -81,13 +81,13 @@ def judged(store: Store, workers: Workers) -> Iterator[Judged]:
             fresh.append(_Fresh(row, study.spec(row["variant"]), questions[row["question"]]))
     parts = (fresh[k : k + TOGETHER] for k in range(0, len(fresh), TOGETHER))
     tasks = (_Rows(store.folder, tuple(part)) for part in parts)
-    for own, faults in workers.done(_faults, tasks):
-        for one, fault in zip(own.rows, faults or _lost(own), strict=True):
+    for batch, faults in workers.done(_faults, tasks):
+        for one, fault in zip(batch.rows, faults or _lost(batch), strict=True):
             yield Judged(one.row["variant"], one.row["question"], fault)
 
 
-def _lost(own: _Rows) -> list[str]:
-    return ["the process that proved it died"] * len(own.rows)
+def _lost(batch: _Rows) -> list[str]:
+    return ["the process that proved it died"] * len(batch.rows)
 
 
 def _of_row(row: Row, study: Study) -> str:
@@ -118,20 +118,20 @@ def _of_question(row: Row, question: Question | None) -> str:
     return ""
 
 
-def _faults(own: _Rows) -> list[str]:
-    return [_fault(Store(own.folder), one) for one in own.rows]
+def _faults(batch: _Rows) -> list[str]:
+    return [_fault(Store(batch.folder), one) for one in batch.rows]
 
 
-def _fault(store: Store, own: _Fresh) -> str:
+def _fault(store: Store, fresh: _Fresh) -> str:
     """Say what is wrong with a row's proof."""
     try:
-        return _fault_of_proof(store.proof(own.row["proof"]), own)
+        return _fault_of_proof(store.proof(fresh.row["proof"]), fresh)
     except (PolefenceError, FormatError) as error:
         return str(error)
 
 
-def _fault_of_proof(path: Path, own: _Fresh) -> str:
-    row, question, spec = own.row, own.question, own.spec
+def _fault_of_proof(path: Path, fresh: _Fresh) -> str:
+    row, question, spec = fresh.row, fresh.question, fresh.spec
     content = read_bytes(path, MAX_BYTES, DesignFileError)
     if hashlib.sha256(content).hexdigest() != row["proof"]:
         return "its file of claims is not as it was written"
@@ -147,13 +147,13 @@ def _fault_of_proof(path: Path, own: _Fresh) -> str:
         return "its file is about another plant"
     form = question.form(spec, document.plant.n)
     return (
-        question.fault(document, spec) or form.fault(document) or _fault_of_numbers(document, own)
+        question.fault(document, spec) or form.fault(document) or _fault_of_numbers(document, fresh)
     )
 
 
-def _fault_of_numbers(document: Document, own: _Fresh) -> str:
+def _fault_of_numbers(document: Document, fresh: _Fresh) -> str:
     """Say what is wrong with a row's numbers."""
-    row, question, spec = own.row, own.question, own.spec
+    row, question, spec = fresh.row, fresh.question, fresh.spec
     bound, least, worst = row["bound"], row["least"], row["worst"]
     if bound is None and question.is_bounded(spec):
         return "has no bound"
@@ -164,8 +164,8 @@ def _fault_of_numbers(document: Document, own: _Fresh) -> str:
     if worst is not None and not _agree(worst, question.worst(document, spec)):
         return "its worst sample is none of its file's law"
     if least is not None:
-        found = question.least(spec)
-        if found is None or bound is None or not least <= min(bound, found / SAME):
+        sampled_least = question.least(spec)
+        if sampled_least is None or bound is None or not least <= min(bound, sampled_least / SAME):
             return f"its least, {least:.6g}, was not proved out of reach again"
     return ""
 

@@ -27,36 +27,38 @@ def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> l
     plant: the same numbers, not the same names.
     """
     nothing = Evidence([], transfer=True)  # claims are compared without their evidence
-    found = list[BoundClaim]()
+    claims = list[BoundClaim]()
     for claim in document.claims:
         if isinstance(claim, BoundClaim) and claim.kind == asked.kind:
             law, on = claim.subject.law, claim.subject.on
             if claim_of(plant, law, on, asked, nothing, claim.level).bare == claim.bare:
-                found.append(claim)
-    return found
+                claims.append(claim)
+    return claims
 
 
 def is_inside(parts: Sequence[Part], region: Region) -> bool:
     """Whether each part of a region is one of these, or a disk that has one of these inside."""
 
-    def covers(whole: Part, own: Part) -> bool:
-        if own.circle is not None and whole.circle is not None:
-            return own.circle[0] == whole.circle[0] and own.circle[1] <= whole.circle[1]
-        return own == whole
+    def covers(whole: Part, part: Part) -> bool:
+        if part.circle is not None and whole.circle is not None:
+            return part.circle[0] == whole.circle[0] and part.circle[1] <= whole.circle[1]
+        return part == whole
 
-    return all(any(covers(whole, own) for own in parts) for whole in parts_of(region.document()))
+    return all(
+        any(covers(whole, inner) for inner in parts) for whole in parts_of(region.document())
+    )
 
 
 def fault_of(
     document: Document, plant: UncertainPlant, region: Region, limits: Sequence[Specification]
 ) -> str:
     """Say that a file is about another region, or which limit it does not have; else nothing."""
-    own = document.first(Poles)
-    if own is None or write_region(own.region) != region.document():
+    poles = document.first(Poles)
+    if poles is None or write_region(poles.region) != region.document():
         return f"its file is not about {region}"
     for limit in limits:
         most = limit.at_most
-        if most is None or not any(own.level <= most for own in bounds(document, plant, limit)):
+        if most is None or not any(bound.level <= most for bound in bounds(document, plant, limit)):
             text = "" if most is None else f" {most:g}"
             return f"its file has no bound{text} on {limit.title}"
     return ""

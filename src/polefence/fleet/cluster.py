@@ -69,8 +69,8 @@ def _opened(address: str, count: int) -> Iterator[Executor]:
     with ExitStack() as stack:
         # the profiler stops workers a hundred times a second
         stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
-        own = stack.enter_context(distributed.LocalCluster(**options))
-        client = stack.enter_context(distributed.Client(own))
+        cluster = stack.enter_context(distributed.LocalCluster(**options))
+        client = stack.enter_context(distributed.Client(cluster))
         yield client.get_executor(pure=False)
 
 

@@ -61,11 +61,11 @@ def covered(
         with small_matrices():
             law, those = fleet.next(left)
         reason = "no gain was found that keeps this variant, even alone"
-        found = {variants[those[0]]: Answer(NOT_PROVED, reason=reason)}
+        answers = {variants[those[0]]: Answer(NOT_PROVED, reason=reason)}
         if law is not None:
-            found = _proofs(study, question, law, [variants[k] for k in those], workers)
-        yield found
-        left = [k for k in left if variants[k] not in found]
+            answers = _proofs(study, question, law, [variants[k] for k in those], workers)
+        yield answers
+        left = [k for k in left if variants[k] not in answers]
 
 
 def _read(
@@ -77,7 +77,7 @@ def _read(
         text = study.spec(n)
         try:
             plant = loads(text, "variant")
-            require_alike([*(own for own, _, _ in list(known.values())[:1]), plant])
+            require_alike([*(first for first, _, _ in list(known.values())[:1]), plant])
             region, limits = question.kept(text)
             require_region(plant, in_time_of(plant, region))
         except PolefenceError as error:
@@ -90,8 +90,10 @@ def _read(
 def _numbers(study: Study, variants: list[int]) -> Array:
     """Return what tells variants from one another."""
     base, names = numbers_of(study.base), study.variants.names
-    each = (dict.fromkeys(names) | study.variants.values(n) for n in variants)
-    return np.array([[float(base[k] if x is None else x) for k, x in own.items()] for own in each])
+    by_name = (dict.fromkeys(names) | study.variants.values(n) for n in variants)
+    return np.array(
+        [[float(base[k] if x is None else x) for k, x in numbers.items()] for numbers in by_name]
+    )
 
 
 def _proofs(
@@ -100,14 +102,14 @@ def _proofs(
     """Return the answers for variants of which a law is proved; if there is none, for the first."""
     K = tuple(tuple(float(x) for x in row) for row in law.K)
     groups = (tuple(those[k : k + question.group]) for k in range(0, len(those), question.group))
-    tasks = (_Given(question, K, own, tuple(map(study.spec, own))) for own in groups)
+    tasks = (_Given(question, K, group, tuple(map(study.spec, group))) for group in groups)
     every = dict[int, Answer]()
-    for own, answers in workers.done(_proved, tasks):
-        lost = [Answer(LOST, reason=DIED)] * len(own.variants)
-        every |= zip(own.variants, answers or lost, strict=True)
-    found = {n: every[n] for n in those if every[n].status == PROVED}
-    return found or {those[0]: every[those[0]]}
+    for task, answers in workers.done(_proved, tasks):
+        lost = [Answer(LOST, reason=DIED)] * len(task.variants)
+        every |= zip(task.variants, answers or lost, strict=True)
+    proved = {n: every[n] for n in those if every[n].status == PROVED}
+    return proved or {those[0]: every[those[0]]}
 
 
-def _proved(own: _Given) -> list[Answer]:
-    return [own.question.proved(own.K, spec) for spec in own.specs]
+def _proved(task: _Given) -> list[Answer]:
+    return [task.question.proved(task.K, spec) for spec in task.specs]

@@ -78,20 +78,20 @@ class _Queue(Generic[T]):
             return _Tried(task)
         return None
 
-    def suspect(self, own: _Tried[T]) -> None:
+    def suspect(self, tried: _Tried[T]) -> None:
         """Put one back that may have ended its worker; surely where it was tried alone."""
-        if own.suspect:  # once more at once, to be sure
-            own.strikes += 1
-            self.suspects.appendleft(own)
+        if tried.suspect:  # once more at once, to be sure
+            tried.strikes += 1
+            self.suspects.appendleft(tried)
             return
-        own.suspect = True
-        self.suspects.append(own)
+        tried.suspect = True
+        self.suspects.append(tried)
 
     def given_up(self) -> list[T]:
         """Take those out that end every worker."""
-        found = [own for own in self.suspects if own.strikes >= STRIKES]
-        self.suspects = deque(own for own in self.suspects if own.strikes < STRIKES)
-        return [own.task for own in found]
+        guilty = [tried for tried in self.suspects if tried.strikes >= STRIKES]
+        self.suspects = deque(tried for tried in self.suspects if tried.strikes < STRIKES)
+        return [tried.task for tried in guilty]
 
 
 def carried_out(
@@ -130,8 +130,8 @@ def carried_out(
         with suppress(_Died), ExitStack() as stack:
             pool = broken.entered(stack, places)
             if not broken.seen and pool is None:
-                while (own := queue.next()) is not None:
-                    yield own.task, work(own.task)
+                while (tried := queue.next()) is not None:
+                    yield tried.task, work(tried.task)
                 return
             if pool is not None:
                 for pair in _in_pool(pool, work, queue, window, broken):
@@ -176,17 +176,17 @@ def _in_pool(
             return
         done, _ = wait(under_way, return_when=FIRST_COMPLETED)
         for future in done:
-            own = under_way.pop(future)
+            tried = under_way.pop(future)
             try:
                 result = future.result()
             except broken.kinds:
                 broken.seen = True
-                queue.suspect(own)
+                queue.suspect(tried)
                 continue
-            yield own.task, result
-    for future, own in under_way.items():
+            yield tried.task, result
+    for future, lost in under_way.items():
         future.cancel()
-        queue.suspect(own)
+        queue.suspect(lost)
 
 
 def _submit(
@@ -199,14 +199,14 @@ def _submit(
 ) -> None:
     """Put as many tasks under way as may be: of suspects one."""
     while not broken.seen:
-        alone = bool(queue.suspects) or any(own.suspect for own in under_way.values())
+        alone = bool(queue.suspects) or any(tried.suspect for tried in under_way.values())
         if len(under_way) >= (1 if alone else window):
             return
-        own = queue.next()
-        if own is None:
+        tried = queue.next()
+        if tried is None:
             return
         try:
-            under_way[pool.submit(work, own.task)] = own
+            under_way[pool.submit(work, tried.task)] = tried
         except broken.kinds:
             broken.seen = True
-            queue.suspect(own)
+            queue.suspect(tried)

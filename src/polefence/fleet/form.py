@@ -54,8 +54,8 @@ class Form(Short):
             if not self.rational:
                 return "its law is a quotient, not of the structure that was asked for"
             return self._of_degree(law.degree)
-        own = _Gain.of(law, self.plant)
-        return self._of_parameters(own) or self._of_signals(own)
+        gain = _Gain.of(law, self.plant)
+        return self._of_parameters(gain) or self._of_signals(gain)
 
     def _of_degree(self, degree: int) -> str:
         several = len(self.plant.vertices) > 1
@@ -64,23 +64,23 @@ class Form(Short):
             return ""
         return f"its law is of degree {degree}, not of {most} at most"
 
-    def _of_parameters(self, own: _Gain) -> str:
+    def _of_parameters(self, gain: _Gain) -> str:
         """Say that a law depends on another parameter, or is of a higher degree."""
         chosen = self.structure.schedule
-        others = () if chosen is None else [name for name in own.depends if name not in chosen]
+        others = () if chosen is None else [name for name in gain.depends if name not in chosen]
         if others and self.plant.parameters:
             return f"its law depends on {', '.join(others)}"
-        return self._of_degree(own.degree)
+        return self._of_degree(gain.degree)
 
-    def _of_signals(self, own: _Gain) -> str:
+    def _of_signals(self, gain: _Gain) -> str:
         """Say that a law measures something else, or that its gains are others."""
         asked, structure = self.structure.outputs(self.plant), self.structure
         rows = [tuple(map(tuple, signal.exact(self.plant)[0])) for signal in asked]
         free = structure == Structure(schedule=structure.schedule, degree=structure.degree)
-        found = dict[tuple[int, int], Terms]()
+        entries = dict[tuple[int, int], Terms]()
         places = dict[int, tuple[int, ...]]()
-        for j, (name, C) in enumerate(zip(own.names, own.rows, strict=True)):
-            column = {i: terms for i in range(own.inputs) if (terms := own.entry(i, j))}
+        for j, (name, C) in enumerate(zip(gain.names, gain.rows, strict=True)):
+            column = {i: terms for i in range(gain.inputs) if (terms := gain.entry(i, j))}
             same = tuple(k for k, other in enumerate(rows) if other == C)
             if not column or (free and len(set(C)) == 1):
                 continue
@@ -89,13 +89,13 @@ class Form(Short):
             first = same[0]
             places[first] = same
             for i, terms in column.items():
-                found[i, first] = _sum(found.get((i, first), {}), terms)
-        return self._of_entries(own, found, places)
+                entries[i, first] = _sum(entries.get((i, first), {}), terms)
+        return self._of_entries(gain, entries, places)
 
     def _of_entries(
         self,
-        own: _Gain,
-        found: dict[tuple[int, int], Terms],
+        gain: _Gain,
+        entries: dict[tuple[int, int], Terms],
         places: dict[int, tuple[int, ...]],
     ) -> str:
         """Say that an entry is larger than asked for, or not of the pattern.
@@ -103,10 +103,10 @@ class Form(Short):
         Of signals that are one and the same the gains are known by their sum alone.
         """
         most, pattern = self.structure.largest(self.plant).tolist(), self.structure.pattern
-        for (i, first), terms in found.items():
+        for (i, first), terms in entries.items():
             same = places[first]
             limit = sum(most[i][k] for k in same)
-            if limit < inf and own.reaches(terms, Fraction(limit) * (1 + Fraction(KEPT))):
+            if limit < inf and gain.reaches(terms, Fraction(limit) * (1 + Fraction(KEPT))):
                 return f"a gain of its law exceeds {limit:g}"
             if pattern is not None and all(pattern[i][k] == "0" for k in same):
                 return "its law is not of the pattern that was asked for"
@@ -114,7 +114,7 @@ class Form(Short):
         known = dict[str, Terms]()
         for i, row in enumerate(pattern or ()):
             for k, label in enumerate(row):
-                terms = found.get((i, k), {})
+                terms = entries.get((i, k), {})
                 if label != "0" and k not in several and known.setdefault(label, terms) != terms:
                     return "its law is not of the pattern that was asked for"
         return ""
@@ -141,7 +141,7 @@ class _Gain:
         powers = law.powers or ((0,) * (len(parameters) or count),)
         terms = dict(zip(powers, gains, strict=True))
         alpha = not parameters or len(powers[0]) != len(parameters)
-        names = law.measured or tuple(own.name for own in states(plant))
+        names = law.measured or tuple(state.name for state in states(plant))
         C = law.C or (identity(plant.shape[0]),) * count
         rows = tuple(
             tuple(tuple(map(Fraction, vertex[j])) for vertex in C) for j in range(len(names))
@@ -167,8 +167,8 @@ class _Gain:
     @property
     def degree(self) -> int:
         """Total degree in the parameters' coordinates, in alpha where there are none."""
-        own = max(map(sum, self._used), default=0)
-        return own * len(self.parameters) if self.alpha and self.parameters else own
+        degree = max(map(sum, self._used), default=0)
+        return degree * len(self.parameters) if self.alpha and self.parameters else degree
 
     def reaches(self, terms: Terms, most: Fraction) -> bool:
         """Whether an entry is larger: at corners, which is everywhere where it is multi-affine."""
@@ -189,7 +189,7 @@ class _Gain:
         curved = [max(e[k] for e in powers) > 1 for k in range(count)]
         # the finest of these with at most 10,000 points
         for grid in (FINE, FINE[::4], ends):
-            axes = [grid if own else ends for own in curved]
+            axes = [grid if curve else ends for curve in curved]
             if prod(map(len, axes)) <= 10_000 or grid is ends:
                 yield from product(*axes)
                 return
@@ -200,5 +200,5 @@ def _power(c: tuple[Fraction, ...], e: tuple[int, ...]) -> Fraction:
 
 
 def _sum(one: Terms, other: Terms) -> Terms:
-    found = {e: one.get(e, Fraction(0)) + other.get(e, Fraction(0)) for e in {*one, *other}}
-    return {e: x for e, x in found.items() if x}
+    total = {e: one.get(e, Fraction(0)) + other.get(e, Fraction(0)) for e in {*one, *other}}
+    return {e: x for e, x in total.items() if x}

@@ -48,8 +48,8 @@ def study(
     OutputError
         If the folder cannot be written, is another study's, or another process adds to it.
     """
-    own = load_study(path)
-    for rows in run(own, Store(Path(results)), workers or processes(), resume):
+    asked = load_study(path)
+    for rows in run(asked, Store(Path(results)), workers or processes(), resume):
         yield from rows
 
 
@@ -75,18 +75,18 @@ def worked_out(
     packed = (Packed.of(study, task) for task in study.tasks(done))
     with kept(workers.places) as places:
         same = replace(workers, places=places)
-        for own, answers in same.done(answered, packed):
-            if answers is None and len(own.task.variants) > 1:
-                singles = [Task(own.task.question, (n,)) for n in own.task.variants]
+        for pack, answers in same.done(answered, packed):
+            if answers is None and len(pack.task.variants) > 1:
+                singles = [Task(pack.task.question, (n,)) for n in pack.task.variants]
                 again = (Packed.of(study, one) for one in singles)
-                for one, found in replace(workers, count=1).done(answered, again):
-                    yield one.task.question, _by_variant(one, found)
+                for one, single in replace(workers, count=1).done(answered, again):
+                    yield one.task.question, _by_variant(one, single)
             else:
-                yield own.task.question, _by_variant(own, answers)
+                yield pack.task.question, _by_variant(pack, answers)
         for k, question in enumerate(study.questions):
             if isinstance(question, Cover):
-                for each in covered(study, question, done, same):
-                    yield k, each
+                for by_variant in covered(study, question, done, same):
+                    yield k, by_variant
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,11 @@ class Packed:
         return cls(task, study.questions[task.question], specs)
 
 
-def answered(own: Packed) -> list[Answer]:
+def answered(pack: Packed) -> list[Answer]:
     """Return the answers of a task."""
-    return own.question.answers(own.specs)
+    return pack.question.answers(pack.specs)
 
 
-def _by_variant(own: Packed, answers: list[Answer] | None) -> dict[int, Answer]:
-    lost = [Answer(LOST, reason=DIED)] * len(own.specs)
-    return dict(zip(own.task.variants, answers or lost, strict=True))
+def _by_variant(pack: Packed, answers: list[Answer] | None) -> dict[int, Answer]:
+    lost = [Answer(LOST, reason=DIED)] * len(pack.specs)
+    return dict(zip(pack.task.variants, answers or lost, strict=True))

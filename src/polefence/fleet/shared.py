@@ -85,9 +85,9 @@ class Fleet:
             return None, around[:1]
         while high - low > 1:
             size = (low + high) // 2
-            own = self._for(around[:size])
-            if len(own.kept) == size:
-                low, best = size, own
+            shared = self._for(around[:size])
+            if len(shared.kept) == size:
+                low, best = size, shared
             else:
                 high = size
         best = self._grown(left, best)
@@ -99,29 +99,29 @@ class Fleet:
         # done after three plants that the law cannot be stretched to
         while best.law is not None and len(shut) < 3:
             excess = {k: self.excess(k, best.law) for k in left}
-            best = replace(best, kept=[k for k, own in excess.items() if own < 0])
-            outside = [k for k, own in excess.items() if own >= 0 and k not in shut]
+            best = replace(best, kept=[k for k, miss in excess.items() if miss < 0])
+            outside = [k for k, miss in excess.items() if miss >= 0 and k not in shut]
             if not outside:
                 break
             near = min(outside, key=excess.__getitem__)
-            own = self._for([*best.kept, near], replace(best, few=[*best.few, near]))
-            if len(own.kept) > len(best.kept):
-                best = own
+            grown = self._for([*best.kept, near], replace(best, few=[*best.few, near]))
+            if len(grown.kept) > len(best.kept):
+                best = grown
             else:
                 shut.add(near)
         return best
 
     def _by_distance(self, left: Sequence[int]) -> list[int]:
         """Return them by their distance from the one that is farthest from the middle."""
-        own = self._scaled[list(left)]
-        rim = int(np.linalg.norm(own - own.mean(axis=0), axis=1).argmax())
-        order = np.linalg.norm(own - own[rim], axis=1).argsort(kind="stable")
+        points = self._scaled[list(left)]
+        rim = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
+        order = np.linalg.norm(points - points[rim], axis=1).argsort(kind="stable")
         return [left[k] for k in order]
 
     def _middle(self, those: Sequence[int]) -> int:
         """Return the one that is nearest to the middle of these plants."""
-        own = self._scaled[list(those)]
-        return those[int(np.linalg.norm(own - own.mean(axis=0), axis=1).argmin())]
+        points = self._scaled[list(those)]
+        return those[int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmin())]
 
     def _for(self, those: Sequence[int], first: _Shared | None = None) -> _Shared:
         """Return a law and which of these plants it keeps: all of them, if one is found.
@@ -132,13 +132,13 @@ class Fleet:
         law = None if first is None else first.law
         best = _Shared(None, [], few)
         # one law is searched for at most 12 plants at once
-        most = min(12, MAX_VERTICES // max(len(own.vertices) for own in self.plants))
+        most = min(12, MAX_VERTICES // max(len(plant.vertices) for plant in self.plants))
         for _ in range(16):
             law = self._searched(few, law) if len(few) <= most else None
             if law is None:
                 break
             excess = np.array([self.excess(k, law) for k in those])
-            kept = [k for k, own in zip(those, excess, strict=True) if own < 0]
+            kept = [k for k, miss in zip(those, excess, strict=True) if miss < 0]
             if len(kept) > len(best.kept):
                 best = _Shared(law, kept, few)
             worst = those[int(excess.argmax())]
@@ -153,19 +153,21 @@ class Fleet:
         What lies between them may be out of reach: the plants alone count.
         """
         limits = [
-            replace(own[0], at_most=min(one.at_most or np.inf for one in own) * (1 - INSIDE))
-            for own in zip(*(self.limits[k] for k in few), strict=True)
+            replace(
+                asked_of[0], at_most=min(one.at_most or np.inf for one in asked_of) * (1 - INSIDE)
+            )
+            for asked_of in zip(*(self.limits[k] for k in few), strict=True)
         ]
-        names = [name for own in limits for name in _signals(own)]
+        names = [name for limit in limits for name in _signals(limit)]
         with suppress(PolefenceError):
             plant, region = joined([self.plants[k] for k in few], names), self.region
             if plant.sample_time is not None:  # what is searched is in differences
                 region = delta_plane(region, plant.sample_time)
             plant = delta_form(plant)
             asked = Around(region.tighter(INSIDE, stable(float(plant.step))))
-            own = at_vertices(plant, Structure(schedule=()), asked, limits, start)
-            if own is not None:
-                law = FixedGain(own.law.gain(np.eye(len(plant.vertices))[:1])[0])
+            designed = at_vertices(plant, Structure(schedule=()), asked, limits, start)
+            if designed is not None:
+                law = FixedGain(designed.law.gain(np.eye(len(plant.vertices))[:1])[0])
                 if max(self.excess(k, law) for k in few) < 0:
                     return law
         return None
@@ -208,5 +210,5 @@ class _Seen:
         return cls(plant, limits, alpha, *plant.at(alpha))
 
 
-def _signals(own: Specification) -> list[str]:
-    return [entry if isinstance(entry, str) else entry.name for entry in own.entries]
+def _signals(limit: Specification) -> list[str]:
+    return [entry if isinstance(entry, str) else entry.name for entry in limit.entries]

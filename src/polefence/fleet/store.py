@@ -38,8 +38,8 @@ Row = dict[str, Any]
 
 def digest_of(row: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a row's other columns."""
-    own = {key: value for key, value in row.items() if key != "digest"}
-    return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()
+    columns = {key: value for key, value in row.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(columns, sort_keys=True).encode()).hexdigest()
 
 
 class Store:
@@ -64,14 +64,14 @@ class Store:
         """
         path = self.folder / STUDY
         try:
-            own = json.loads(read_text(path, MAX_BYTES, DesignFileError))
+            about = json.loads(read_text(path, MAX_BYTES, DesignFileError))
         except ValueError as error:
             raise DesignFileError(f"{path}: no JSON: {error}") from error
-        if not isinstance(own, dict) or own.get("format") != FORMAT:
+        if not isinstance(about, dict) or about.get("format") != FORMAT:
             raise DesignFileError(
                 f"{path}: not the results of a study; name the folder that study -o wrote"
             )
-        return own
+        return about
 
     def begin(self, study: Study, resume: bool) -> None:
         """Make the folder, or find that it is of this study.
@@ -91,7 +91,9 @@ class Store:
             if not resume:
                 raise OutputError(f"{self.folder}: has results of this study; go on by --resume")
             return
-        others = [own.name for own in self.folder.iterdir() if own.name not in (LOCK, ROWS, PROOFS)]
+        others = [
+            entry.name for entry in self.folder.iterdir() if entry.name not in (LOCK, ROWS, PROOFS)
+        ]
         if others:
             raise OutputError(
                 f"{self.folder}: has {min(others)}, but no results of a study; name another folder"
@@ -167,14 +169,14 @@ class Store:
 
 def law_of(document: str | bytes) -> str:
     """Return what tells the law of a file of claims from others: the start of its SHA-256."""
-    own = json.dumps(json.loads(document).get("law"), sort_keys=True)
-    return hashlib.sha256(own.encode()).hexdigest()[:12]
+    law = json.dumps(json.loads(document).get("law"), sort_keys=True)
+    return hashlib.sha256(law.encode()).hexdigest()[:12]
 
 
 def value_of(row: Row) -> float | None:
     """Return what a row has found: a bound, or the worst sample where nothing is to be proved."""
-    found: float | None = row["worst"] if row["status"] == SAMPLED else row["bound"]
-    return found
+    value: float | None = row["worst"] if row["status"] == SAMPLED else row["bound"]
+    return value
 
 
 def alike(rows: Sequence[Row]) -> list[tuple[Row, int]]:
@@ -203,13 +205,13 @@ def row_of(study: Study, question: int, number: int, answer: Answer, proof: str)
 
 
 def _table(rows: Sequence[Row], names: Sequence[str]) -> bytes:
-    own = arrow(REMEDY)
-    kinds = {"variant": own.int64()}
-    kinds |= dict.fromkeys((*TEXTS, *MARKS), own.string())
-    kinds |= dict.fromkeys((*NUMBERS, *names), own.float64())
+    pa = arrow(REMEDY)
+    kinds = {"variant": pa.int64()}
+    kinds |= dict.fromkeys((*TEXTS, *MARKS), pa.string())
+    kinds |= dict.fromkeys((*NUMBERS, *names), pa.float64())
     columns = ("variant", *TEXTS, *NUMBERS, *MARKS, *names)
-    schema = own.schema([(key, kinds[key]) for key in columns])
-    return table_bytes(own.Table.from_pylist(list(rows), schema), REMEDY)
+    schema = pa.schema([(key, kinds[key]) for key in columns])
+    return table_bytes(pa.Table.from_pylist(list(rows), schema), REMEDY)
 
 
 def _read(path: Path) -> list[Row]:
@@ -217,8 +219,8 @@ def _read(path: Path) -> list[Row]:
     table = read_table(content, str(path), REMEDY, DesignFileError)
     if not {"variant", "question", "digest", "proof"} <= set(table.column_names):
         raise DesignFileError(f"{path}: not rows of a study")
-    found: list[Row] = table.to_pylist()
-    return found
+    rows: list[Row] = table.to_pylist()
+    return rows
 
 
 def _lock(handle: int) -> None:

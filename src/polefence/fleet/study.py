@@ -68,7 +68,7 @@ class Study(Short):
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
         varied_names = ", ".join(self.variants.names)
-        asked = ((own.name, own.words) for own in self.questions)
+        asked = ((question.name, question.words) for question in self.questions)
         return card(self.name, [("variants", f"{len(self.variants)}: {varied_names}"), *asked])
 
     @property
@@ -87,21 +87,23 @@ class Study(Short):
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data, in which equal studies are equal."""
-        own = self.variants
-        rows = [["" if x is None else decimal_text(x) for x in row] for row in own.rows]
+        variants = self.variants
+        rows = [["" if x is None else decimal_text(x) for x in row] for row in variants.rows]
         return {
             "name": self.name,
             "base": self.base,
-            "names": list(own.names),
+            "names": list(variants.names),
             "rows": rows,
-            "labels": list(own.labels),
+            "labels": list(variants.labels),
             "questions": [question.table() for question in self.questions],
         }
 
     def tried(self, question: Question) -> Study:
         """Return one question about the first variants, as many as are worked out together."""
-        own = self.variants
-        few = Variants(own.names, own.rows[: question.group], own.labels[: question.group])
+        variants = self.variants
+        few = Variants(
+            variants.names, variants.rows[: question.group], variants.labels[: question.group]
+        )
         return replace(self, variants=few, questions=(question,))
 
     def tasks(self, done: frozenset[tuple[int, str]] = frozenset()) -> Iterator[Task]:

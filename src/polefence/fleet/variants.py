@@ -82,7 +82,7 @@ def read_variants(table: Any, folder: Path, known: Mapping[str, Fraction]) -> Va
         if key not in readers:
             raise SpecError(f"variants: unknown key {shown(key)}; {suggest(key, readers)}")
     parts = [read(table[key], folder) for key, read in readers.items() if key in table]
-    every = [name for own in parts for name in own.names]
+    every = [name for part in parts for name in part.names]
     for name in every:
         if name not in known:
             words = suggest(name, known)
@@ -95,13 +95,13 @@ def read_variants(table: Any, folder: Path, known: Mapping[str, Fraction]) -> Va
 def _multiplied(parts: Sequence[Variants]) -> Variants:
     """Return all combinations."""
     _require_few(math.prod(map(len, parts)))
-    names = tuple(name for own in parts for name in own.names)
-    labels = next((own.labels for own in parts if own.labels), ())
-    which = next((k for k, own in enumerate(parts) if own.labels), 0)
+    names = tuple(name for part in parts for name in part.names)
+    labels = next((part.labels for part in parts if part.labels), ())
+    which = next((k for k, part in enumerate(parts) if part.labels), 0)
     rows, kept = [], []
-    for numbers in product(*(range(len(own)) for own in parts)):
-        each = (own.rows[k] for own, k in zip(parts, numbers, strict=True))
-        rows.append(tuple(value for row in each for value in row))
+    for numbers in product(*(range(len(part)) for part in parts)):
+        picked = (part.rows[k] for part, k in zip(parts, numbers, strict=True))
+        rows.append(tuple(value for row in picked for value in row))
         kept += [labels[numbers[which]]] if labels else []
     return Variants(names, rows, kept)
 
@@ -117,10 +117,10 @@ def _grid(table: Any, _: Path) -> Variants:
     if not isinstance(table, dict) or not table:
         raise SpecError("variants.grid must be a table: grid = {NAME = [1, 2, 3]}")
     values = []
-    for name, own in table.items():
-        if not isinstance(own, list) or not own:
+    for name, levels in table.items():
+        if not isinstance(levels, list) or not levels:
             raise SpecError(f"variants.grid.{name} must be a list of numbers, [1, 2, 3]")
-        values.append([_number(x, f"variants.grid.{name}") for x in own])
+        values.append([_number(x, f"variants.grid.{name}") for x in levels])
     _require_few(math.prod(map(len, values)))
     return Variants(tuple(table), list(product(*values)))
 
@@ -144,10 +144,10 @@ def _random(table: Any, _: Path) -> Variants:
     if not isinstance(table["of"], dict) or not table["of"]:
         raise SpecError(f"{where}.of must be a table: of = {{NAME = [LOW, HIGH]}}")
     ends = []
-    for name, own in table["of"].items():
-        if not isinstance(own, list) or len(own) != 2:
+    for name, interval in table["of"].items():
+        if not isinstance(interval, list) or len(interval) != 2:
             raise SpecError(f"{where}.of.{name} must be [LOW, HIGH]")
-        low, high = (_number(x, f"{where}.of.{name}") for x in own)
+        low, high = (_number(x, f"{where}.of.{name}") for x in interval)
         if not low < high:
             raise SpecError(f"{where}.of.{name}: {float(low):g} must be below {float(high):g}")
         ends.append((float(low), float(high)))
@@ -172,14 +172,14 @@ def _listed(name: Any, folder: Path) -> Variants:
     numbers = [k for k, label in enumerate(labels) if label != LABEL]
     if not numbers:
         raise SpecError(f"{path}: has no column of numbers")
-    found, names = [], []
+    cells, names = [], []
     for i, row in enumerate(rows):
         if len(row) != len(labels):
             raise SpecError(f"{path}: row {i + 1} has {len(row)} cells in place of {len(labels)}")
-        found.append(tuple(_cell(row[k], f"{path}: row {i + 1}: {labels[k]}") for k in numbers))
+        cells.append(tuple(_cell(row[k], f"{path}: row {i + 1}: {labels[k]}") for k in numbers))
         names += [row[labels.index(LABEL)].strip()] if LABEL in labels else []
-    _require_few(len(found))
-    return Variants(tuple(labels[k] for k in numbers), found, names)
+    _require_few(len(cells))
+    return Variants(tuple(labels[k] for k in numbers), cells, names)
 
 
 def _csv(path: Path) -> tuple[list[str], Iterable[list[str]]]:
@@ -195,7 +195,9 @@ def _parquet(path: Path) -> tuple[list[str], Iterable[list[str]]]:
     content = read_bytes(path, MAX_BYTES, SpecError)
     remedy = "pip install 'polefence[parquet]', or give a .csv"
     table = read_table(content, str(path), remedy, SpecError)
-    columns = [["" if x is None else str(x) for x in own.to_pylist()] for own in table.columns]
+    columns = [
+        ["" if x is None else str(x) for x in column.to_pylist()] for column in table.columns
+    ]
     return list(table.column_names), [list(row) for row in zip(*columns, strict=True)]
 
 

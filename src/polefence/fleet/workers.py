@@ -39,9 +39,9 @@ class Workers(Short):
 
     def done(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | None]]:
         """Yield tasks with their results, as `carried_out` does."""
-        own = work if self.around is None else partial(self.around, work)
+        carried = work if self.around is None else partial(self.around, work)
         # two groups for each worker: one under way, one that waits
-        return carried_out(tasks, own, self.places, 2 * self.count, self.lost)
+        return carried_out(tasks, carried, self.places, 2 * self.count, self.lost)
 
 
 def here() -> Workers:

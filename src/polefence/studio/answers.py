@@ -33,7 +33,7 @@ class Answer(Short):
     number : int
         Of the question.
     question : Question
-    found : Found, optional
+    result : Found, optional
         What was found in floats; None where nothing was.
     check : Check, optional
         What the checker says of it; None while it is at work.
@@ -45,7 +45,7 @@ class Answer(Short):
 
     number: int
     question: Question
-    found: Found | None = None
+    result: Found | None = None
     check: Check | None = None
     reason: str = ""
     refuted: bool = False
@@ -53,12 +53,12 @@ class Answer(Short):
     @property
     def design(self) -> Design | None:
         """The law that was found."""
-        return None if self.found is None else self.found.design
+        return None if self.result is None else self.result.design
 
     @property
     def final(self) -> bool:
         """Whether no more is to come."""
-        return self.check is not None or self.found is None
+        return self.check is not None or self.result is None
 
     @property
     def proved(self) -> bool:
@@ -174,10 +174,10 @@ class Newest:
         """That of the newest question."""
         return self._number
 
-    def know(self, question: Question, found: Found) -> None:
+    def know(self, question: Question, result: Found) -> None:
         """Take over what was found elsewhere; it is proved when it is asked for."""
         with self._lock:
-            self._keep(Answer(0, question, found))
+            self._keep(Answer(0, question, result))
 
     def ask(self, question: Question) -> int:
         """Ask for a law; return the question's number. What was asked before is given up."""
@@ -210,21 +210,21 @@ class Newest:
             known = self._known.get(answer.question)
             if known is not None:
                 answer = replace(known, number=answer.number)
-            if answer.found is None:
+            if answer.result is None:
                 answer = self._search(answer)
             else:
                 self._say(replace(answer, check=None))
-            if answer.found is not None and answer.check is None:
+            if answer.result is not None and answer.check is None:
                 self._wait(answer.number)
                 if answer.number == self._number:
                     answer = replace(
-                        answer, check=check_document(answer.found.document, Path(FILE_NAME))
+                        answer, check=check_document(answer.result.document, Path(FILE_NAME))
                     )
             self._say(answer)
 
     def _search(self, answer: Answer) -> Answer:
         try:
-            answer = replace(answer, found=answer.question.found(self._subject))
+            answer = replace(answer, result=answer.question.search(self._subject))
         except PolefenceError as error:
             refuted = getattr(error, "refutation", None) is not None
             return replace(answer, reason=" ".join(str(error).split()), refuted=refuted)

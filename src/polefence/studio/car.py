@@ -135,16 +135,16 @@ class Car:
         wheels = [visible(name) for name in wheels_of(self.car)[0]]
         seats = [visible(name) for name in seats_of(self.car)][:MOST]
         felt = seats[0] if len(seats) == 1 else "acceleration"
-        found = [
+        plots = [
             self._trace("felt", f"{felt} [m/s²]", seats),
             self._trace("travel", "travel [mm]", wheels),
             self._trace("tyre", "tyre [N]", wheels),
         ]
-        _, travel, tyre = found
+        _, travel, tyre = plots
         colour = self._palette.looked
         travel.line("x", "y", source=self.limits, color=colour, line_dash="dashed")
         tyre.add_layout(Span(location=0, line_color=colour, line_dash="dotted"))
-        return found
+        return plots
 
     def _trace(self, key: str, label: str, names: list[str]) -> Any:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
@@ -155,7 +155,7 @@ class Car:
         plot.yaxis.axis_label_text_font_size = "10px"
         colour, lines = self._palette, []
         shades = (colour.cars, *colour.trails[1:])
-        for who, own in reversed(self.looked.frames.items()):
+        for who, columns in reversed(self.looked.frames.items()):
             for i, name in enumerate(names):
                 style: dict[str, Any] = {"color": colour.ghost, "line_dash": "dashed"}
                 if who == "law":
@@ -166,7 +166,10 @@ class Car:
                     style |= {"line_alpha": 0.6}
                 style["line_width"] = 1.5
                 # a legend shows no line that has no points when it is drawn
-                both = [plot.line("time", f"{key} {i}", source=own, **style), _unseen(plot, style)]
+                both = [
+                    plot.line("time", f"{key} {i}", source=columns, **style),
+                    _unseen(plot, style),
+                ]
                 lines.append((who, name, both))
         plot.vspan("x", source=self.cursor, color=colour.looked)
         if len(names) > 1 or key == "felt":
@@ -184,10 +187,12 @@ class Car:
         models |= {"larger": LARGER, "spacing": SPACING, "before": BEFORE}
         models |= {"body": BODY, "radius": RADIUS, "narrow": NARROW}
         code = template("riding.js")
-        own = {what: CustomJS(args=models | {"what": what}, code=code) for what in ("play", "draw")}
-        self.play.js_on_change("active", own["play"])
-        self.at.js_on_change("value", own["draw"])
-        self.looked.frames["passive"].js_on_change("data", own["draw"])
+        callbacks = {
+            what: CustomJS(args=models | {"what": what}, code=code) for what in ("play", "draw")
+        }
+        self.play.js_on_change("active", callbacks["play"])
+        self.at.js_on_change("value", callbacks["draw"])
+        self.looked.frames["passive"].js_on_change("data", callbacks["draw"])
 
 
 def _title(first: Parameter, value: float) -> str:
@@ -201,9 +206,11 @@ def _unseen(plot: Any, style: dict[str, Any]) -> Any:
 
 def _explain(plot: Any, lines: list[tuple[str, str, list[Any]]], many: int) -> None:
     """Say above a plot what its lines are; a click on a word hides them."""
-    ghosts = [line for who, _, own in lines for line in own if who == PASSIVE]
+    ghosts = [line for who, _, its_lines in lines for line in its_lines if who == PASSIVE]
     items: list[Any] = [(PASSIVE, ghosts)]
-    items += [(LAW if many == 1 else name, own) for who, name, own in lines if who != PASSIVE]
+    items += [
+        (LAW if many == 1 else name, its_lines) for who, name, its_lines in lines if who != PASSIVE
+    ]
     legend = Legend(items=items, orientation="horizontal", click_policy="hide", padding=2, margin=2)
     legend.label_text_font_size = "11px"
     plot.add_layout(legend, "above")

@@ -165,7 +165,7 @@ class Front:
 
     def _limits(self, asked: Question, over: Specification) -> list[float]:
         """Return limits up to what the law has that is free in this."""
-        design = asked.found(self.subject).design
+        design = asked.search(self.subject).design
         bound = best_bound(design.plant, design.law, over)
         if bound is None or not bound.level > 0:
             raise NotProvedError(f"nothing is proved of {over.title} without a limit on it")

@@ -43,12 +43,16 @@ def handles(region: Region, view: View) -> list[Handle]:
     # where an edge is this near to a corner, the corner is enough
     near = 0.02 * (high - low)
     edges = (
-        own
-        for own in _edges(region, view)
-        if all(abs(own.place - corner.place) > near for corner in corners)
+        handle
+        for handle in _edges(region, view)
+        if all(abs(handle.place - corner.place) > near for corner in corners)
     )
-    found = [*edges, *corners, *_centres(region)]
-    return [own for own in found if low <= own.place.real <= high and own.place.imag <= height]
+    placed = [*edges, *corners, *_centres(region)]
+    return [
+        handle
+        for handle in placed
+        if low <= handle.place.real <= high and handle.place.imag <= height
+    ]
 
 
 def moved(region: Region, handle: Handle, place: complex) -> Region:
@@ -92,7 +96,9 @@ def _cut(region: Region, view: View) -> Curve:
     low, high = low.max(), high.min()
     if low >= high:
         return np.empty(0, dtype=complex)
-    x = np.unique(np.concatenate([[low, high], *(_curved(own, low, high) for own in region.parts)]))
+    x = np.unique(
+        np.concatenate([[low, high], *(_curved(part, low, high) for part in region.parts)])
+    )
     x = np.sort(np.concatenate([x, *_meetings(x, _tops(region, view, x))]))
     upper = x + 1j * _tops(region, view, x).min(axis=0)
     return np.concatenate([upper, upper[::-1].conj(), upper[:1]])
@@ -132,15 +138,15 @@ def _edges(region: Region, view: View) -> Iterator[Handle]:
     for k, part in enumerate(region.parts):
         for curve in part.boundary(view):
             upper = curve[(curve.imag >= -1e-12) & (_beyond(curve, view) <= 0)]
-            own = upper[region.distance(upper) <= _close(view)]
-            if not len(own):
+            edge = upper[region.distance(upper) <= _close(view)]
+            if not len(edge):
                 continue
             if part.half_axes is not None:  # its top and its right end
-                ends = int(own.imag.argmax()), int(own.real.argmax())
-                yield from (Handle(complex(own[end]), (k,)) for end in dict.fromkeys(ends))
+                ends = int(edge.imag.argmax()), int(edge.real.argmax())
+                yield from (Handle(complex(edge[end]), (k,)) for end in dict.fromkeys(ends))
             else:
-                middle = np.argsort(np.abs(own))[len(own) // 2]
-                yield Handle(complex(own[middle]), (k,))
+                middle = np.argsort(np.abs(edge))[len(edge) // 2]
+                yield Handle(complex(edge[middle]), (k,))
 
 
 def _corners(region: Region, view: View) -> Iterator[Handle]:

@@ -50,8 +50,10 @@ class Frame(Short):
 
     def _repr_html_(self) -> str:
         style = f"border: 0; width: 100%; max-width: {self.width}; height: {self.height}px"
-        own = f'src="{escape(self.address)}" title="{escape(self.title)}" style="{style}"'
-        return f'<iframe sandbox="allow-scripts allow-same-origin allow-downloads" {own}></iframe>'
+        where = f'src="{escape(self.address)}" title="{escape(self.title)}" style="{style}"'
+        return (
+            f'<iframe sandbox="allow-scripts allow-same-origin allow-downloads" {where}></iframe>'
+        )
 
 
 class Notebook:
@@ -124,12 +126,12 @@ class Notebook:
 
     def _begin(self, path: str) -> None:
         """Have the page made before anybody looks at it."""
-        own = HTTPConnection(HOST, self._port)
+        connection = HTTPConnection(HOST, self._port)
         try:
-            own.request("GET", path)
-            status = own.getresponse().status
+            connection.request("GET", path)
+            status = connection.getresponse().status
         finally:
-            own.close()
+            connection.close()
         if status != 200:
             raise OutputError(f"the page cannot be shown: {status}")
 

@@ -708,14 +708,14 @@ def _of_ride(question: Question) -> Question:
 def _words(answer: Answer) -> tuple[str, str]:
     """Return the class of a badge, and what it says."""
     region = answer.question.region
-    if answer.found is None:
+    if answer.result is None:
         return "refuted" if answer.refuted else "undecided", answer.reason
     if answer.check is None:  # which says itself how far it is
         return "working", ""
-    proved = "; ".join((f"proved: all poles in {region}", *answer.found.bounds))
-    if answer.found.design.note:
-        proved += f"; {answer.found.design.note}"
-    if not implies_stability(answer.found.design.plant, region):
+    proved = "; ".join((f"proved: all poles in {region}", *answer.result.bounds))
+    if answer.result.design.note:
+        proved += f"; {answer.result.design.note}"
+    if not implies_stability(answer.result.design.plant, region):
         proved += "; note: this region does not imply stability"
     words = {
         "proved": proved,

@@ -91,10 +91,10 @@ class Poles:
         plot.scatter("x", "y", **marks)
         marks = {"source": self.corners, "size": 8, "marker": "square", "line_color": colour.ink}
         plot.scatter("x", "y", fill_alpha=0, **marks)
-        for k, (own, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
+        for k, (trail, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
             label = f"as {visible(p.name)} varies"
             shade = colour.trails[k % len(colour.trails)]
-            plot.scatter("x", "y", source=own, size=4, color=shade, legend_label=label)
+            plot.scatter("x", "y", source=trail, size=4, color=shade, legend_label=label)
         marks = {"source": self.looked, "size": 12, "marker": "x", "color": colour.looked}
         plot.scatter("x", "y", line_width=3, **marks)
         marks = {"source": self.handles, "size": 14, "marker": "diamond", "color": colour.paper}
@@ -150,7 +150,7 @@ class Poles:
     def _draw(self) -> None:
         self.region.data = _columns(outline(self.state.region, self.view))
         self._handles = handles(self.state.region, self.view)
-        self.handles.data = _columns(np.array([own.place for own in self._handles]))
+        self.handles.data = _columns(np.array([handle.place for handle in self._handles]))
 
     def show(self, design: Design | None, region: Region) -> None:
         """Show the poles of a law that was asked for a region; none where there is none."""
@@ -169,16 +169,16 @@ class Poles:
     def _trace(self) -> None:
         """Show the poles of the car that is looked at, and as each parameter varies."""
         if self._design is None or not self.plant.parameters:
-            for own in (self.looked, *self.trails):
-                own.data = _columns(np.zeros(0))
+            for cloud in (self.looked, *self.trails):
+                cloud.data = _columns(np.zeros(0))
             return
         names = [p.name for p in self.plant.parameters]
         here = np.array([dict(self.state.values)[name] for name in names])
-        for k, (own, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
+        for k, (trail, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
             along = np.linspace(float(p.low), float(p.high), 40)
             values = np.tile(here, (len(along), 1))
             values[:, k] = along
-            own.data = _columns(np.ravel(self._poles(values)))
+            trail.data = _columns(np.ravel(self._poles(values)))
         self.looked.data = _columns(np.ravel(self._poles(here[None])))
 
     def _poles(self, values: Array) -> Array:

@@ -119,7 +119,7 @@ class Question(Short):
         """Return the limits of the spec that are as they are."""
         return tuple(limit for limit in wanted.limits if limit.title != self.over)
 
-    def found(self, subject: Subject) -> Found:
+    def search(self, subject: Subject) -> Found:
         """Search a law.
 
         Raises

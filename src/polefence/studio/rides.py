@@ -342,11 +342,13 @@ def _heights(car: Car | None, road: str, speed: float, time: Array) -> Array:
     """Return how much higher the road under each wheel is than where it begins, (T, wheels)."""
     left, right = under(car, road, speed)
     _, places = wheels_of(car)
-    found = []
+    under_wheels = []
     for x, y in places:
-        own = (left if y > 0 else right).later(float(places[:, 0].max() - x))
-        found.append(np.interp(own.distance[0] + speed * time, own.distance, own.height))
-    heights = np.stack(found, axis=1)
+        track = (left if y > 0 else right).later(float(places[:, 0].max() - x))
+        under_wheels.append(
+            np.interp(track.distance[0] + speed * time, track.distance, track.height)
+        )
+    heights = np.stack(under_wheels, axis=1)
     return np.asarray(heights - heights[0])
 
 

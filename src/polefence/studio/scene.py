@@ -70,7 +70,9 @@ def sides_of(places: Array) -> tuple[Side, ...]:
     if left.all() or not left.any():
         return (_side("", np.arange(len(x)), x, y.mean(), along=True),)
     pair = (("left", np.flatnonzero(left)), ("right", np.flatnonzero(~left)))
-    return tuple(_side(title, own, x[own], y[own].mean(), along=True) for title, own in pair)
+    return tuple(
+        _side(title, wheels, x[wheels], y[wheels].mean(), along=True) for title, wheels in pair
+    )
 
 
 def _side(title: str, wheels: Any, at: Array, aside: float, along: bool) -> Side:
@@ -117,7 +119,7 @@ class Scene:
             *(f"end {j} {i}" for j in range(len(self.sides)) for i in range(2)),
             *(f"felt {i}" for i in range(len(seats_of(car)))),
         )
-        self.figures = [self._figure(*own) for own in zip(self.sides, self.drawn, strict=True)]
+        self.figures = [self._figure(*panel) for panel in zip(self.sides, self.drawn, strict=True)]
         self.entitle("", 1)
         self.show(None, None, 0.0)
 
@@ -145,8 +147,8 @@ class Scene:
 
     def show(self, passive: Motion | None, law: Motion | None, speed: float) -> None:
         """Have other motions; the passive one last, at which it is drawn."""
-        for who, own in (("law", law), ("passive", passive)):
-            self.frames[who].data = self._columns(own, speed)
+        for who, motion in (("law", law), ("passive", passive)):
+            self.frames[who].data = self._columns(motion, speed)
 
     def entitle(self, title: str, of: int) -> None:
         """Say which car it is, of so many beside each other; one alone has a legend."""
@@ -161,19 +163,19 @@ class Scene:
                 outside *= 2
             plot.height = round(WIDE * (TOP - BOTTOM) / (high - low)) + outside
 
-    def _columns(self, own: Motion | None, speed: float) -> dict[str, Any]:
+    def _columns(self, motion: Motion | None, speed: float) -> dict[str, Any]:
         """Return a motion by columns: of each wheel, each end of the body, and each seat."""
-        if own is None:
+        if motion is None:
             return dict.fromkeys(self._keys, np.zeros(0))
         # travel in mm
         wheels = [
-            np.asarray(getattr(own, key), float) * (1e3 if key == "travel" else 1.0)
+            np.asarray(getattr(motion, key), float) * (1e3 if key == "travel" else 1.0)
             for key in SIGNALS
         ]
-        ends = [own.height(*end) for side in self.sides for end in side.ends]
-        felt = [one.acceleration for one in own.felt]
+        ends = [motion.height(*end) for side in self.sides for end in side.ends]
+        felt = [one.acceleration for one in motion.felt]
         rows = [*(row for values in wheels for row in values.T), *ends, *felt]
-        rows = [own.time, speed * own.time, *rows]
+        rows = [motion.time, speed * motion.time, *rows]
         # half as much to be sent, and far more digits than are seen
         return {key: np.float32(row) for key, row in zip(self._keys, rows, strict=True)}
 
@@ -208,7 +210,7 @@ class Scene:
 
     def _lines(self, plot: Any, drawn: dict[str, ColumnDataSource]) -> list[tuple[str, list[Any]]]:
         """Draw what moves; return what a legend says of it."""
-        colour, found = self._palette, []
+        colour, legend = self._palette, []
         plot.line("x", "y", source=drawn["ground"], color=colour.ink, line_width=2)
         plot.line("x", "y", source=drawn["spring"], color=colour.cars, line_width=1.5)
         for who, label, shade, dash, wide in (
@@ -218,5 +220,5 @@ class Scene:
         ):
             style = {"color": shade, "line_width": wide, "line_dash": dash}
             line = plot.line("x", "y", source=drawn[who], name=who, **style)
-            found.append((label, [line]))
-        return found
+            legend.append((label, [line]))
+        return legend

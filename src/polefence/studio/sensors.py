@@ -56,13 +56,13 @@ class Sensors:
 
     def say(self, name: str, text: str) -> None:
         """Say something beside a signal, or above all."""
-        own = self.texts.get(name, self.head)
-        own.object = safe(text)
+        note = self.texts.get(name, self.head)
+        note.object = safe(text)
 
     def clear(self) -> None:
         """Say nothing beside any."""
-        for own in (self.head, *self.texts.values()):
-            own.object = ""
+        for note in (self.head, *self.texts.values()):
+            note.object = ""
 
     def _changed(self) -> None:
         if not self._quiet:
@@ -95,9 +95,9 @@ class Sensors:
             If there is no law for what is ticked.
         """
         say("", "as ticked: being searched")
-        found = question.found(self.subject)
-        know(question, found)
-        say("", f"as ticked: {self._level(found)}")
+        result = question.search(self.subject)
+        know(question, result)
+        say("", f"as ticked: {self._level(result)}")
         for name in self.subject.signals:
             other = set(question.measured) ^ {name}
             if not other:
@@ -107,18 +107,18 @@ class Sensors:
             word = "without" if name in question.measured else "with"
             say(name, f"{word} it: being searched")
             try:
-                found = asked.found(self.subject)
+                result = asked.search(self.subject)
             except PolefenceError:
                 say(name, f"{word} it: none is proved")
                 continue
-            know(asked, found)
-            say(name, f"{word} it: {self._level(found)}")
+            know(asked, result)
+            say(name, f"{word} it: {self._level(result)}")
 
-    def _level(self, found: Found) -> str:
+    def _level(self, result: Found) -> str:
         """Return the least that is proved, of what is minimised."""
         wanted = self.subject.wanted
         unit = "" if wanted is None else wanted.least.unit(self.subject.plant)
-        return f"proved {found.bounds[0].rpartition('<=')[2].strip()} {unit}".rstrip()
+        return f"proved {result.bounds[0].rpartition('<=')[2].strip()} {unit}".rstrip()
 
     def recipe(self, question: Question) -> tuple[str, str]:
         """Return the command line and the Python of the best ride of what is ticked."""

@@ -63,10 +63,10 @@ def serve(
 
     def page() -> Any:
         document = pn.state.curdoc
-        own = Page(subject, state, folders, document, pn.config.theme == "dark")
-        pages.add(own)
-        pn.state.on_session_destroyed(lambda _: own.close())
-        return shown(own, document, "start it again, and open the address that it prints")
+        view = Page(subject, state, folders, document, pn.config.theme == "dark")
+        pages.add(view)
+        pn.state.on_session_destroyed(lambda _: view.close())
+        return shown(view, document, "start it again, and open the address that it prints")
 
     pn.extension()
     port = port or free_port()
@@ -80,8 +80,8 @@ def serve(
         try:
             server.io_loop.start()
         finally:
-            for own in pages:
-                own.close()
+            for view in pages:
+                view.close()
 
 
 class Whole(pn.Template):  # type: ignore[misc]
@@ -150,7 +150,7 @@ def listening(page: Callable[[], Any], token: str, port: int, title: str, **more
 
 def free_port() -> int:
     """Return a port that is free."""
-    with socket.socket() as own:
-        own.bind((HOST, 0))
-        port: int = own.getsockname()[1]
+    with socket.socket() as listener:
+        listener.bind((HOST, 0))
+        port: int = listener.getsockname()[1]
         return port

@@ -72,8 +72,8 @@ class State(Short):
 
     def drive_python(self, subject: Subject) -> str:
         """Return the Python that does, behind that of `python`."""
-        own = dict(self.values), self.road, self.speed, self.travel_limit
-        return python(subject.car, subject.name, *own, subject.dampers)
+        values = dict(self.values), self.road, self.speed, self.travel_limit
+        return python(subject.car, subject.name, *values, subject.dampers)
 
     def python(self, subject: Subject) -> str:
         """Return the Python that designs this, and its gain for the car that is looked at.
@@ -83,9 +83,9 @@ class State(Short):
         N = len(subject.plant.vertices)
         values = ", ".join(f"{name}={value!r}" for name, value in self.values)
         gain = f"gain_at({values})" if values else f"gain([1 / {N}] * {N})"
-        own = self.question.python(subject)
+        code = self.question.python(subject)
         save = "" if self.question.given else '\ndesign.save("design")'
-        return f"{own}\nK = design.law.{gain}{save}"
+        return f"{code}\nK = design.law.{gain}{save}"
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ def save(folder: Path, subject: Subject, state: State, answer: Answer | None) ->
         If a file cannot be written, or is another's.
     """
     design = []
-    if answer is not None and answer.proved and answer.found is not None:
-        documents = {FILE_NAME: answer.found.document.dumps()}
+    if answer is not None and answer.proved and answer.result is not None:
+        documents = {FILE_NAME: answer.result.document.dumps()}
         design = write_documents(_own(folder / DESIGN), documents)
     else:
         state = state.asking()  # what is given has no file there
@@ -44,11 +44,11 @@ def report(folder: Path, state: State, answer: Answer) -> list[Path]:
     NotProvedError
         If the law is not proved.
     """
-    if answer.found is None or answer.check is None or not answer.proved:
+    if answer.result is None or answer.check is None or not answer.proved:
         raise NotProvedError("no report: the law is not proved")
     words = state.road.split()
     road = words[1] if words[0] == "class" else "C"
-    text = html_report(answer.found.design, road, state.speed, answer.found.document)
+    text = html_report(answer.result.design, road, state.speed, answer.result.document)
     path = make_folder(folder) / REPORT
     if path.is_symlink() or (path.exists() and not begins_with(path, MARK)):
         raise InputError(f"{path}: is not a report; move it away")
@@ -66,9 +66,9 @@ def code(folder: Path, answer: Answer) -> list[Path]:
     NotProvedError
         If the law is not proved.
     """
-    if answer.found is None or not answer.proved:
+    if answer.result is None or not answer.proved:
         raise NotProvedError("no code: the law is not proved")
-    return list(export_c99(answer.found.design).save(_own(folder / CODE)))
+    return list(export_c99(answer.result.design).save(_own(folder / CODE)))
 
 
 def _own(folder: Path) -> Path:

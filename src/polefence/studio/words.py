@@ -46,24 +46,24 @@ def code(text: str) -> str:
 
 def taken(command: str, python: str) -> str:
     """Return a command line and Python, folded, each with a button that copies it."""
-    own = "".join(
+    blocks = "".join(
         f"<div>{COPY.format(what=what)}{code(text)}</div>"
         for what, text in (("the command line", command), ("the Python", python))
         if text
     )
-    return f"<details><summary>Command line and Python</summary>{own}</details>"
+    return f"<details><summary>Command line and Python</summary>{blocks}</details>"
 
 
-def margins_table(found: Iterable[Margin]) -> str:
+def margins_table(margins: Iterable[Margin]) -> str:
     """Return margins as a table: what is proved, and as a bar its share of what breaks."""
-    return f'<table class="margins">{"".join(map(_row, found))}</table>'
+    return f'<table class="margins">{"".join(map(_row, margins))}</table>'
 
 
-def _row(own: Margin) -> str:
+def _row(margin: Margin) -> str:
     bar = breaks = ""
-    if own.upper is not None:
-        share = 100 * min(own.value / own.upper, 1.0) if own.upper > 0 else 0.0
+    if margin.upper is not None:
+        share = 100 * min(margin.value / margin.upper, 1.0) if margin.upper > 0 else 0.0
         bar = f'<div class="bar"><div style="width: {share:.1f}%"></div></div>'
-        breaks = f"breaks at {digits_up(own.upper, 4)}"
-    cells = f"<td>{safe(f'{own.text} {own.unit}')}</td><td>{bar}</td><td>{safe(breaks)}</td>"
-    return f'<tr title="{safe(own.example)}"><th>{safe(own.subject)}</th>{cells}</tr>'
+        breaks = f"breaks at {digits_up(margin.upper, 4)}"
+    cells = f"<td>{safe(f'{margin.text} {margin.unit}')}</td><td>{bar}</td><td>{safe(breaks)}</td>"
+    return f'<tr title="{safe(margin.example)}"><th>{safe(margin.subject)}</th>{cells}</tr>'

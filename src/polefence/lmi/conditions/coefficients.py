@@ -12,18 +12,18 @@ from polefence.plant.polynomial import Domain, Exponent, binomial
 def weighted(coefficients: Sequence[Linear], domain: Domain, degree: int) -> dict[Exponent, Linear]:
     """Return Bernstein coefficients as those of monomials."""
     pairs = zip(domain.monomials(degree), coefficients, strict=True)
-    return {e: float(binomial(domain.sizes, e)) * own for e, own in pairs}
+    return {e: float(binomial(domain.sizes, e)) * coefficient for e, coefficient in pairs}
 
 
-def inside(own: Sequence[Linear], box: Box, domain: Domain, degree: int) -> list[Linear]:
+def inside(coefficients: Sequence[Linear], box: Box, domain: Domain, degree: int) -> list[Linear]:
     """Return the Bernstein coefficients, on a part of the box, of those on the whole."""
-    if not own:
+    if not coefficients:
         return []
-    whole, found = weighted(own, domain, degree), []
+    whole, on_part = weighted(coefficients, domain, degree), []
     shares = weights(box, domain, degree)
     for e in domain.monomials(degree):
         total = Linear()
         for d, share in shares[e].items():
             total = total + share / binomial(domain.sizes, e) * whole[d]
-        found.append(total)
-    return found
+        on_part.append(total)
+    return on_part

@@ -75,8 +75,8 @@ def add_norm(
     s = pencil.positive(f"s {norm.name}")
     # one congruence, by the inverse of H0's mean, makes H0 about I
     G = np.asarray(np.linalg.inv(near.mean(axis=0)))
-    own = degree if len(near) > 1 else 0
-    H0 = elevated(bernstein(domain, near @ G, own), domain, degree - own)
+    law_degree = degree if len(near) > 1 else 0
+    H0 = elevated(bernstein(domain, near @ G, law_degree), domain, degree - law_degree)
     transposed = {e: p.T for e, p in H0.items()}
     square = elevated(times(transposed, H0), domain, elevation)
     left, below = [], []

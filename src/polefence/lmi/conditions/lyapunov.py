@@ -74,8 +74,8 @@ class Loop:
     @property
     def input_degree(self) -> int:
         """Degree of K X in each simplex where Q is constant; zero where K is not there."""
-        own = [degree_of(P, self.domain) for P in (self.K, self.R) if P is not None]
-        return sum(own) if self.K is not None else 0
+        degrees = [degree_of(P, self.domain) for P in (self.K, self.R) if P is not None]
+        return sum(degrees) if self.K is not None else 0
 
     @property
     def middle(self) -> Array:
@@ -110,8 +110,8 @@ class Loop:
         R = self.R and {e: inverse @ p @ inverse.T for e, p in self.R.items()}
         B = self.B and {e: inverse @ p / rate for e, p in self.B.items()}
         K = self.K and {e: p @ right for e, p in self.K.items()}
-        own = self.step * rate, self.motion.changed(rate), B, K
-        return Loop(E, C, self.domain, R, *own, self.pieces)
+        timing = self.step * rate, self.motion.changed(rate), B, K
+        return Loop(E, C, self.domain, R, *timing, self.pieces)
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""
@@ -136,15 +136,13 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
     domain, n = loop.domain, len(next(iter(loop.E.values())))
     pencil = Builder("lyapunov")
     like = demands.target.motion.like(domain, degree)
-    Q = [pencil.symmetric(f"Q{k + 1}", n, f"Q{own + 1}") for k, own in enumerate(like)]
+    Q = [pencil.symmetric(f"Q{k + 1}", n, f"Q{j + 1}") for k, j in enumerate(like)]
     natural = loop.degree + degree
     elevation += max(0, demands.degree(domain) - natural)
     E, C = (elevated(P, domain, elevation) for P in (loop.E, loop.C))
     X, NY = _products(E, Q, loop, degree), _products(C, Q, loop, degree)
     if loop.R is not None:
-        scalars = [
-            pencil.full(f"s{k + 1}", (1, 1), "", f"s{own + 1}") for k, own in enumerate(like)
-        ]
+        scalars = [pencil.full(f"s{k + 1}", (1, 1), "", f"s{j + 1}") for k, j in enumerate(like)]
         extra = degree_of(loop.R, domain)
         for total, P in ((X, E), (NY, C)):
             for e, more in _multiples(elevated(P, domain, extra), scalars, domain, degree).items():
@@ -165,14 +163,14 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
     if demands.target.motion.moves:
         bare = _products(loop.R or _one(loop), Q, loop, degree)
         if loop.R is not None:
-            own = _multiples(elevated(loop.R, domain, extra), scalars, domain, degree)
-            bare = {e: bare.get(e, Linear()) + own.get(e, Linear()) for e in {**bare, **own}}
+            spread = _multiples(elevated(loop.R, domain, extra), scalars, domain, degree)
+            bare = {e: bare.get(e, Linear()) + spread.get(e, Linear()) for e in {**bare, **spread}}
         motions = halves(demands.target.motion, bare, domain, natural + elevation)
 
     def forms() -> Iterator[Form]:
         for e in domain.monomials(natural + elevation):
             N, *Y = (part @ NY[e] for part in parts) if demands.outputs else (NY[e],)
-            cut = {name: own[e] for name, own in held.items()}
+            cut = {name: cuts[e] for name, cuts in held.items()}
             yield Form(e, X[e], N, tuple(Y), moved=motions.get(e, ()), cut=cut)
 
     return assembled(pencil, forms(), demands, domain, natural + elevation)
@@ -200,16 +198,16 @@ def _one(loop: Loop) -> Polynomial:
 
 def _products(P: Polynomial, Q: list[Linear], loop: Loop, degree: int) -> dict[Exponent, Linear]:
     """Return the coefficients of P Q R, linear in Q."""
-    found: dict[tuple[Exponent, int, int], Array] = {}
+    lefts: dict[tuple[Exponent, int, int], Array] = {}
     right = loop.rights
     weights = [binomial(loop.domain.sizes, e) for e in loop.domain.monomials(degree)]
     for d, p in P.items():
-        for k, own in enumerate(loop.domain.monomials(degree)):
+        for k, f in enumerate(loop.domain.monomials(degree)):
             for i, (e, _) in enumerate(right):
-                key = tuple(a + b + c for a, b, c in zip(d, own, e, strict=True)), k, i
-                found[key] = found[key] + weights[k] * p if key in found else weights[k] * p
+                key = tuple(a + b + c for a, b, c in zip(d, f, e, strict=True)), k, i
+                lefts[key] = lefts[key] + weights[k] * p if key in lefts else weights[k] * p
     result: dict[Exponent, Linear] = {}
-    for (e, k, i), left in found.items():
+    for (e, k, i), left in lefts.items():
         term = Term(Q[k].terms[0].name, left, right[i][1])
         result[e] = result.get(e, Linear()) + Linear((term,))
     return result
@@ -221,10 +219,10 @@ def _multiples(
     """Return the coefficients of P times a scalar polynomial of these unknowns."""
     result: dict[Exponent, Linear] = {}
     units = _units(next(iter(P.values())).shape[1])
-    for scalar, own in zip(scalars, domain.monomials(degree), strict=True):
-        weight = binomial(domain.sizes, own)
+    for scalar, f in zip(scalars, domain.monomials(degree), strict=True):
+        weight = binomial(domain.sizes, f)
         for d, p in P.items():
-            e = tuple(map(add, d, own))
+            e = tuple(map(add, d, f))
             terms = (
                 Term(scalar.terms[0].name, weight * column[:, None], unit)
                 for column, unit in zip(p.T, units, strict=True)

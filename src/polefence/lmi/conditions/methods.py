@@ -247,10 +247,10 @@ def step_work(plant: UncertainPlant, method: Method) -> float:
     o, (n, m) = options(method), plant.shape
     domain = Domain.of(o.on, len(plant.vertices))
     degree, total = int(o.degree), _natural(o) + o.elevation
-    each = n * (n + 1) // 2
+    scalars = n * (n + 1) // 2
     extra = n * (n + m) if isinstance(o, Slack) else 0
-    each += 0 if isinstance(o, Slack) else m * n
-    unknowns = domain.count(degree) * each + extra
+    scalars += 0 if isinstance(o, Slack) else m * n
+    unknowns = domain.count(degree) * scalars + extra
     together = 1.0
     for size in domain.sizes:
         if size == 2:
@@ -258,7 +258,7 @@ def step_work(plant: UncertainPlant, method: Method) -> float:
             together *= sum(k * k for k in inside) / (total + 1)
         else:
             together *= min(comb(total, degree), comb(size + degree - 1, degree)) ** 2
-    entries = blocks(plant, method) * (together * each**2 + extra**2)
+    entries = blocks(plant, method) * (together * scalars**2 + extra**2)
     return unknowns**3 / 3 + entries * (4 * n + 50)
 
 
@@ -346,7 +346,7 @@ def _estimated(
     """
     for number, patch in enumerate(target.patches, 1):
         A, B = (np.tensordot(patch.plant, M, 1) for M in plant)
-        W, Z = (inside(each, patch.box, domain, degree) for each in law)
+        W, Z = (inside(part, patch.box, domain, degree) for part in law)
         for form in _forms((A, B), (W, Z), Demands(target), domain, degree, elevation):
             yield replace(form, name=f"{block_name(form.exponent, domain)} in patch {number}")
 
@@ -391,16 +391,18 @@ def _cut_off(
     degree: int,
 ) -> Iterator[Form]:
     """Yield forms with what the inputs that are cut off ask for."""
-    (B, Z, held), own = law, list(forms)
-    total = sum(own[0].exponent[: domain.sizes[0]])
-    KX, found = weighted(Z, domain, degree), dict[str, dict[Exponent, Cut]]()
+    (B, Z, held), formed = law, list(forms)
+    total = sum(formed[0].exponent[: domain.sizes[0]])
+    KX, saturated = weighted(Z, domain, degree), dict[str, dict[Exponent, Cut]]()
     for output in demands.outputs:
         if output.held:
             Y = weighted(held[output.name], domain, degree)
             P = bernstein(domain, B, 1)
-            found[output.name] = cuts(P, KX, Y, output.held, domain, total)
-    for form in own:
-        yield replace(form, cut={name: own[form.exponent] for name, own in found.items()})
+            saturated[output.name] = cuts(P, KX, Y, output.held, domain, total)
+    for form in formed:
+        yield replace(
+            form, cut={name: cuts_of[form.exponent] for name, cuts_of in saturated.items()}
+        )
 
 
 def _forms(
@@ -412,12 +414,12 @@ def _forms(
     extra: int,
 ) -> Iterator[Form]:
     """Yield the coefficients of X = W, N = A W + B Z and Y = C W + D Z, of motions too."""
-    own = list(_still(plant, law, demands.outputs, domain, degree, extra))
+    forms = list(_still(plant, law, demands.outputs, domain, degree, extra))
     if demands.target.motion.moves:
         X = weighted(law[0], domain, degree)
-        found = halves(demands.target.motion, X, domain, degree + 1 + extra)
-        own = [replace(form, moved=found.get(form.exponent, ())) for form in own]
-    yield from own
+        moved = halves(demands.target.motion, X, domain, degree + 1 + extra)
+        forms = [replace(form, moved=moved.get(form.exponent, ())) for form in forms]
+    yield from forms
 
 
 def _still(

@@ -42,17 +42,17 @@ def halves(
         return {}
     motion.require(domain)
     if motion.centre is None:
-        tables = [change(own, domain, degree, total) for own in motion.moves]
-        rates = list(product(*(own.rates or (0.0, 0.0) for own in motion.moves)))
-        found = {}
+        tables = [change(move, domain, degree, total) for move in motion.moves]
+        rates = list(product(*(move.rates or (0.0, 0.0) for move in motion.moves)))
+        halved = {}
         for e in domain.monomials(total):
             slopes = [_sum(table.get(e, {}), X) for table in tables]
-            found[e] = tuple(_mixed(slopes, own) for own in rates)
-        return found
+            halved[e] = tuple(_mixed(slopes, corner) for corner in rates)
+        return halved
     if degree > 1:
         raise SolverError("in discrete time X must be affine in moving parameters")
     ends = product(range(2), repeat=len(motion.moves))
-    steps = [_step(motion, own, domain, total) for own in ends]
+    steps = [_step(motion, corner, domain, total) for corner in ends]
     return {
         e: tuple(0.5 * _sum(table.get(e, {}), X) for table in steps)
         for e in domain.monomials(total)
@@ -78,7 +78,7 @@ def _mixed(slopes: Sequence[Linear], rates: Sequence[float]) -> Linear:
 def _step(motion: Motion, ends: tuple[int, ...], domain: Domain, total: int) -> Weights:
     """Return X(p(t + T)) - X(p(t)) as weights of the coefficients of X, of degree one."""
     end = {move.simplex: (move, k) for move, k in zip(motion.moves, ends, strict=True)}
-    ones, found = _ones(total - 1), Weights()
+    ones, weights = _ones(total - 1), Weights()
     for d in domain.monomials(1):
         pairs = [(d[2 * f], d[2 * f + 1]) for f in range(len(domain.sizes))]
         after = [
@@ -87,9 +87,9 @@ def _step(motion: Motion, ends: tuple[int, ...], domain: Domain, total: int) -> 
         for forms, sign in ((after, 1.0), ([[(pair, 1.0)] for pair in pairs], -1.0)):
             for parts in product(*(_times(form, ones) for form in forms)):
                 e = sum((part for part, _ in parts), ())
-                row = found.setdefault(e, {})
+                row = weights.setdefault(e, {})
                 row[d] = row.get(d, 0.0) + sign * prod(w for _, w in parts)
-    return found
+    return weights
 
 
 def _after(move: Move, end: int, pair: tuple[int, int]) -> Terms:
@@ -114,19 +114,19 @@ def change(move: Move, domain: Domain, degree: int, total: int) -> Weights:
     square: Terms = [((0, 0), 1.0)]
     if move.inverted:  # s = 1/p changes with s^2 dp/dt
         square = [((2, 0), low * low), ((1, 1), 2 * low * high), ((0, 2), high * high)]
-    own = _times(square, _ones(total - degree + 1 - sum(square[0][0])))
-    ones, found = _ones(total - degree), Weights()
+    quadratic = _times(square, _ones(total - degree + 1 - sum(square[0][0])))
+    ones, weights = _ones(total - degree), Weights()
     for d in domain.monomials(degree):
         pairs = [(d[2 * f], d[2 * f + 1]) for f in range(len(domain.sizes))]
-        each = [
-            _times(_slope(*pair), own) if f == move.simplex else _times([(pair, 1.0)], ones)
+        factors = [
+            _times(_slope(*pair), quadratic) if f == move.simplex else _times([(pair, 1.0)], ones)
             for f, pair in enumerate(pairs)
         ]
-        for parts in product(*each):
+        for parts in product(*factors):
             e = sum((part for part, _ in parts), ())
-            row = found.setdefault(e, {})
+            row = weights.setdefault(e, {})
             row[d] = row.get(d, 0.0) + prod(w for _, w in parts) / abs(high - low)
-    return found
+    return weights
 
 
 def _ones(power: int) -> Terms:

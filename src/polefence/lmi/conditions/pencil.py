@@ -198,10 +198,10 @@ class Pencil(Short):
     @cached_property
     def places(self) -> dict[str, Index]:
         """For each variable its matrix of positions in x."""
-        start, found = np.cumsum([0] + [v.size for v in self.variables]), dict[str, Index]()
+        start, positions = np.cumsum([0] + [v.size for v in self.variables]), dict[str, Index]()
         for v, k in zip(self.variables, start, strict=False):
-            found[v.name] = found[v.like] if v.like else v.places + k
-        return found
+            positions[v.name] = positions[v.like] if v.like else v.places + k
+        return positions
 
     def _operator(self, halves: list[tuple[Term, ...]]) -> sp.csr_array:
         import scipy.sparse as sp

@@ -102,8 +102,8 @@ class Noise:
 
     def intensity(self, domain: Domain) -> Array:
         """Return what it moves the states with, in the middle of the family, (n, n)."""
-        each = [P / binomial(domain.sizes, e) for e, P in self.EE.items()]
-        return np.asarray(np.mean(each, axis=0))
+        squares = [P / binomial(domain.sizes, e) for e, P in self.EE.items()]
+        return np.asarray(np.mean(squares, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +123,8 @@ class Points:
     def intensity(self, domain: Domain) -> Array:  # noqa: ARG002
         """Return the sum of x0 x0' in the middle of the family, and X0, (n, n)."""
         means = [p.mean(axis=0) for p in self.points]
-        own = [] if self.ellipsoid is None else [self.ellipsoid]
-        return np.asarray(sum([x @ x.T for x in means] + own))
+        started = [] if self.ellipsoid is None else [self.ellipsoid]
+        return np.asarray(sum([x @ x.T for x in means] + started))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,10 +229,10 @@ class Demands:
 
     def degree(self, domain: Domain) -> int:
         """Return the highest degree of what is asked, in each simplex; at least 1."""
-        own = [degree_of(s.EE, domain) for s in self.sources if isinstance(s, Noise)]
-        own += [s.degree for s in self.sources if isinstance(s, Through)]
+        degrees = [degree_of(s.EE, domain) for s in self.sources if isinstance(s, Noise)]
+        degrees += [s.degree for s in self.sources if isinstance(s, Through)]
         squares = [o.square for o in self.outputs if o.square is not None]
-        return max([1, *own, *(degree_of(P, domain) for P in squares)])
+        return max([1, *degrees, *(degree_of(P, domain) for P in squares)])
 
 
 @dataclass(frozen=True)
@@ -310,23 +310,23 @@ def assembled(
                     source, name, form.X, t[source.name], data_at(moved[source.name]), weight
                 )
         for output, Y in zip(outputs, form.Y, strict=True):
-            source, own = by_name[output.source], t[output.source]
+            source, level = by_name[output.source], t[output.source]
             label = f"{output.name}, {name}"
             if isinstance(source, Through):
                 if source.part is not None:
                     E = data_at(moved[source.name])
-                    pencil.blocks.append(_kept(label, form, Y, own, E, weight, source))
+                    pencil.blocks.append(_kept(label, form, Y, level, E, weight, source))
                     continue
                 E, F = data_at(moved[source.name]), data_at(through[output.name])
                 for more, half in form.motions:
                     at = form.X, form.N, half, demands.step
-                    pencil.blocks.append(_passed(label + more, at, Y, own, E, F, weight, output))
+                    pencil.blocks.append(_passed(label + more, at, Y, level, E, F, weight, output))
             elif output.held:
                 square = data_at(bounds[output.name].__getitem__)
-                pencil.blocks += _held(label, form, own, square, output)
+                pencil.blocks += _held(label, form, level, square, output)
             else:
                 square = data_at(bounds[output.name].__getitem__)
-                pencil.blocks.append(_bound(label, form.X, Y, own, square, output))
+                pencil.blocks.append(_bound(label, form.X, Y, level, square, output))
         for label, side in target.named(name):
             still = [("", Linear())]
             for more, half in form.motions if side.is_about(target.motion) else still:
@@ -372,27 +372,27 @@ def _mixed(
     """Return the form whose parts are sums of those of others."""
 
     def total(part: Callable[[Form], Linear]) -> Linear:
-        found: Linear = _weighted(shares, lambda d: part(whole[d]))
-        return found
+        linear: Linear = _weighted(shares, lambda d: part(whole[d]))
+        return linear
 
-    def each(parts: Callable[[Form], Sequence[Linear]], count: int) -> tuple[Linear, ...]:
-        return tuple(total(lambda own, k=k: parts(own)[k]) for k in range(count))  # type: ignore[misc]
+    def totals(parts: Callable[[Form], Sequence[Linear]], count: int) -> tuple[Linear, ...]:
+        return tuple(total(lambda form, k=k: parts(form)[k]) for k in range(count))  # type: ignore[misc]
 
     first = whole[next(iter(shares))]
     cut = {
         key: Cut(
-            total(lambda own, key=key: own.cut[key].Y),  # type: ignore[misc]
-            each(lambda own, key=key: own.cut[key].added, len(first.cut[key].added)),  # type: ignore[misc]
+            total(lambda form, key=key: form.cut[key].Y),  # type: ignore[misc]
+            totals(lambda form, key=key: form.cut[key].added, len(first.cut[key].added)),  # type: ignore[misc]
         )
         for key in first.cut
     }
     return Form(
         e,
-        total(lambda own: own.X),
-        total(lambda own: own.N),
-        each(lambda own: own.Y, len(first.Y)),
+        total(lambda form: form.X),
+        total(lambda form: form.N),
+        totals(lambda form: form.Y, len(first.Y)),
         name=name,
-        moved=each(lambda own: own.moved, len(first.moved)),
+        moved=totals(lambda form: form.moved, len(first.moved)),
         cut=cut,
     )
 
@@ -449,8 +449,8 @@ def _moved(
             driven += put(t, weight / 2 * eye @ column, eye @ column)
     elif isinstance(source, Noise):
         # columns of zeros ask for work and for nothing else
-        own = np.any(data, axis=0)
-        driven += put(multiple(t, data[:, own] / 2), eye, eye[:, own])
+        entering = np.any(data, axis=0)
+        driven += put(multiple(t, data[:, entering] / 2), eye, eye[:, entering])
     return Block(f"{source.name}, {name}", size, (), driven)
 
 
@@ -472,8 +472,8 @@ def _started(
         yield Block(f"{source.name} {k + 1}, {name}", n + 1, (), corner + side + below)
     if source.ellipsoid is not None:
         X0, eye = source.ellipsoid, np.eye(n)
-        own = np.any(X0, axis=0)
-        above = put(multiple(t, weight / 2 * X0[:, own]), eye, eye[:, own])
+        entering = np.any(X0, axis=0)
+        above = put(multiple(t, weight / 2 * X0[:, entering]), eye, eye[:, entering])
         name = f"{source.name} of the ellipsoid, {name}"
         yield Block(name, n, (), above + put(-0.5 * X, eye, eye))
 
@@ -496,8 +496,8 @@ def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Ou
 
 def _added(source: Source, outputs: tuple[Output, ...], form: Form) -> tuple[Linear, ...]:
     """Return what is added to N, for a source under which inputs are cut off for each of them."""
-    found = [form.cut[o.name].added for o in outputs if o.held and o.source == source.name]
-    return found[0] if found else (Linear(),)
+    added = [form.cut[o.name].added for o in outputs if o.held and o.source == source.name]
+    return added[0] if added else (Linear(),)
 
 
 def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:
@@ -509,8 +509,8 @@ def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> It
     rows = np.concatenate([output.D[0], np.delete(np.eye(m), output.held, axis=0)])
     for k, row in enumerate(rows[:, None]):
         fixed = output.fixed or k >= output.rows
-        own = replace(output, C=output.C[:, :1], D=output.D[:, :1], fixed=fixed)
-        yield _bound(f"{name}, row {k + 1}", form.X, row @ Y, t, weight, own)
+        row_output = replace(output, C=output.C[:, :1], D=output.D[:, :1], fixed=fixed)
+        yield _bound(f"{name}, row {k + 1}", form.X, row @ Y, t, weight, row_output)
 
 
 def _kept(

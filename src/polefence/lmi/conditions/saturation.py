@@ -51,25 +51,25 @@ def cuts(
     KX, Y : mapping
         Coefficients by exponents, of one degree.
     """
-    difference = {e: own - KX.get(e, Linear()) for e, own in Y.items()}
-    own = sum(next(iter(Y))[: domain.sizes[0]])
-    raised = elevated(B, domain, degree - own - degree_of(B, domain))
-    each = [_times(_column(raised, i), difference) for i in chosen]
+    difference = {e: coefficient - KX.get(e, Linear()) for e, coefficient in Y.items()}
+    degree_of_Y = sum(next(iter(Y))[: domain.sizes[0]])
+    raised = elevated(B, domain, degree - degree_of_Y - degree_of(B, domain))
+    excess = [_times(_column(raised, i), difference) for i in chosen]
     one = {(0,) * sum(domain.sizes): np.eye(next(iter(B.values())).shape[1])}
     free = np.diag([float(i not in chosen) for i in range(len(one[next(iter(one))]))])
     bounded = {e: P - free @ KX.get(e, Linear()) for e, P in Y.items()}
-    held = _times(elevated(one, domain, degree - own), bounded)
+    held = _times(elevated(one, domain, degree - degree_of_Y), bounded)
     parts = [p for size in range(len(chosen) + 1) for p in combinations(range(len(chosen)), size)]
-    found: dict[Exponent, Cut] = {}
+    cut: dict[Exponent, Cut] = {}
     for e in domain.monomials(degree):
         added = []
         for part in parts:
             total = Linear()
             for k in part:
-                total = total + each[k].get(e, Linear())
+                total = total + excess[k].get(e, Linear())
             added.append(total)
-        found[e] = Cut(held[e], tuple(added))
-    return found
+        cut[e] = Cut(held[e], tuple(added))
+    return cut
 
 
 def _column(B: Polynomial, i: int) -> Polynomial:
@@ -80,9 +80,9 @@ def _column(B: Polynomial, i: int) -> Polynomial:
 
 
 def _times(P: Polynomial, Q: Forms) -> dict[Exponent, Linear]:
-    found: dict[Exponent, Linear] = {}
+    product: dict[Exponent, Linear] = {}
     for c, M in P.items():
-        for d, own in Q.items():
+        for d, coefficient in Q.items():
             e = tuple(a + b for a, b in zip(c, d, strict=True))
-            found[e] = found.get(e, Linear()) + M @ own
-    return found
+            product[e] = product.get(e, Linear()) + M @ coefficient
+    return product

@@ -62,12 +62,12 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     for degree in range(1, HIGHEST + 1):
         if problem.work(degree) * ROUNDS > MOST and degree > 1:
             return
-        found: Along | None = None
+        along: Along | None = None
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            found = _Interpolation(problem, motion, degree).found()
-        if found is not None:
-            yield found
-            if found.level <= worst * (1 + near):
+            along = _Interpolation(problem, motion, degree).along()
+        if along is not None:
+            yield along
+            if along.level <= worst * (1 + near):
                 return
 
 
@@ -84,7 +84,7 @@ class _Interpolation:
         """Degree of the inequalities."""
         problem = self.problem
         varies = bool(np.ptp(problem.E, axis=0).any())
-        inverted = any(own.inverted for own in self.motion.moves)
+        inverted = any(move.inverted for move in self.motion.moves)
         return max(
             self.degree + problem.rows,
             2 * varies * problem.plant.curve_degree,
@@ -109,17 +109,21 @@ class _Interpolation:
         """Coefficients of dX/dt at every extreme of the rates, as weights of those of X."""
         domain, sizes = self.problem.domain, self.problem.domain.sizes
         rows, columns = domain.monomials(self.total), domain.monomials(self.degree)
-        each = []
+        by_move = []
         for move in self.motion.moves:
             table = change(move, domain, self.degree, self.total)
             known = [[table.get(e, {}).get(d, 0.0) for d in columns] for e in rows]
-            left, right = (np.array([binomial(sizes, e) for e in own]) for own in (rows, columns))
-            each.append(np.array(known) / left[:, None] * right)
-        ends = product(*(own.rates or (0.0, 0.0) for own in self.motion.moves))
+            left, right = (
+                np.array([binomial(sizes, e) for e in exponents]) for exponents in (rows, columns)
+            )
+            by_move.append(np.array(known) / left[:, None] * right)
+        ends = product(*(moving.rates or (0.0, 0.0) for moving in self.motion.moves))
         none = np.zeros((len(rows), len(columns)))
-        return [sum((rate * D for rate, D in zip(own, each, strict=True)), none) for own in ends]
+        return [
+            sum((rate * D for rate, D in zip(rates, by_move, strict=True)), none) for rates in ends
+        ]
 
-    def found(self) -> Along | None:
+    def along(self) -> Along | None:
         """Let R grow until no coefficient is negative; None if it does not end.
 
         It is measured in what it adds to the bound: with the observability Gramian Q, tr Q R.
@@ -132,8 +136,8 @@ class _Interpolation:
         loops = inverse @ modes.A @ T
         R, over = FIRST * top / len(T) * eye, OVER
         for _ in range(ROUNDS):
-            found = modes.lyapunov(noise + T @ R @ T.T)
-            X = self.problem.domain.interpolated(found, self.degree)
+            gramians = modes.lyapunov(noise + T @ R @ T.T)
+            X = self.problem.domain.interpolated(gramians, self.degree)
             if not np.all(np.isfinite(X)):
                 return None
             missed = inverse @ self._missed(X) @ inverse.T

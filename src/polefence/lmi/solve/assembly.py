@@ -81,11 +81,11 @@ def groups(domain: Domain, degree: int, extra: int) -> tuple[Group, ...]:
     """Return the coefficients of degree + 1 + extra, by how many of the law's are in each."""
     exponents = domain.monomials(degree + 1 + extra)
     pairs, sums = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
-    found: dict[int, list[int]] = {}
-    for number, own in enumerate(sums):
-        found.setdefault(len(own), []).append(number)
+    by_count: dict[int, list[int]] = {}
+    for number, places in enumerate(sums):
+        by_count.setdefault(len(places), []).append(number)
     made = []
-    for numbers in found.values():
+    for numbers in by_count.values():
         law = np.array([sorted(sums[number]) for number in numbers], dtype=np.intp)
         products = np.zeros((*law.shape, domain.corners))
         for b, number in enumerate(numbers):
@@ -204,8 +204,8 @@ class _Form:
                 yield self._passed(Y, t[output.source], data[output.source], output)
             else:
                 by_rows.setdefault(output.rows, []).append((Y, output))
-        for rows, each in by_rows.items():
-            yield self._bound(rows, each, t)
+        for rows, bounded in by_rows.items():
+            yield self._bound(rows, bounded, t)
         for side in demands.target.sides:
             yield self._region(side)
         through = bool(sources) and all(isinstance(source, Through) for source in sources)
@@ -253,8 +253,8 @@ class _Form:
         if isinstance(source, Noise) and source.root is not None:
             driven += [self._scalar(t, self._weighted(c), c) for c in source.root.T]
         elif isinstance(source, Noise):
-            own = np.flatnonzero(np.any(data, axis=(0, 1)))
-            driven += [self._scalar(t, data[:, :, k] / 2, eye[k]) for k in own]
+            columns = np.flatnonzero(np.any(data, axis=(0, 1)))
+            driven += [self._scalar(t, data[:, :, k] / 2, eye[k]) for k in columns]
         yield _Kind(n, driven)
         if isinstance(source, Noise):
             return
@@ -265,18 +265,18 @@ class _Form:
             yield _Kind(n + 1, [self._scalar(t, column, first), below])
         if source.ellipsoid is not None:
             X0 = source.ellipsoid
-            own = np.flatnonzero(np.any(X0, axis=0))
-            above = [self._scalar(t, self._weighted(X0[:, k]), eye[k]) for k in own]
+            columns = np.flatnonzero(np.any(X0, axis=0))
+            above = [self._scalar(t, self._weighted(X0[:, k]), eye[k]) for k in columns]
             yield _Kind(n, [*above, self._stack(None, -self.X / 2, eye)])
 
-    def _bound(self, p: int, each: list[tuple[Array, Output]], t: dict[str, int]) -> _Kind:
+    def _bound(self, p: int, bounded: list[tuple[Array, Output]], t: dict[str, int]) -> _Kind:
         """Return the blocks of outputs with p rows, one output after the other."""
-        n, size, many = self.n, 1 + p * self.n, len(each)
+        n, size, many = self.n, 1 + p * self.n, len(bounded)
         first = np.eye(size)[0]
         D, M = np.zeros((2, many, self.b, size, 1))
-        for k, (_, output) in enumerate(each):
+        for k, (_, output) in enumerate(bounded):
             (M if output.fixed else D)[k, :, 0, 0] = self._corner(output)
-        rows = np.repeat(np.array([t[output.source] for _, output in each]), self.b)
+        rows = np.repeat(np.array([t[output.source] for _, output in bounded]), self.b)
         ones = np.ones((many * self.b, 1))
         flat = (many * self.b, size, 1)
         R = np.broadcast_to(first[:, None], flat).copy()
@@ -285,7 +285,7 @@ class _Form:
             at = slice(1 + j * n, 1 + (j + 1) * n)
             L = np.zeros((many, self.b, size, self.X.shape[2]))
             L[:, :, at] = -self.X / 2
-            for k, (Y, _) in enumerate(each):
+            for k, (Y, _) in enumerate(bounded):
                 L[k, :, 0] = -Y[:, j]
             L = L.reshape(many * self.b, size, -1)
             R = np.broadcast_to(np.eye(size)[:, at], (len(L), size, n)).copy()

@@ -53,10 +53,10 @@ def inside(
     """
     if engine == "numpy" or _kernel is None:
         return first.inside(stacked, x, most)
-    found: tuple[float, float] | None = _kernel.inside(
+    point: tuple[float, float] | None = _kernel.inside(
         stacked.unknowns, stacked.entries, stacked.arrays, x, most
     )
-    return found
+    return point
 
 
 @stage("search")

@@ -126,8 +126,8 @@ class DualProblem:
     def scales(self) -> Array:
         """How many times each disturbance acts, (q,)."""
         E = np.stack([v.E for v in self.plant.vertices if v.E is not None])
-        sizes, own = (np.abs(M).max(axis=(0, 1)) for M in (self.E, E))
-        return np.asarray(sizes / np.where(own > 0, own, 1.0))
+        sizes, entering = (np.abs(M).max(axis=(0, 1)) for M in (self.E, E))
+        return np.asarray(sizes / np.where(entering > 0, entering, 1.0))
 
     @property
     def rows(self) -> int:
@@ -250,12 +250,12 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
     for degree in range(first, most + 1 if first else 1):
         if problem.work(degree) * ROUNDS > MOST and degree > first:
             return
-        found: Dual | None = None
+        dual: Dual | None = None
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            found = _Interpolation(problem, degree).found(worst)
-        if found is not None:
-            yield found
-            if found.level <= worst * (1 + near):
+            dual = _Interpolation(problem, degree).least(worst)
+        if dual is not None:
+            yield dual
+            if dual.level <= worst * (1 + near):
                 return
 
 
@@ -291,9 +291,9 @@ def in_parts(
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
     degrees = [
-        own
-        for own in (BENT_DEGREES if problem.plant.bent else DEGREES)
-        if problem.work(own) * ROUNDS <= MOST_IN_PART
+        d
+        for d in (BENT_DEGREES if problem.plant.bent else DEGREES)
+        if problem.work(d) * ROUNDS <= MOST_IN_PART
     ]
     if not degrees:
         return None
@@ -303,15 +303,15 @@ def in_parts(
     def proving(box: Box) -> Dual | None:
         nonlocal done
         for degree in degrees:
-            own = known.get((box, degree))
+            dual = known.get((box, degree))
             # of a gain alone it hangs on the level whether there is one
-            if own is None and (by_level or (box, degree) not in known):
-                own = next(_each(problem.inside(box), level, [degree]), None)
-                known[box, degree] = own
+            if dual is None and (by_level or (box, degree) not in known):
+                dual = next(_duals(problem.inside(box), level, [degree]), None)
+                known[box, degree] = dual
                 done += problem.work(degree) * ROUNDS
                 spend(SPENT * problem.work(degree) * ROUNDS)
-            if own is not None and own.level < level:
-                return own
+            if dual is not None and dual.level < level:
+                return dual
         return None
 
     def along(box: Box) -> int | None:
@@ -322,13 +322,13 @@ def in_parts(
     return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
 
 
-def _each(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterator[Dual]:
+def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterator[Dual]:
     """Yield dual polynomials of some degrees, in a part; of a gain at the level itself."""
     for degree in degrees:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            found = _Interpolation(problem, degree).proving(level)
-            if found is not None:
-                yield found
+            dual = _Interpolation(problem, degree).proving(level)
+            if dual is not None:
+                yield dual
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,12 +378,12 @@ class _Interpolation:
         values = np.maximum(values, SMALL * max(values.max(), SMALL))
         return np.asarray(size[:, None] * V * np.sqrt(values))
 
-    def found(self, worst: float) -> Dual | None:
+    def least(self, worst: float) -> Dual | None:
         """Return what is found, of a gain at the first level where something is."""
         if not self.problem.gain:
             return self._grown(None)
-        each = (self._grown(worst * (1 + above)) for above in ABOVE)
-        return next((own for own in each if own is not None), None)
+        grown = (self._grown(worst * (1 + above)) for above in ABOVE)
+        return next((dual for dual in grown if dual is not None), None)
 
     def proving(self, level: float) -> Dual | None:
         """Return what is found, of a gain somewhat below the level."""
@@ -458,21 +458,21 @@ class _Interpolation:
 
     def _solutions(self, R: Array, level: float | None, least: Array, share: float) -> Array | None:
         """Return Bernstein coefficients of solutions that tell a share more than they need."""
-        found: Array | None
+        Q: Array | None
         if level is None:
             _, Y, E, _ = self.nodes
-            found = self.modes.observed(Y.swapaxes(-1, -2) @ Y + R)
+            Q = self.modes.observed(Y.swapaxes(-1, -2) @ Y + R)
             at = self.problem.domain.nodes(self.degree)
-            squares = np.einsum("pik,pij,pjk->p", E, found, E) / self.problem.shares(at)
+            squares = np.einsum("pik,pij,pjk->p", E, Q, E) / self.problem.shares(at)
             top = float(squares.max())
             if top > 0:
-                found *= (top / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
+                Q *= (top / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
         else:
             levels = np.minimum(least * (1 + BARELY), level)
-            found = riccati(*self._equations(R, levels ** (1 - share) * level**share))
-        if found is None or not np.all(np.isfinite(found)):
+            Q = riccati(*self._equations(R, levels ** (1 - share) * level**share))
+        if Q is None or not np.all(np.isfinite(Q)):
             return None
-        return self.problem.domain.interpolated(found, self.degree)
+        return self.problem.domain.interpolated(Q, self.degree)
 
     def _share(self, level: float | None, least: Array) -> float:
         """Return the share with which the least is missed before there is an R."""
@@ -565,8 +565,8 @@ class _Interpolation:
         """Return by how much each coefficient misses the inequality, and the bound."""
         basis, (W, N, Y, E, F) = self.raised
         Q, step = np.tensordot(basis, coefficients, 1), self.problem.step
-        own = W @ Q
-        both, Yt = own @ N, Y.swapaxes(-1, -2)
+        WQ = W @ Q
+        both, Yt = WQ @ N, Y.swapaxes(-1, -2)
         both = both + both.swapaxes(-1, -2)
         if step:
             both = both + step * N.swapaxes(-1, -2) @ Q @ N
@@ -583,13 +583,13 @@ class _Interpolation:
                 missed = missed + PH @ PH.swapaxes(-1, -2)
         elif step:
             bound, QE = level, step * Q @ E
-            U = own @ E + N.swapaxes(-1, -2) @ QE
+            U = WQ @ E + N.swapaxes(-1, -2) @ QE
             missed = self._above_step(level, both, U, QE, border, cover)
         elif not np.any(F):
-            bound, QE = level, own @ E
+            bound, QE = level, WQ @ E
             missed = self._bernstein(both + (Yt @ Y + QE @ QE.swapaxes(-1, -2)) / level)
         else:
-            bound, (N, QE, Y, F) = level, map(self._bernstein, (both, own @ E, Y, F))
+            bound, (N, QE, Y, F) = level, map(self._bernstein, (both, WQ @ E, Y, F))
             a, b, c = _inverse(level, F)
             cross, Yt = QE @ b @ Y, Y.swapaxes(-1, -2)
             missed = N + QE @ a @ QE.swapaxes(-1, -2) + cross + cross.swapaxes(-1, -2) + Yt @ c @ Y
@@ -625,10 +625,14 @@ class _Interpolation:
             below = QE.swapaxes(-1, -2) * cover.rows
             whole = np.concatenate([border, below], -2)
             whole = self._bernstein(whole)
-            own = whole @ whole.swapaxes(-1, -2)
+            squares = whole @ whole.swapaxes(-1, -2)
             n = both.shape[-1]
             both, U, corner = map(self._bernstein, (both, U, corner))
-            both, U, corner = both + own[:, :n, :n], U + own[:, :n, n:], corner - own[:, n:, n:]
+            both, U, corner = (
+                both + squares[:, :n, :n],
+                U + squares[:, :n, n:],
+                corner - squares[:, n:, n:],
+            )
             Y, F = map(self._bernstein, (Y, F))
             return self._complement(level, both, U, corner, Y, F)
         both, U, Y, F, corner = map(self._bernstein, (both, U, Y, F, corner))
@@ -655,8 +659,8 @@ class _Interpolation:
         """
         degree, basis, E, shares = self.bounded
         squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E)
-        found = self.problem.domain.interpolated(squares, degree)
-        return found / shares if shares.min() > 0 else np.full_like(found, np.inf)
+        coefficients = self.problem.domain.interpolated(squares, degree)
+        return coefficients / shares if shares.min() > 0 else np.full_like(coefficients, np.inf)
 
     def _bernstein(self, values: Array) -> Array:
         return self.problem.domain.interpolated(values, self.total)
@@ -670,8 +674,8 @@ class _Interpolation:
             squares.append(self.degree + 2 * problem.rows)
         elif problem.gain and not np.any(problem.F):
             varies = bool(np.ptp(problem.E, axis=0).any())
-            own = varies * problem.plant.curve_degree
-            squares.append(2 * (self.degree + problem.left + own))
+            from_E = varies * problem.plant.curve_degree
+            squares.append(2 * (self.degree + problem.left + from_E))
         return max(self.degree + problem.degree, *squares)
 
 
@@ -710,9 +714,9 @@ def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
     squares, known = entries**2, len(b)
     if not entries.any():
         return np.zeros(len(entries)), np.zeros(entries.shape[1])
-    own = squares[:, known:].T @ a
+    driven = squares[:, known:].T @ a
     least = float(((squares[:, :known].T @ a) * b).max()) or TINY
-    b = np.concatenate([b, np.where(own > 0, least / np.where(own > 0, own, 1.0), 1.0)])
+    b = np.concatenate([b, np.where(driven > 0, least / np.where(driven > 0, driven, 1.0), 1.0)])
     v = 1 / np.maximum(b, TINY)
     for _ in range(TURNS):
         u = _least(squares @ (1 / v), a)
@@ -730,13 +734,13 @@ def _least(s: Array, a: Array) -> Array:
 
 
 def majorant(matrices: Array) -> Array:
-    """Return a symmetric matrix that none of some exceeds, of a trace that is nearly the least."""
+    """Return a Loewner upper bound of the matrices, of nearly the least trace."""
     left = (matrices + matrices.swapaxes(-1, -2)) / 2
     R, sizes = np.zeros(matrices.shape[-2:]), _above(left).sum(axis=-1)
     left = left[np.argsort(-sizes)[: np.count_nonzero(sizes)]]
-    for own in left:
-        if not _positive(R - own):
-            values, V = np.linalg.eigh(own - R)
+    for matrix in left:
+        if not _positive(R - matrix):
+            values, V = np.linalg.eigh(matrix - R)
             R = R + (V * np.maximum(values, 0)) @ V.T
     return R
 

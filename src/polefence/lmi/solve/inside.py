@@ -40,9 +40,11 @@ def inside(stacked: Stacked, x: Array, most: Array | None = None) -> tuple[float
         ~np.any([D, dD], axis=(0, 2, 3)) for (D, _), (dD, _) in zip(alone, rising, strict=True)
     ]
     pairs = list(zip(alone, rising, fixed, strict=True))
-    plain = [(M[own], dM[own]) for (_, M), (_, dM), own in pairs if own.any()]
+    plain = [(M[there], dM[there]) for (_, M), (_, dM), there in pairs if there.any()]
     grown = [
-        (D[~own], dD[~own], M[~own], dM[~own]) for (D, M), (dD, dM), own in pairs if not own.all()
+        (D[~there], dD[~there], M[~there], dM[~there])
+        for (D, M), (dD, dM), there in pairs
+        if not there.all()
     ]
     share = most_share(plain)
     for _ in range(HALVINGS):
@@ -62,9 +64,9 @@ def most_share(pairs: Pairs) -> float:
     """
     top = 0.0
     for M, dM in pairs:
-        own = np.all(np.diagonal(M, axis1=1, axis2=2) < 0, axis=1)
-        if own.any():
-            top = max(top, _largest(-M[own], dM[own]))
+        some = np.all(np.diagonal(M, axis1=1, axis2=2) < 0, axis=1)
+        if some.any():
+            top = max(top, _largest(-M[some], dM[some]))
     return 1.0 if not 1 < top < np.inf else float(2.0 ** -(np.floor(np.log2(top))))
 
 

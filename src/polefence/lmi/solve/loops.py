@@ -51,9 +51,9 @@ def polynomial_of(
 
     Of the curve's columns it begins with ``column``.
     """
-    found, d = bernstein(domain, rows, 1), plant.curve_degree
+    P, d = bernstein(domain, rows, 1), plant.curve_degree
     if d == 1:
-        return found
+        return P
     if domain != plant.domain:
         raise InputError(
             f"{plant.name}: its samples are polynomials of the parameters; ask for a law on the "
@@ -61,5 +61,5 @@ def polynomial_of(
         )
     more = np.zeros((len(plant.curve), *rows.shape[1:]))
     more[:, : plant.shape[0]] = plant.curve[:, :, column : column + rows.shape[2]]
-    found, curve = elevated(found, domain, d - 1), bernstein(domain, more, d)
-    return {e: found[e] + curve[e] for e in found}
+    P, curve = elevated(P, domain, d - 1), bernstein(domain, more, d)
+    return {e: P[e] + curve[e] for e in P}

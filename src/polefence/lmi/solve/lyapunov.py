@@ -103,10 +103,10 @@ def least(
         max(enough, FLOOR * (goal.scale if goal.rated else 1)),
         rate if goal.rated else 1.0,
     )
-    found = search.run(start_matrix(middle / rate) if loop.R is None else sum_of(loop.R), near)
-    if found is None:
+    reached = search.run(start_matrix(middle / rate) if loop.R is None else sum_of(loop.R), near)
+    if reached is None:
         raise SolverError("no Lyapunov matrix to start from")
-    return found
+    return reached
 
 
 def points_inside(
@@ -115,10 +115,10 @@ def points_inside(
     """Yield Lyapunov polynomials of a form for a region: well inside it, then as far as it goes."""
     for enough in INSIDE:
         with suppress(SolverError):
-            found = least(loop, Around(region), *form, enough=enough)
-            if found.r >= 1:
+            reached = least(loop, Around(region), *form, enough=enough)
+            if reached.r >= 1:
                 return
-            yield found
+            yield reached
 
 
 def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
@@ -207,20 +207,20 @@ def points_given(
         yield (np.zeros((1, n, n)), np.ones(1)) if loop.R else (np.eye(n)[None], np.zeros(1))
         with suppress(SolverError):
             within = Around(stable(loop.step))
-            found = least(loop.without_outputs(), within, *form, enough=STABLE)
-            if found.r < 1:
-                yield found
+            reached = least(loop.without_outputs(), within, *form, enough=STABLE)
+            if reached.r < 1:
+                yield reached
 
     search = _Search(loop, rate, form, demands, starts, tolerance)
     points = list[LyapunovPolynomial]()
     for X in _coordinates(middle / rate, loop, source, near, loop.step * rate):
-        found = search.run(X)
-        points += [] if found is None or not found.r > 0 else [found]
-        if found is not None and found.converged:
+        reached = search.run(X)
+        points += [] if reached is None or not reached.r > 0 else [reached]
+        if reached is not None and reached.converged:
             break
     if not points:
         raise SolverError("no Lyapunov matrix to start from")
-    return sorted(points, key=lambda found: found.r)
+    return sorted(points, key=lambda point: point.r)
 
 
 @singular_is_failure()
@@ -254,15 +254,15 @@ def kept_whatever(
 
     def demands(T: Array) -> Demands:
         inverse = np.asarray(np.linalg.inv(T), dtype=float)
-        moved = tuple(own.changed(inverse, rate) for own in sources)
+        moved = tuple(source.changed(inverse, rate) for source in sources)
         return Demands(Target(()), moved, outputs, pieces=equal(loop.pieces))
 
     search = _Search(loop, rate, form, demands, lambda: iter(()), SEEN)
     X = near.Q.mean(axis=0) if loop.R is None else sum_of(loop.R)
-    found = search.run(X, near)
-    if found is None:
+    reached = search.run(X, near)
+    if reached is None:
         raise SolverError("no Lyapunov matrix to start from")
-    return found
+    return reached
 
 
 def _coordinates(
@@ -274,9 +274,9 @@ def _coordinates(
     elif near is not None:
         yield near.Q.mean(axis=0)
     else:
-        own = covariance(middle, source.intensity(loop.domain), step)
+        driven = covariance(middle, source.intensity(loop.domain), step)
         plain = start_matrix(middle)
-        first = (plain, own) if isinstance(source, Through) else (own, plain)
+        first = (plain, driven) if isinstance(source, Through) else (driven, plain)
         yield from (X for X in (*first, covariance(middle, step=step)) if X is not None)
 
 
@@ -303,9 +303,9 @@ class _Search:
         return rounds(lambda last: self._once(X, last or near), self.enough, most)
 
     def _once(self, X: Array, last: LyapunovPolynomial | None) -> LyapunovPolynomial | None:
-        own = X if last is None or self.loop.R else last.Q.mean(axis=0)
+        metric = X if last is None or self.loop.R else last.Q.mean(axis=0)
         with suppress(SolverError, np.linalg.LinAlgError):
-            return self._in(factor(own), last)
+            return self._in(factor(metric), last)
         return None
 
     def _in(self, T: Array, last: LyapunovPolynomial | None) -> LyapunovPolynomial | None:
@@ -320,8 +320,8 @@ class _Search:
             values |= {f"s{k + 1}": s[k % len(s)].reshape(1, 1) for k in range(count)}
             names = [v.name for v in pencil.variables if v.name[0] == HELD]
             if names:  # at first what is cut off acts as it is
-                own, more = (np.stack([M[k % len(M)] for k in range(count)]) for M in (Q, s))
-                values |= dict(zip(names, fed(moved, own, more, self.form[0]), strict=True))
+                matrices, more = (np.stack([M[k % len(M)] for k in range(count)]) for M in (Q, s))
+                values |= dict(zip(names, fed(moved, matrices, more, self.form[0]), strict=True))
             x, r = interior(pencil, stacked, values, {})
             if x is None:
                 continue
@@ -330,23 +330,24 @@ class _Search:
                 return self._polynomial(outcome, pencil.unpack(outcome.x), demands, T)
         return None
 
-    def _moved(self, found: LyapunovPolynomial, T: Array) -> tuple[Array, Array]:
+    def _moved(self, point: LyapunovPolynomial, T: Array) -> tuple[Array, Array]:
         inverse = np.asarray(np.linalg.inv(T) if self.loop.R is None else T.T, dtype=float)
-        Q = inverse @ found.Q @ inverse.T
-        return Q, np.zeros(1) if found.multiple is None else found.multiple
+        Q = inverse @ point.Q @ inverse.T
+        return Q, np.zeros(1) if point.multiple is None else point.multiple
 
     def _polynomial(
         self, outcome: Outcome, values: dict[str, Array], demands: Demands, T: Array
     ) -> LyapunovPolynomial:
         scalars = (
-            values[f"t {own.name}"].item() / unit_of(own, self.rate) for own in demands.sources
+            values[f"t {source.name}"].item() / unit_of(source, self.rate)
+            for source in demands.sources
         )
         t, count = next(scalars, 1.0), self.loop.domain.count(self.form[0])
         scaled = np.stack([values[f"Q{k + 1}"] / t for k in range(count)])
         multiple = None
         if self.loop.R is not None:
             multiple = np.array([values[f"s{k + 1}"].item() / t for k in range(count)])
-        names = sorted((name for name in values if name[0] == HELD), key=lambda own: int(own[1:]))
+        names = sorted((name for name in values if name[0] == HELD), key=lambda n: int(n[1:]))
         held = np.stack([values[name] @ T.T / t for name in names]) if names else None
         return LyapunovPolynomial(
             r=self.unit * outcome.r,

@@ -76,13 +76,13 @@ class Space:
     def products(self, basis: Sequence[Exponent], form: Array | None = None) -> Array:
         """Return the matrix of the basis times its transpose, times a form, by the moments."""
         size = len(basis)
-        found = np.zeros((len(self.monomials), size, size))
+        matrix = np.zeros((len(self.monomials), size, size))
         terms = [((0,) * self.n, 1.0)] if form is None else self._terms(form)
         for i, e in enumerate(basis):
             for j, f in enumerate(basis[: i + 1]):
-                for own, factor in terms:
-                    found[self.place[joined(joined(e, f), own)], i, j] += factor
-        return found + np.tril(found, -1).swapaxes(1, 2)
+                for g, factor in terms:
+                    matrix[self.place[joined(joined(e, f), g)], i, j] += factor
+        return matrix + np.tril(matrix, -1).swapaxes(1, 2)
 
     def generator(self, A: Array, E: Array) -> Array:
         """Return the mean derivative of each monomial but one, by the moments, row by row."""
@@ -145,15 +145,15 @@ class Conditions:
     @cached_property
     def sizes(self) -> dict[int, list[int]]:
         """Numbers of the blocks of each size."""
-        found: dict[int, list[int]] = {}
-        for k, own in enumerate(self.blocks):
-            found.setdefault(own.M.shape[1], []).append(k)
-        return found
+        sizes: dict[int, list[int]] = {}
+        for k, block in enumerate(self.blocks):
+            sizes.setdefault(block.M.shape[1], []).append(k)
+        return sizes
 
     @cached_property
     def order(self) -> int:
         """Sum of the blocks' sizes."""
-        return sum(len(own.M[0]) for own in self.blocks) + (self.row is not None)
+        return sum(len(block.M[0]) for block in self.blocks) + (self.row is not None)
 
     @cached_property
     def operators(self) -> _Operators:
@@ -166,36 +166,36 @@ class Conditions:
 
     def identity(self) -> Blocks:
         """Return the identity."""
-        found = [np.tile(np.eye(size), (len(own), 1, 1)) for size, own in self.sizes.items()]
-        return found + [np.ones((1, 1, 1))] * (self.row is not None)
+        ones = [np.tile(np.eye(size), (len(numbers), 1, 1)) for size, numbers in self.sizes.items()]
+        return ones + [np.ones((1, 1, 1))] * (self.row is not None)
 
     def parts(self, x: Array) -> tuple[Blocks, Blocks]:
         """Return D(x) and M(x), blocks of a size side by side."""
-        D, M = (self._split(own) for own in np.split(self.operators.both @ x, 2))
+        D, M = (self._split(flat) for flat in np.split(self.operators.both @ x, 2))
         if self.row is not None:
-            for found, own in zip((D, M), self.row, strict=True):
-                found.append(np.reshape(own @ x, (1, 1, 1)))
+            for blocks, row in zip((D, M), self.row, strict=True):
+                blocks.append(np.reshape(row @ x, (1, 1, 1)))
         return D, M
 
     def _split(self, flat: Array) -> Blocks:
         """Return blocks from all their entries in one row."""
         blocks, start = list[Array](), 0
-        for size, own in self.sizes.items():
-            end = start + len(own) * size**2
+        for size, numbers in self.sizes.items():
+            end = start + len(numbers) * size**2
             blocks.append(flat[start:end].reshape(-1, size, size))
             start = end
         return blocks
 
-    def each(self, X: Blocks) -> list[Array]:
+    def separate(self, X: Blocks) -> list[Array]:
         """Return the blocks one by one, in their own order."""
-        found = dict[int, Array]()
-        for own, stacked in zip(self.sizes.values(), X, strict=False):
-            found |= zip(own, stacked, strict=True)
-        return [found[k] for k in range(len(self.blocks))]
+        by_number = dict[int, Array]()
+        for numbers, stacked in zip(self.sizes.values(), X, strict=False):
+            by_number |= zip(numbers, stacked, strict=True)
+        return [by_number[k] for k in range(len(self.blocks))]
 
     def adjoint(self, r: float, P: Blocks, only_D: bool = False) -> Array:
         """Return the gradient of <P, r D(x) - M(x)> in x; with ``only_D`` that of <P, D(x)>."""
-        flat = np.concatenate([own.ravel() for own in P[: len(self.sizes)]])
+        flat = np.concatenate([stack.ravel() for stack in P[: len(self.sizes)]])
         both = [flat, np.zeros_like(flat)] if only_D else [r * flat, -flat]
         total = np.asarray(self.operators.transpose @ np.concatenate(both))
         if self.row is not None:
@@ -206,18 +206,20 @@ class Conditions:
     def newton(self, r: float, Y: Blocks, Q: Blocks, shift: float) -> _Newton:
         """Return the factors of H on the moments with L y = 0."""
         H = np.zeros((self.L.shape[1] // self.count, self.count, self.count))
-        each_F, each_Y, each_Q = self.operators.rows(r), self.each(Y), self.each(Q)
-        for block, (F, own), y, q in zip(self.blocks, each_F, each_Y, each_Q, strict=True):
-            left = (F @ y).reshape(len(own), -1)
-            right = (F @ q).reshape(len(own), *q.shape).swapaxes(1, 2)
-            H[block.piece][np.ix_(own, own)] += left @ right.reshape(len(own), -1).T
-        factors = [Factors.of((own + own.T) / 2, shift) for own in H]
-        each = [own.half(self.L[:, self.span(p)].T) for p, own in enumerate(factors)]
-        coupled = Factors.of(np.sum([C.T @ C for C in each], axis=0), shift)
+        each_F, each_Y, each_Q = self.operators.rows(r), self.separate(Y), self.separate(Q)
+        for block, (F, columns), y, q in zip(self.blocks, each_F, each_Y, each_Q, strict=True):
+            left = (F @ y).reshape(len(columns), -1)
+            right = (F @ q).reshape(len(columns), *q.shape).swapaxes(1, 2)
+            H[block.piece][np.ix_(columns, columns)] += left @ right.reshape(len(columns), -1).T
+        factors = [Factors.of((square + square.T) / 2, shift) for square in H]
+        coupling = [factor.half(self.L[:, self.span(p)].T) for p, factor in enumerate(factors)]
+        coupled = Factors.of(np.sum([C.T @ C for C in coupling], axis=0), shift)
         if self.row is None:
-            return _Newton(factors, each, coupled)
+            return _Newton(factors, coupling, coupled)
         D, M = self.row
-        return _Newton(factors, each, coupled, r * D - M, float(Y[-1][0, 0, 0] * Q[-1][0, 0, 0]))
+        return _Newton(
+            factors, coupling, coupled, r * D - M, float(Y[-1][0, 0, 0] * Q[-1][0, 0, 0])
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,23 +237,23 @@ class _Operators:
 
     def rows(self, r: float) -> Iterator[tuple[sp.csr_array, Index]]:
         """Yield each block's derivatives of r D - M, row under row, each until the next."""
-        for F, D, M, own in self.places:
+        for F, D, M, columns in self.places:
             F.data = r * D - M
-            yield F, own
+            yield F, columns
 
 
-def _operators(own: Conditions) -> _Operators:
+def _operators(conditions: Conditions) -> _Operators:
     import scipy.sparse as sp
 
-    total = sum(len(numbers) * size**2 for size, numbers in own.sizes.items())
+    total = sum(len(numbers) * size**2 for size, numbers in conditions.sizes.items())
     starts, start = dict[int, int](), 0
-    for size, numbers in own.sizes.items():
+    for size, numbers in conditions.sizes.items():
         for k in numbers:
             starts[k], start = start, start + size**2
     triples, places = [], []
-    for k, block in enumerate(own.blocks):
-        size, first = block.M.shape[1], own.span(block.piece).start
-        D, M = (part.reshape(own.count, -1) for part in (block.D, block.M))
+    for k, block in enumerate(conditions.blocks):
+        size, first = block.M.shape[1], conditions.span(block.piece).start
+        D, M = (part.reshape(conditions.count, -1) for part in (block.D, block.M))
         moment, entry = np.nonzero((D != 0) | (M != 0))
         D, M = D[moment, entry], M[moment, entry]
         for half, values in enumerate((D, M)):
@@ -262,7 +264,7 @@ def _operators(own: Conditions) -> _Operators:
         pattern = sp.csr_array((np.ones(len(D)), where), shape=(len(present) * size, size))
         places.append((pattern, D, M, present))
     rows, columns, values = (np.concatenate(part) for part in zip(*triples, strict=True))
-    both = sp.csr_array((values, (rows, columns)), shape=(2 * total, own.L.shape[1]))
+    both = sp.csr_array((values, (rows, columns)), shape=(2 * total, conditions.L.shape[1]))
     both.eliminate_zeros()
     return _Operators(both, sp.csr_array(both.T), places)
 
@@ -273,13 +275,13 @@ class _Newton:
     def __init__(
         self,
         factors: list[Factors],
-        each: list[Array],
+        coupling: list[Array],
         coupled: Factors,
         row: Array | None = None,
         size: float = 0.0,
     ) -> None:
-        self.factors, self.each, self.coupled = factors, each, coupled
-        self.pivot = min(own.pivot for own in factors)
+        self.factors, self.coupling, self.coupled = factors, coupling, coupled
+        self.pivot = min(factor.pivot for factor in factors)
         self.row = np.zeros(len(factors) * len(factors[0].scale)) if row is None else row
         self.moved = self._kept(self.row)
         self.share = size / (1 + size * float(self.row @ self.moved))
@@ -290,16 +292,16 @@ class _Newton:
         return np.asarray(x - self.share * float(self.row @ x) * self.moved)
 
     def _kept(self, a: Array) -> Array:
-        parts = zip(self.factors, np.split(a, len(self.each)), strict=True)
-        halves = [factors.half(own) for factors, own in parts]
-        total = np.zeros(self.each[0].shape[1])
-        for C, h in zip(self.each, halves, strict=True):
+        parts = zip(self.factors, np.split(a, len(self.coupling)), strict=True)
+        halves = [factors.half(part) for factors, part in parts]
+        total = np.zeros(self.coupling[0].shape[1])
+        for C, h in zip(self.coupling, halves, strict=True):
             total += C.T @ h
         z = self.coupled.solved(total)
-        found = []
-        for factors, C, h in zip(self.factors, self.each, halves, strict=True):
-            found.append(factors.scale * (factors.inverse.T @ (h - C @ z)))
-        return np.concatenate(found)
+        moved = []
+        for factors, C, h in zip(self.factors, self.coupling, halves, strict=True):
+            moved.append(factors.scale * (factors.inverse.T @ (h - C @ z)))
+        return np.concatenate(moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,8 +335,8 @@ class Problem:
         self.generator = np.zeros((most * (count - 1), count * len(pieces)))
         for p, piece in enumerate(pieces):
             for i, A in piece.motions:
-                own = slice(i * (count - 1), (i + 1) * (count - 1))
-                self.generator[own, p * count : (p + 1) * count] += space.generator(A, piece.E)
+                rows = slice(i * (count - 1), (i + 1) * (count - 1))
+                self.generator[rows, p * count : (p + 1) * count] += space.generator(A, piece.E)
         self.cost = np.concatenate([space.form(p.Q) for p in pieces])
         self.mass = np.zeros(count * len(pieces))
         self.mass[::count] = [p.weight for p in pieces]
@@ -349,12 +351,12 @@ class Problem:
             If the search fails.
         """
         blocks = [Block(p, 0 * f, -f) for p, f in self.blocks]
-        own = Conditions(self.count, blocks, self.generator, (self.cost, self.mass))
+        conditions = Conditions(self.count, blocks, self.generator, (self.cost, self.mass))
         x = self.first
         r = WIDE * float(self.mass @ x / (self.cost @ x))
-        found = _run(own, x, r, 0.0, tolerance)
-        last = float(found.Y[-1][0, 0, 0])
-        return self._completed([Y / last for Y in own.each(found.Y)])
+        outcome = _run(conditions, x, r, 0.0, tolerance)
+        last = float(outcome.Y[-1][0, 0, 0])
+        return self._completed([Y / last for Y in conditions.separate(outcome.Y)])
 
     @cached_property
     def first(self) -> Array:
@@ -381,12 +383,14 @@ class Problem:
 
         W = np.mean([p.E @ p.E.T for p in self.pieces], axis=0)
         for share in 0.5 ** np.arange(HALVINGS):
-            each = [1.0 if p.at_bounds else float(share) for p in self.pieces]
-            pairs = [(s, A) for s, p in zip(each, self.pieces, strict=True) for _, A in p.motions]
+            factors = [1.0 if p.at_bounds else float(share) for p in self.pieces]
+            pairs = [
+                (s, A) for s, p in zip(factors, self.pieces, strict=True) for _, A in p.motions
+            ]
             A = np.average([A for _, A in pairs], axis=0, weights=[s for s, _ in pairs])
             if np.linalg.eigvals(A).real.max() < 0:
                 X = np.asarray(solve_continuous_lyapunov(A, -W), dtype=np.float64)
-                return np.concatenate([s * self.space.gaussian(X) for s in each]) / sum(each)
+                return np.concatenate([s * self.space.gaussian(X) for s in factors]) / sum(factors)
         raise SolverError("no mean of the pieces is stable")
 
     def _completed(self, grams: list[Array]) -> Mean:
@@ -397,17 +401,17 @@ class Problem:
         """
         L = np.vstack([self.cost, self.generator])
         grams = self._refined(grams, L)
-        found, *_ = np.linalg.lstsq(L.T, self._rest(grams), rcond=None)
-        each: list[list[Array]] = [[] for _ in self.pieces]
-        for (p, _), own in zip(self.blocks, grams, strict=True):
-            each[p].append(own)
-        return Mean(1 / float(found[0]), found[1:].reshape(-1, self.count - 1), each)
+        solution, *_ = np.linalg.lstsq(L.T, self._rest(grams), rcond=None)
+        by_piece: list[list[Array]] = [[] for _ in self.pieces]
+        for (p, _), gram in zip(self.blocks, grams, strict=True):
+            by_piece[p].append(gram)
+        return Mean(1 / float(solution[0]), solution[1:].reshape(-1, self.count - 1), by_piece)
 
     def _rest(self, grams: list[Array]) -> Array:
         """Return what 1 - m'G m - ... leaves for V and 1/g, by moments."""
         rest = self.mass.copy()
-        for (p, block), own in zip(self.blocks, grams, strict=True):
-            rest[p * self.count : (p + 1) * self.count] -= np.tensordot(block, own, 2)
+        for (p, block), gram in zip(self.blocks, grams, strict=True):
+            rest[p * self.count : (p + 1) * self.count] -= np.tensordot(block, gram, 2)
         return rest
 
     def _refined(self, grams: list[Array], L: Array) -> list[Array]:
@@ -416,7 +420,7 @@ class Problem:
         In a piece S = Q R'^-1 (rest - L'v), Q R the factors of S's equations' transpose; v is that
         of the least sum of squares.
         """
-        roots = [np.linalg.cholesky(own) for own in grams]
+        roots = [np.linalg.cholesky(gram) for gram in grams]
         rest, count = self._rest(grams), self.count
         factors, left, right = list[tuple[Array, Array]](), list[Array](), list[Array]()
         for p in range(len(self.pieces)):
@@ -434,11 +438,11 @@ class Problem:
         v, *_ = np.linalg.lstsq(np.vstack(left), np.concatenate(right), rcond=None)
         S = [Q @ (b - M @ v) for (Q, _), M, b in zip(factors, left, right, strict=True)]
         refined, starts = list[Array](), [0] * len(self.pieces)
-        for (p, _), root, own in zip(self.blocks, roots, grams, strict=True):
-            part = S[p][starts[p] : starts[p] + own.size].reshape(own.shape)
-            starts[p] += own.size
+        for (p, _), root, gram in zip(self.blocks, roots, grams, strict=True):
+            part = S[p][starts[p] : starts[p] + gram.size].reshape(gram.shape)
+            starts[p] += gram.size
             moved = root @ (part + part.T) @ root.T / 2
-            refined.append(own + (moved + moved.T) / 2)
+            refined.append(gram + (moved + moved.T) / 2)
         return refined
 
 
@@ -462,23 +466,23 @@ def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array
     """
     count, lacking = len(mass), 0.0
     for p, f in F:
-        own = x[p * count : (p + 1) * count]
-        least = float(np.linalg.eigvalsh(np.tensordot(own, f, 1))[0])
-        lacking = max(lacking, -least / float(own @ mass[:, 0, 0]))
+        moments = x[p * count : (p + 1) * count]
+        least = float(np.linalg.eigvalsh(np.tensordot(moments, f, 1))[0])
+        lacking = max(lacking, -least / float(moments @ mass[:, 0, 0]))
     if lacking <= 0:
         return x
     shift = WITHIN * lacking
     D = [mass * np.eye(f.shape[1]) for _, f in F]
     blocks = [Block(p, d, shift * d - f) for d, (p, f) in zip(D, F, strict=True)]
     start = (1 + WITHIN) * lacking + shift
-    found = _run(Conditions(count, blocks, L), x, start, shift, COARSE)
-    if found.r >= shift:
+    outcome = _run(Conditions(count, blocks, L), x, start, shift, COARSE)
+    if outcome.r >= shift:
         raise SolverError("no point was found inside")
-    return found.x
+    return outcome.x
 
 
-def _run(own: Conditions, x: Array, r: float, enough: float, tolerance: float) -> Outcome:
+def _run(conditions: Conditions, x: Array, r: float, enough: float, tolerance: float) -> Outcome:
     try:
-        return interior_point.run(own, x, r, enough, tolerance)
+        return interior_point.run(conditions, x, r, enough, tolerance)
     except np.linalg.LinAlgError as error:
         raise SolverError("the search has no start") from error

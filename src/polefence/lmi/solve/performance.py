@@ -102,9 +102,9 @@ class Problem:
         W = np.stack([values[f"W{k + 1}"] for k in range(self.domain.count(self.degree))])
         near = inverse @ W @ inverse.T
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
-        own = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
+        tight = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
         step = self.step * scaling.rate
-        demands = Demands(target, sources, changed, tuple(own), MARGIN, step)
+        demands = Demands(target, sources, changed, tuple(tight), MARGIN, step)
         form = self.domain, self.degree, self.elevation
         held = any(output.held for output in outputs)
         if not norms and not step and not motion and not held:
@@ -140,15 +140,15 @@ def least(
     begin = Reached(r=np.inf, values=dict(start), t=t)
     outputs, norms = problem.outputs, problem.norms
     fixed_ones = [bound.fixed for bound in outputs] + [norm.fixed for norm in norms]
-    found: Reached | None = None
+    reached: Reached | None = None
     if not all(fixed_ones) and (t or not any(fixed_ones)):
         with suppress(SolverError):
-            found = _Stage(problem, scaling, (outputs, norms), tolerance).run(begin)
-    if found is None:
-        found = _within(problem, begin, scaling, tolerance)
+            reached = _Stage(problem, scaling, (outputs, norms), tolerance).run(begin)
+    if reached is None:
+        reached = _within(problem, begin, scaling, tolerance)
         if not all(fixed_ones):
-            found = _Stage(problem, scaling, (outputs, norms), tolerance).run(found)
-    return replace(found, t={name: value / units[name] for name, value in found.t.items()})
+            reached = _Stage(problem, scaling, (outputs, norms), tolerance).run(reached)
+    return replace(reached, t={name: value / units[name] for name, value in reached.t.items()})
 
 
 def _within(problem: Problem, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
@@ -159,14 +159,14 @@ def _within(problem: Problem, begin: Reached, scaling: Scaling, tolerance: float
     outputs = tuple(replace(o, fixed=False) for o in problem.outputs if o.fixed)
     norms = tuple(replace(norm, fixed=False) for norm in problem.norms if norm.fixed)
     failure = SolverError("no law was found that keeps the limits and the region")
-    for own in (*_watched(problem, begin, scaling, outputs, norms), (outputs, norms)):
+    for bounds in (*_watched(problem, begin, scaling, outputs, norms), (outputs, norms)):
         try:
-            found = _Stage(problem, scaling, own, tolerance, INSIDE).run(begin)
+            reached = _Stage(problem, scaling, bounds, tolerance, INSIDE).run(begin)
         except SolverError as error:
             failure = error
             continue
-        if found.r < 1:
-            return found
+        if reached.r < 1:
+            return reached
     raise failure
 
 
@@ -194,15 +194,15 @@ def _watched(
 def _size(begin: Reached, outputs: tuple[Output, ...]) -> float:
     """Return the largest Y W^-1 Y' over the level's square, at the vertices."""
     W, Z = (coefficients(begin.values, name).mean(axis=0) for name in "WZ")
-    found = 0.0
-    for own in outputs:
-        Y = (own.C @ W + own.D @ Z) / own.level
+    largest = 0.0
+    for output in outputs:
+        Y = (output.C @ W + output.D @ Z) / output.level
         with suppress(np.linalg.LinAlgError):
             squares = np.einsum(
                 "vij,vij->v", Y, np.linalg.solve(W, Y.swapaxes(1, 2)).swapaxes(1, 2)
             )
-            found = max(found, float(squares.max()))
-    return found
+            largest = max(largest, float(squares.max()))
+    return largest
 
 
 def _share_of(
@@ -214,14 +214,14 @@ def _share_of(
 ) -> float:
     """Return at how large an r what is minimised begins, over that of the limits; else zero."""
     try:
-        own = scaling.refined(lyapunov_mean(begin.values))
+        refined = scaling.refined(lyapunov_mean(begin.values))
     except SolverError:
         return 0.0
     first = []
-    for each in (bounds, (more, ())):
-        pencil, stacked = problem.pencil(own, *each, begin.values)
+    for kept in (bounds, (more, ())):
+        pencil, stacked = problem.pencil(refined, *kept, begin.values)
         matrices = tuple(v for v in pencil.variables if v.rows)
-        values = own.scaled(_with_held(begin.values, matrices), matrices)
+        values = refined.scaled(_with_held(begin.values, matrices), matrices)
         first.append(interior(pencil, stacked, values, begin.t)[1])
     return first[1] / first[0] if all(first) else 0.0
 
@@ -255,40 +255,40 @@ class _Stage:
             If there is no point to start from.
         """
         if self.bounds[1]:
-            found = self._near_norms(begin)
+            reached = self._near_norms(begin)
         else:
-            found = rounds(lambda last: self._once(last or begin, self.tolerance), self.enough)
-        if found is None:
+            reached = rounds(lambda last: self._once(last or begin, self.tolerance), self.enough)
+        if reached is None:
             raise SolverError("no point to start from: the numbers are too far apart for doubles")
-        return found
+        return reached
 
     def _near_norms(self, begin: Reached) -> Reached | None:
         """Go from tangent to tangent, centred at first."""
-        found: Reached | None = None
+        best: Reached | None = None
         iterations, stage = 0, 0
         for _ in range(NORM_ROUNDS):
             again = self._once(begin, max(SHARES[stage], self.tolerance))
-            worth = again is not None and (found is None or again.r < found.r * (1 - WORTH[stage]))
-            if again is not None and (found is None or again.r < found.r):
+            worth = again is not None and (best is None or again.r < best.r * (1 - WORTH[stage]))
+            if again is not None and (best is None or again.r < best.r):
                 iterations += again.iterations
-                found = begin = again
-                if found.r <= self.enough:
+                best = begin = again
+                if best.r <= self.enough:
                     break
             if not worth:
                 stage += 1
                 if stage == len(SHARES):
                     break
-        return None if found is None else replace(found, iterations=iterations)
+        return None if best is None else replace(best, iterations=iterations)
 
     def _once(self, begin: Reached, tolerance: float) -> Reached | None:
         """Run from a point in the coordinates of its Lyapunov matrix; None if that is no start."""
         try:
-            own = self.scaling.refined(lyapunov_mean(begin.values))
+            scaling = self.scaling.refined(lyapunov_mean(begin.values))
         except SolverError:
             return None
         for tangent in range(TANGENTS if self.bounds[1] else 1):
-            condition = self.problem.pencil(own, *self.bounds, begin.values, tangent)
-            again = _run(condition, begin, own, self.enough, tolerance)
+            condition = self.problem.pencil(scaling, *self.bounds, begin.values, tangent)
+            again = _run(condition, begin, scaling, self.enough, tolerance)
             if again is not None:
                 return again
         return None

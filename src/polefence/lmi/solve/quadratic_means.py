@@ -53,17 +53,17 @@ class _Search:
         self.basis = np.zeros((len(rows), n, n))
         self.basis[range(len(rows)), rows, columns] = 1.0
         self.basis[range(len(rows)), columns, rows] = 1.0
-        self.count = 1 + vertices * len(rows) + sum(len(own.forms) for own in pieces)
+        self.count = 1 + vertices * len(rows) + sum(len(piece.forms) for piece in pieces)
         self.falling, start = list[Array](), 1 + vertices * len(rows)
-        for own in pieces:
+        for piece in pieces:
             block = np.zeros((self.count, n, n))
-            block[0] = -own.Q
-            for j, A in own.motions:
+            block[0] = -piece.Q
+            for j, A in piece.motions:
                 PA = self.basis @ A
                 block[self.of(j)] -= PA + PA.swapaxes(1, 2)
-            block[start : start + len(own.forms)] = [-form for form in own.forms]
+            block[start : start + len(piece.forms)] = [-form for form in piece.forms]
             self.falling.append(block)
-            start += len(own.forms)
+            start += len(piece.forms)
         self.positive = list[Array]()
         for k in range(1 + vertices * len(rows), self.count):
             self.positive.append(np.zeros((self.count, 1, 1)))
@@ -83,12 +83,12 @@ class _Search:
         one[0] = 1.0
         none = np.zeros((0, self.count))
         kept = [*self.falling, *self.positive]
-        x = inside([(0, own) for own in kept], self._first(P), one, none)
-        blocks = [Block(0, 0 * own, -own) for own in kept]
-        blocks += [Block(0, one, own) for own in self.noise]
-        level = max(float(x @ own[:, 0, 0]) for own in self.noise) / x[0]
+        x = inside([(0, form) for form in kept], self._first(P), one, none)
+        blocks = [Block(0, 0 * form, -form) for form in kept]
+        blocks += [Block(0, one, form) for form in self.noise]
+        level = max(float(x @ form[:, 0, 0]) for form in self.noise) / x[0]
         try:
-            found = interior_point.run(
+            outcome = interior_point.run(
                 Conditions(self.count, blocks, none),
                 x,
                 interior_point.WIDE * level,
@@ -96,21 +96,21 @@ class _Search:
             )
         except np.linalg.LinAlgError as error:
             raise SolverError("the search has no start") from error
-        return self._mean(found.x / found.x[0], found.r)
+        return self._mean(outcome.x / outcome.x[0], outcome.r)
 
     def _first(self, P: Sequence[Array]) -> Array:
         """Return P times a number that outweighs Q, with small multipliers."""
         x = np.zeros(self.count)
         x[0] = 1.0
-        for j, own in enumerate(P):
-            x[self.of(j)] = own[self.rows, self.columns]
+        for j, matrix in enumerate(P):
+            x[self.of(j)] = matrix[self.rows, self.columns]
         shares = [0.0]
         for piece, block in zip(self.pieces, self.falling, strict=True):
             if piece.at_bounds:
                 falls = np.tensordot(x[1:], block[1:], 1)
                 with np.errstate(all="ignore"):
-                    own = np.linalg.eigvals(np.linalg.solve(falls, piece.Q)).real.max()
-                shares.append(float(own))
+                    rate = np.linalg.eigvals(np.linalg.solve(falls, piece.Q)).real.max()
+                shares.append(float(rate))
         scale = FIRST * max(shares)
         x[1:] *= scale if np.isfinite(scale) and scale > 0 else 1.0
         x[1 + self.vertices * self.entries :] = 1.0
@@ -123,17 +123,17 @@ class _Search:
             tuple(np.add(np.eye(n, dtype=int)[i], np.eye(n, dtype=int)[k]).tolist()): (i, k)
             for i, k in zip(self.rows, self.columns, strict=True)
         }
-        each = [np.tensordot(x[self.of(j)], self.basis, 1) / level for j in range(self.vertices)]
+        P = [np.tensordot(x[self.of(j)], self.basis, 1) / level for j in range(self.vertices)]
         V = [
-            [own[place[e]] * (1 if place[e][0] == place[e][1] else 2) for e in _squares(n)]
-            for own in each
+            [matrix[place[e]] * (1 if place[e][0] == place[e][1] else 2) for e in _squares(n)]
+            for matrix in P
         ]
         grams, start = list[list[Array]](), 1 + self.vertices * self.entries
-        for own, block in zip(self.pieces, self.falling, strict=True):
-            odd, last = np.tensordot(x, block, 1) / level, np.full((1, 1), float(own.weight))
-            taus = x[start : start + len(own.forms)] / level
+        for piece, block in zip(self.pieces, self.falling, strict=True):
+            odd, last = np.tensordot(x, block, 1) / level, np.full((1, 1), float(piece.weight))
+            taus = x[start : start + len(piece.forms)] / level
             grams.append([odd, last, *(np.full((1, 1), tau) for tau in taus)])
-            start += len(own.forms)
+            start += len(piece.forms)
         return Mean(level, np.array(V), grams)
 
 

@@ -123,13 +123,13 @@ class Reached(Point):
 
     def path(self) -> list[Reached]:
         """Return the points on the way, the least r first: farther inside, rounding does less."""
-        return sorted((p for own in self.trails for p in own.points()), key=lambda p: p.r)
+        return sorted((p for trail in self.trails for p in trail.points()), key=lambda p: p.r)
 
 
 def lyapunov_mean(values: dict[str, Array]) -> Array:
     """Return the mean of a condition's Lyapunov matrices, W or, of the slack one, P."""
-    found = coefficients(values, "W")
-    return np.asarray((found if len(found) else coefficients(values, "P")).mean(axis=0))
+    matrices = coefficients(values, "W")
+    return np.asarray((matrices if len(matrices) else coefficients(values, "P")).mean(axis=0))
 
 
 def common_point(W: Array, Z: Array, variables: tuple[Variable, ...]) -> dict[str, Array]:
@@ -142,8 +142,10 @@ def coefficients(values: dict[str, Array], name: str) -> Array:
     """Return a polynomial's Bernstein coefficients, (count, ., .): W alone, or W1, W2 and so on."""
     if name in values:
         return values[name][None]
-    found = takewhile(lambda own: own is not None, (values.get(f"{name}{k}") for k in count(1)))
-    return np.array(list(found))
+    matrices = takewhile(
+        lambda matrix: matrix is not None, (values.get(f"{name}{k}") for k in count(1))
+    )
+    return np.array(list(matrices))
 
 
 P = TypeVar("P", bound=Point)
@@ -163,21 +165,21 @@ def rounds(
     enough : float
         The r that ends the search.
     """
-    found: P | None = None
+    best: P | None = None
     iterations = 0
     for _ in range(most):
-        again = once(found)
+        again = once(best)
         if again is None:
             break
-        if found is not None and again.r >= found.r:
-            found = replace(found, converged=found.converged or again.converged)
+        if best is not None and again.r >= best.r:
+            best = replace(best, converged=best.converged or again.converged)
             break
-        worth = found is None or again.r < found.r * (1 - WORTH)
+        worth = best is None or again.r < best.r * (1 - WORTH)
         iterations += again.iterations
-        found = again
-        if found.converged or found.r <= enough or not worth:
+        best = again
+        if best.converged or best.r <= enough or not worth:
             break
-    return None if found is None else replace(found, iterations=iterations)
+    return None if best is None else replace(best, iterations=iterations)
 
 
 def attempt(
@@ -241,8 +243,8 @@ def interior(
             {name: np.zeros_like(X) for name, X in values.items()}
             | {name: np.full((1, 1), t.get(name, 1.0)) for name in names}
         )
-    found = inside(stacked, x, most)
-    if found is None:
+    point = inside(stacked, x, most)
+    if point is None:
         return None, 0.0
-    share, r = found
+    share, r = point
     return x if most is None else x + share * most, r

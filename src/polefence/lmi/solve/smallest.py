@@ -96,12 +96,12 @@ def smallest(
         trails.extend(again.trails if again else ())
         return again
 
-    found = rounds(once, search.floor)
-    if found is None:
+    best = rounds(once, search.floor)
+    if best is None:
         raise SolverError("no point to start from: the numbers are too far apart for doubles")
     started = () if near else first.trails
-    before = [replace(each, variables=trails[0].pencil.variables) for each in started]
-    return replace(found, trails=(*trails[::-1], *before))
+    before = [replace(trail, variables=trails[0].pencil.variables) for trail in started]
+    return replace(best, trails=(*trails[::-1], *before))
 
 
 def typical_rate(A: Array) -> float:
@@ -154,10 +154,10 @@ class _Search:
         x = pencil.pack(values)
         r = wide * radius / unit
         if not self.goal.disks:
-            found = inside(stacked, x, engine=self.engine)
-            if found is None:
+            point = inside(stacked, x, engine=self.engine)
+            if point is None:
                 return None
-            r = max(r, found[1])
+            r = max(r, point[1])
         outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, WIDENINGS)
         if outcome is None:
             return None

@@ -47,15 +47,15 @@ def spread_of(
         raise InputError(f"{plant.name} has no remainder")
     n = plant.shape[0]
     XKX = lifted(law.exact, evidence, law.domain_of(plant).sizes)
-    each = _coefficients(XKX)
+    entries = _coefficients(XKX)
     if cut:
         Y = polynomials.bernstein([*evidence.held], XKX.sizes, evidence.held_degree)
         parts = cut_off(XKX, n, {i: Y.part(slice(i, i + 1)) for i in cut})
-        each = np.concatenate([_coefficients(own) for _, own in parts])
-    X = each[:, :n].mean(axis=0)
+        entries = np.concatenate([_coefficients(part) for _, part in parts])
+    X = entries[:, :n].mean(axis=0)
     T = np.linalg.cholesky((X + X.T) / 2)
     inverse = np.linalg.inv(T)
-    moved = each @ inverse.T  # in coordinates in which X is about one
+    moved = entries @ inverse.T  # in coordinates in which X is about one
     a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
     R, known = np.array(remainder.entries, dtype=float), len(b)
     if driven:
@@ -65,8 +65,8 @@ def spread_of(
         rows, columns = cheapest(R * (np.arange(R.shape[1]) < known), a, b)
         rows = np.where(ends.any(axis=1) & (rows <= 0), rows.max(), rows)
         columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
-    omega = more_than(columns[: each.shape[1], None] * moved, T)
-    sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
+    omega = more_than(columns[: entries.shape[1], None] * moved, T)
+    sides = [tuple(map(Fraction, squares.tolist())) for squares in (rows, columns)]
     return Spread(omega, sides[0], sides[1])
 
 
@@ -80,8 +80,8 @@ def more_than(V: Array, T: Array) -> list[list[Fraction]]:
 
 def _coefficients(P: Polynomial) -> Array:
     """Return the Bernstein coefficients of an exact polynomial, (count, ., .)."""
-    each = [
+    matrices = [
         np.array(M, dtype=object) / Fraction(P.whole * multinomial(e, P.sizes))
         for e, M in P.terms.items()
     ]
-    return np.array(each).astype(float)
+    return np.array(matrices).astype(float)

@@ -110,33 +110,33 @@ class Stacked:
     def at(self, x: Array) -> list[tuple[Array, Array]]:
         """Return D(x) and M(x), one pair a size, for a few x without what `parts` sets up."""
         entries = x[self.entries]
-        found = {size: np.zeros((2, count, size, size)) for size, count in self.sizes.items()}
+        sums = {size: np.zeros((2, count, size, size)) for size, count in self.sizes.items()}
         for family in self.families:
-            D, M = found[family.size][:, family.where]
+            D, M = sums[family.size][:, family.where]
             for t in family.terms:
-                each = entries[t.rows[..., None] + np.arange(t.R.shape[2])]
-                if each.shape[1] == 1:  # mostly, and far quicker
-                    X = t.weights[:, :, None] * each[:, 0]
+                gathered = entries[t.rows[..., None] + np.arange(t.R.shape[2])]
+                if gathered.shape[1] == 1:  # mostly, and far quicker
+                    X = t.weights[:, :, None] * gathered[:, 0]
                 else:
-                    X = np.einsum("bp,bpac->bac", t.weights, each)
+                    X = np.einsum("bp,bpac->bac", t.weights, gathered)
                 right = X @ t.R.swapaxes(1, 2)
                 for total, L in ((D, t.D), (M, t.M)):
                     if L.any():
                         total += L @ right
-        return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in found.values()]
+        return [(D + D.swapaxes(1, 2), M + M.swapaxes(1, 2)) for D, M in sums.values()]
 
     def gradient(self, P: Blocks, D: float, M: float) -> Array:
         """Return the gradient of <P, D D(x) + M M(x)> in x, once without what `adjoint` sets up."""
         by_size = dict(zip(self.sizes, P, strict=True))
-        places, found = [], []
+        places, values = [], []
         for family in self.families:
-            own = by_size[family.size][family.where]
+            multiplier = by_size[family.size][family.where]
             for t in family.terms:
-                G = 2 * (D * t.D + M * t.M).swapaxes(1, 2) @ (own @ t.R)
+                G = 2 * (D * t.D + M * t.M).swapaxes(1, 2) @ (multiplier @ t.R)
                 places.append((t.rows[..., None] + np.arange(t.R.shape[2])).ravel())
-                found.append((t.weights[:, :, None, None] * G[:, None]).ravel())
+                values.append((t.weights[:, :, None, None] * G[:, None]).ravel())
         entries = self.entries[np.concatenate(places)]
-        return np.asarray(np.bincount(entries, np.concatenate(found), self.unknowns), dtype=float)
+        return np.asarray(np.bincount(entries, np.concatenate(values), self.unknowns), dtype=float)
 
     def residual(self, x: Array, r: float, Y: Blocks) -> float:
         """Return by how much duals miss A_r* Y = nu t, t'x fixed, at x, relative to r."""
@@ -259,7 +259,7 @@ def _operators(stacked: Stacked) -> Operators:
 
 def _entries(family: Family, k: int, entries: Index) -> tuple[Index, Index, Array]:
     """Places in [D; M] of block k, unknowns and values of all nonzero derivatives."""
-    s, found = family.size, []
+    s, nonzero = family.size, []
     for t in family.terms:
         j, c = np.nonzero(t.R[k])
         for half, L in enumerate((t.D[k], t.M[k])):
@@ -269,9 +269,9 @@ def _entries(family: Family, k: int, entries: Index) -> tuple[Index, Index, Arra
             lower = j * s + i[:, None] + half * s**2
             for w, rows in zip(t.weights[k], t.rows[k], strict=True):
                 unknown = entries[rows[a][:, None] + c]
-                found += [(place, unknown, w * products) for place in (upper, lower)]
+                nonzero += [(place, unknown, w * products) for place in (upper, lower)]
     places, unknowns, values = (
-        np.concatenate([part.ravel() for part in parts]) for parts in zip(*found, strict=True)
+        np.concatenate([part.ravel() for part in parts]) for parts in zip(*nonzero, strict=True)
     )
     return places, unknowns, values
 

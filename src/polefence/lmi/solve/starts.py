@@ -120,7 +120,7 @@ def regulators(problem: Problem, scaling: Scaling) -> Iterator[dict[str, Array]]
     gains = [_balanced(problem.outputs, scaling, (A, B, step), moved)]
     if decay > 0 or problem.norms:
         gains += [_small(problem.norms, scaling, A, B, step, shift * decay) for shift in SHIFTS]
-    M = sum((own / (np.trace(own) or 1.0) for own in moved.values()), np.zeros_like(A))
+    M = sum((matrix / (np.trace(matrix) or 1.0) for matrix in moved.values()), np.zeros_like(A))
     M = M if moved else np.eye(len(A))
     for K in gains:
         W = None if K is None else _covariance(A, B, K, M, decay, step)
@@ -243,18 +243,18 @@ def least_cost(
 def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float, step: float) -> Array | None:
     """Return the covariance of the loop with less decay, what of it the region leaves over."""
     loop = A + B @ K
-    own = -float(growth(np.linalg.eigvals(loop), step).max())
+    rate = -float(growth(np.linalg.eigvals(loop), step).max())
     plain = _lyapunov(loop, M, step)
-    if not own > decay or plain is None:
+    if not rate > decay or plain is None:
         return None
     inputs = np.diag(K @ plain @ K.T)
     inputs = np.maximum(inputs, inputs.max() * CHEAP) + np.finfo(float).tiny
     more = SHAKEN * float(np.abs(np.linalg.eigvals(loop)).mean())
     if step:  # |z| to its root
-        each = 1 / np.sqrt(1 - step * own)
-        shifted = each * loop + (each - 1) / step * np.eye(len(A))
+        stretch = 1 / np.sqrt(1 - step * rate)
+        shifted = stretch * loop + (stretch - 1) / step * np.eye(len(A))
     else:
-        shifted = loop + (own + decay) / 2 * np.eye(len(A))
+        shifted = loop + (rate + decay) / 2 * np.eye(len(A))
     return _lyapunov(shifted, M + more * (B * inputs) @ B.T, step)
 
 
@@ -291,9 +291,9 @@ def covariance(F: Array, Q: Array | None = None, step: float = 0.0) -> Array | N
 
     n = len(F)
     balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
-    own = np.asarray(np.eye(n) if Q is None else Q / np.outer(scale, scale), dtype=float)
-    own = own + EVEN * np.trace(own) / n * np.eye(n)
-    X = _lyapunov(np.asarray(balanced, dtype=float), own, step)
+    intensity = np.asarray(np.eye(n) if Q is None else Q / np.outer(scale, scale), dtype=float)
+    intensity = intensity + EVEN * np.trace(intensity) / n * np.eye(n)
+    X = _lyapunov(np.asarray(balanced, dtype=float), intensity, step)
     return None if X is None else X * np.outer(scale, scale)
 
 

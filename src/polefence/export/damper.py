@@ -57,17 +57,17 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
 def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str, Any]:
     """Return what the templates are given."""
     dampers, n = [], _needed(claim)
-    for row, own in zip(claim.K, claim.dampers, strict=True):
-        label = plant.inputs[own.number] if plant.inputs else f"u{own.number + 1}"
+    for row, damper in zip(claim.K, claim.dampers, strict=True):
+        label = plant.inputs[damper.number] if plant.inputs else f"u{damper.number + 1}"
         dampers.append(
             {
                 "text": f"of {label}: the force over the rate, "
-                f"{number_text(own.low)} to {number_text(own.high)}",
+                f"{number_text(damper.low)} to {number_text(damper.high)}",
                 "K": [_exactly(x, form) for x in row[:n]],
-                "rate": [form.text(form.outward(x, up=True)) for x in own.rate[0][0][:n]],
+                "rate": [form.text(form.outward(x, up=True)) for x in damper.rate[0][0][:n]],
             }
         )
-    outputs = ", ".join(own.name for own in claim.limit.outputs)
+    outputs = ", ".join(output.name for output in claim.limit.outputs)
     level = digits_up(claim.limit.level)
     statement = (
         f"Proved, see {FILE_NAME}: the rms of {outputs} is at most {level} for all values of "
@@ -82,8 +82,8 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
         "statement": statement,
         "states": (plant.states or tuple(f"x{i + 1}" for i in range(plant.n)))[:n],
         "dampers": dampers,
-        "lows": [form.text(form.outward(own.low, up=True)) for own in claim.dampers],
-        "highs": [form.text(form.outward(own.high, up=False)) for own in claim.dampers],
+        "lows": [form.text(form.outward(damper.low, up=True)) for damper in claim.dampers],
+        "highs": [form.text(form.outward(damper.high, up=False)) for damper in claim.dampers],
         "number": form,
         "prefix": form.largest[:3],
         "zero": form.text(0.0),
@@ -95,13 +95,13 @@ def _needed(claim: Clipped) -> int:
 
     These are those of filters behind the signals.
     """
-    rows = [*claim.K, *(own.rate[0][0] for own in claim.dampers)]
+    rows = [*claim.K, *(damper.rate[0][0] for damper in claim.dampers)]
     return 1 + max(i for row in rows for i, x in enumerate(row) if x)
 
 
 def _exactly(value: Fraction, form: Number) -> str:
     """Return an entry of K, which `polefence.semi_active` makes a number of 32 bits."""
-    found = form.outward(value, up=True)
-    if Fraction(found) != value:
+    rounded = form.outward(value, up=True)
+    if Fraction(rounded) != value:
         raise InputError(f"K has {float(value)!r}, which is not a number of {form.bits} bits")
-    return form.text(found)
+    return form.text(rounded)

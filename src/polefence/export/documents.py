@@ -132,14 +132,14 @@ def _other(path: Path, document: Document) -> str:
     if claim is None or document.export is None:
         raise InputError("export: the description of the code is missing; export it again")
     observer = _observer(document, document.first(ObserverClaim))
-    design, own = claim.gain.subject.design, document.export
-    if own.keys() != {"text", "files"} | ({"by_parameters"} if observer else set()):
+    design, asked = claim.gain.subject.design, document.export
+    if asked.keys() != {"text", "files"} | ({"by_parameters"} if observer else set()):
         raise InputError("export must hold text and files; by_parameters, with an observer")
-    by_parameters = own.get("by_parameters", False)
+    by_parameters = asked.get("by_parameters", False)
     if type(by_parameters) is not bool:
         raise InputError("export.by_parameters must be true or false")
     certificate = Certificate.of(replace(document, claims=(design,)))
-    table, own_time = own["text"], certificate.plant.sample_time
+    table, own_time = asked["text"], certificate.plant.sample_time
     # what is kept of the region in service may be another than the design's
     parts = [(part.kind, part.numbers) for part in design.region]
     samples = document.first(Samples)
@@ -157,7 +157,7 @@ def _other(path: Path, document: Document) -> str:
     written = sources(program, texts)
     if observer is not None:
         written |= _observer_header(observer, program, texts, by_parameters)
-    files = own["files"]
+    files = asked["files"]
     beside = {f"{texts.name}_observer.{end}" for end in "hc"} if observer else set()
     if not isinstance(files, dict) or (beside and not beside <= files.keys()):
         raise InputError("files must be a table of names and digests, the observer's among them")
@@ -183,9 +183,9 @@ def _observer_header(
 ) -> dict[str, str]:
     """Return the header that says what is proved of the observer, by its name."""
     given = observer.plant.parameters if by_parameters else ()
-    found = observer_sources(observer, program.number, texts, given, texts.sample_time)
+    sources = observer_sources(observer, program.number, texts, given, texts.sample_time)
     name = f"{texts.name}_observer.h"
-    return {name: found[name]}
+    return {name: sources[name]}
 
 
 def _digest(content: bytes) -> str:
@@ -214,13 +214,13 @@ def of_signals(design: Design) -> Design:
     used[len(used) - kept(design) :] = True
     if used.all() or not used.any():
         return design
-    signals = [own for own, kept in zip(states(plant), used, strict=True) if kept]
+    signals = [state for state, kept in zip(states(plant), used, strict=True) if kept]
     powers = (0,) * (len(plant.parameters) or len(plant.vertices))
-    own = PolynomialGain((powers,), law.K[None, :, used], tuple(signals), plant.parameters)
-    if certificate.claim().sizes != own.domain.sizes:
+    gain = PolynomialGain((powers,), law.K[None, :, used], tuple(signals), plant.parameters)
+    if certificate.claim().sizes != gain.domain.sizes:
         return design
     evidence = {key: value for key, value in certificate.evidence.items() if key != "on"}
-    return replace(design, certificate=replace(certificate, law=own, evidence=evidence))
+    return replace(design, certificate=replace(certificate, law=gain, evidence=evidence))
 
 
 def code_law(law: Law) -> Law:
@@ -242,28 +242,28 @@ def names(
     n, m = plant.shape
     inputs = tuple(plant.inputs) or tuple(f"input {j + 1}" for j in range(m))
     if design.law.measured:
-        found = tuple(own.label for own in design.law.measured)
+        labels = tuple(signal.label for signal in design.law.measured)
     else:
-        found = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
-    return found[: len(found) - own_states], inputs[: m - own_states]
+        labels = tuple(plant.states) or tuple(f"state {j + 1}" for j in range(n))
+    return labels[: len(labels) - own_states], inputs[: m - own_states]
 
 
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
     form, law = number(code.bits), certificate.law
     measured = bool(law.measured)
-    own = code.memory
+    held = code.memory
     memory = None
-    if own is not None:
-        memory = Memory(own.states, float(own.step), float(own.sample_time))
+    if held is not None:
+        memory = Memory(held.states, float(held.step), float(held.sample_time))
     if code.K is not None or law.K is not None:
         return Fixed(form, _floats(code.K), measured, memory)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
     shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
     if law.W is None:
-        gains = np.array([_floats(each) for each in code.terms])
+        gains = np.array([_floats(term) for term in code.terms])
         return Polynomial(form, shares, law.domain, law.powers, gains, measured, memory)
-    W, Z = (np.array([_floats(each) for each in table]) for table in (code.W, code.Z))
+    W, Z = (np.array([_floats(row) for row in table]) for table in (code.W, code.Z))
     return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
 
 
@@ -309,23 +309,26 @@ def read_seen(table: Any, observed: bool) -> Seen:
     InputError
         If the table is not one that `text_document` wrote.
     """
-    own = table.get("sampled") if isinstance(table, dict) else None
-    if not isinstance(own, dict) or own.keys() != {field.name for field in fields(Seen)}:
+    entry = table.get("sampled") if isinstance(table, dict) else None
+    if not isinstance(entry, dict) or entry.keys() != {field.name for field in fields(Seen)}:
         raise InputError("text.sampled: what was sampled of the loop is missing, or more is there")
-    pair = own["observer"]
+    pair = entry["observer"]
     beside = [0, 0.0] if pair is None else pair
     if not isinstance(beside, list) or len(beside) != 2 or (pair is not None) is not observed:
         raise InputError("text.sampled.observer must be two numbers, where there is an observer")
-    counts, numbers = (own["points"], beside[0]), (own["decay"], own["region"], own["stable"])
+    counts, numbers = (
+        (entry["points"], beside[0]),
+        (entry["decay"], entry["region"], entry["stable"]),
+    )
     if not all(type(count) is int and 0 <= count < 10**9 for count in counts) or not all(
         _is_number(v) and abs(v) < 1e30 for v in (*numbers, beside[1])
     ):
         raise InputError("text.sampled: points must be a whole number, others finite numbers")
-    if type(own["inside"]) is not bool:
+    if type(entry["inside"]) is not bool:
         raise InputError("text.sampled.inside must be true or false")
-    found = None if pair is None else (beside[0], float(beside[1]))
+    pair_seen = None if pair is None else (beside[0], float(beside[1]))
     decay, region, stable = map(float, numbers)
-    return Seen(own["points"], own["inside"], decay, region, stable, found)
+    return Seen(entry["points"], entry["inside"], decay, region, stable, pair_seen)
 
 
 def _is_number(value: Any) -> bool:
@@ -414,33 +417,33 @@ class Facts:
 
 def loop_of(timed: Timing) -> Loop:
     """Return what was proved and found of the sampled loop."""
-    own, beside = timed.sampling, timed.with_observer
+    sampled, beside = timed.sampling, timed.with_observer
     seen = Seen(
-        own.points,
-        own.inside,
-        own.decay,
+        sampled.points,
+        sampled.inside,
+        sampled.decay,
         timed.largest.region,
         timed.largest.stable,
         None if beside is None else (beside.points, min(beside.decay, MOST)),
     )
     proof = timed.proof
     decay = None if proof.claim is None else proof.claim.decay
-    return Loop(own.sample_time, own.delay, decay, seen, proof.reason)
+    return Loop(sampled.sample_time, sampled.delay, decay, seen, proof.reason)
 
 
 def statement(facts: Facts) -> tuple[str, ...]:
     """Return what is guaranteed, proved or sampled, and what is not."""
     sentences = [_rounding(facts), *_timing(facts)]
-    own = facts.sample_time
-    if own is not None:
+    T = facts.sample_time
+    if T is not None:
         late = f"acting {plural(facts.late, 'sample')} late, as the plant has it"
         how = late if facts.late else "without delay"
-        sentences.append(f"Run every {milliseconds_text(own)} ms, the plant's own, u {how}.")
+        sentences.append(f"Run every {milliseconds_text(T)} ms, the plant's own, u {how}.")
     if facts.observer is not None:
         sentences += _of_observer(facts, facts.observer)
     sentences.append(_outside(facts))
     region = short_text(facts.region)
-    return tuple(line for each in sentences for line in _wrapped(each, region))
+    return tuple(line for sentence in sentences for line in _wrapped(sentence, region))
 
 
 def _wrapped(sentence: str, region: str) -> list[str]:
@@ -454,10 +457,10 @@ def _rounding(facts: Facts) -> str:
     if facts.rounded is None:
         return f"NOT PROVED to keep the poles in {region}: {facts.reason}."
     share = rounding_error(facts.rounded) / facts.rounded.gain.error
-    own = " and its own states step" if facts.rounded.code.memory else ""
+    steps = " and its own states step" if facts.rounded.code.memory else ""
     return (
         f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the "
-        f"parameters, with the gain as this code computes it{own}; its rounding is at most "
+        f"parameters, with the gain as this code computes it{steps}; its rounding is at most "
         f"{digits_up(100 * share, 2)} % of what is proved to leave them there."
     )
 
@@ -530,8 +533,8 @@ def local_bytes(made: Program) -> int:
         m += n
     if isinstance(made, Fixed):
         return m * made.number.bits // 8
-    own = len(made.shares) * 2 if made.shares else made.domain.corners
-    count = own + sum(made.domain.sizes) + m
+    weights = len(made.shares) * 2 if made.shares else made.domain.corners
+    count = weights + sum(made.domain.sizes) + m
     if isinstance(made, Scheduled):
         count += len(made.W) + (n + 1) * n
     else:

@@ -156,13 +156,13 @@ def export_c99(
     answer = check(design)
     if not answer.proved and not allow_unproved:
         raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
-    found = guarantee(design, made)
-    if not found.proved and not allow_unproved:
-        raise NotProvedError(f"not exported: {found.reason}")
-    timed = None if sampling is None else timing(design, sampling, found, observer)
+    proof = guarantee(design, made)
+    if not proof.proved and not allow_unproved:
+        raise NotProvedError(f"not exported: {proof.reason}")
+    timed = None if sampling is None else timing(design, sampling, proof, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
-    facts = _facts(design, found, bool(cuts), timed, observer)
+    facts = _facts(design, proof, bool(cuts), timed, observer)
     texts = Texts(
         name,
         design.plant.name,
@@ -172,12 +172,12 @@ def export_c99(
         facts.period,
         facts.delay,
     )
-    whole = Exported(design, made, texts, found, timed, observer)
+    whole = Exported(design, made, texts, proof, timed, observer)
     files = _files(whole)
     if observer is not None:
-        own = () if given == "alpha" else design.plant.parameters
+        parameters = () if given == "alpha" else design.plant.parameters
         code = observer_sources(
-            observer, made.number, texts, own, None if sampling is None else sampling.period
+            observer, made.number, texts, parameters, None if sampling is None else sampling.period
         )
         files |= {key: text.encode() for key, text in code.items()}
         whole = replace(whole, by_parameters=given != "alpha")
@@ -199,19 +199,19 @@ def _period(design: Design, order: int, sampling: Sampling | None) -> float:
 
 def _facts(
     design: Design,
-    found: Guarantee,
+    proof: Guarantee,
     limited: bool,
     timed: Timing | None,
     observer: Observer | None,
 ) -> Facts:
     """Return what the code may say of itself."""
     loop = None if timed is None else loop_of(timed)
-    own = design.region, found.claim, design.plant.sample_time, limited, loop, observer
+    common = design.region, proof.claim, design.plant.sample_time, limited, loop, observer
     late = 0 if design.plant.sampling is None else design.plant.sampling.delay
     if not design.proved:
-        facts = Facts(*own, reason="the design itself is not proved", late=late)
+        facts = Facts(*common, reason="the design itself is not proved", late=late)
         return replace(facts, rounded=None)
-    return Facts(*own, reason=found.reason, late=late)
+    return Facts(*common, reason=proof.reason, late=late)
 
 
 def _require_observer(
@@ -237,7 +237,7 @@ def _require_observer(
 
 @explained
 def with_fmus(
-    found: Exported,
+    exported: Exported,
     versions: Sequence[str] = ("2.0", "3.0"),
     *,
     compiler: str = "cc",
@@ -258,32 +258,40 @@ def with_fmus(
     InputError
         If a version is unknown, the compiler fails, or there is an observer: a unit has the law.
     """
-    if found.observer is not None:
+    if exported.observer is not None:
         raise InputError("an FMU holds only the law; leave out the observer (--observer)")
-    step = found.texts.sample_time if step is None else step
-    files = dict(found.files)
+    step = exported.texts.sample_time if step is None else step
+    files = dict(exported.files)
     for version in versions:
-        unit = fmu(found.program, found.texts, version=version, compiler=compiler, step=step)
-        files[_fmu_name(found.texts.name, version)] = unit
-    return replace(found, files=_sealed(found, files))
+        unit = fmu(exported.program, exported.texts, version=version, compiler=compiler, step=step)
+        files[_fmu_name(exported.texts.name, version)] = unit
+    return replace(exported, files=_sealed(exported, files))
 
 
 def _fmu_name(name: str, version: str) -> str:
     return f"{name}_fmi{version[0]}.fmu"
 
 
-def _sealed(found: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
+def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
     """Put the digests of all that runs into ``guarantee.json``."""
-    if not found.proved or found.guarantee.claim is None:
+    if not exported.proved or exported.guarantee.claim is None:
         return files
-    name = found.texts.name
-    own = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
-    beside = {key: files[key] for key in sorted(files.keys() - own) if key.endswith(BESIDE)}
-    proof = None if found.timing is None else found.timing.proof.claim
-    seen = None if found.timing is None else loop_of(found.timing).seen
-    observer = None if found.observer is None else (found.observer.design, found.by_parameters)
+    name = exported.texts.name
+    code_files = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
+    beside = {key: files[key] for key in sorted(files.keys() - code_files) if key.endswith(BESIDE)}
+    proof = None if exported.timing is None else exported.timing.proof.claim
+    seen = None if exported.timing is None else loop_of(exported.timing).seen
+    observer = (
+        None if exported.observer is None else (exported.observer.design, exported.by_parameters)
+    )
     text = guarantee_text(
-        found.guarantee.design, found.guarantee.claim, found.texts, beside, proof, seen, observer
+        exported.guarantee.design,
+        exported.guarantee.claim,
+        exported.texts,
+        beside,
+        proof,
+        seen,
+        observer,
     )
     return files | {FILE_NAME: text.encode()}
 
@@ -293,8 +301,8 @@ def marks(name: str) -> dict[str, bytes]:
     texts = [f"{name}{end}" for end in (".c", ".h", "_test.c", "_observer.c", "_observer.h")]
     texts += ["Makefile", "README.md"]
     units = [_fmu_name(name, version) for version in ("2.0", "3.0")]
-    own = dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
-    return own | dict.fromkeys(units, b"modelDescription.xml")
+    text_marks = dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
+    return text_marks | dict.fromkeys(units, b"modelDescription.xml")
 
 
 def _scheduled_on(design: Design, given: str | None) -> tuple[Parameter, ...]:
@@ -319,13 +327,15 @@ def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def _files(found: Exported) -> dict[str, bytes]:
-    made, texts = found.program, found.texts
-    bound = found.guarantee.bound if found.guarantee.proved else None
+def _files(exported: Exported) -> dict[str, bytes]:
+    made, texts = exported.program, exported.texts
+    bound = exported.guarantee.bound if exported.guarantee.proved else None
     files = {key: text.encode() for key, text in sources(made, texts).items()}
-    files[f"{texts.name}_test.c"] = harness(made, texts, code_law(found.design.law), bound).encode()
-    files["Makefile"] = makefile(texts, found.observer is not None).encode()
-    page = own_readme(made, texts, found.design, found.observer is not None, found.proved)
+    files[f"{texts.name}_test.c"] = harness(
+        made, texts, code_law(exported.design.law), bound
+    ).encode()
+    files["Makefile"] = makefile(texts, exported.observer is not None).encode()
+    page = own_readme(made, texts, exported.design, exported.observer is not None, exported.proved)
     files[README] = page.encode()
     return files
 
@@ -365,7 +375,7 @@ def _is_ours(entry: Path, marks: Mapping[str, bytes]) -> bool:
 def _is_leftover(entry: Path, marks: Mapping[str, bytes]) -> bool:
     """Whether an export that was killed left this behind."""
     name = leftover(entry.name)
-    return name is not None and not entry.is_dir() and any(own[:SHORT] == name for own in marks)
+    return name is not None and not entry.is_dir() and any(known[:SHORT] == name for known in marks)
 
 
 def write_folder(
@@ -380,7 +390,9 @@ def write_folder(
     """
     check_folder(directory, marks)
     if directory.exists():
-        for entry in [each for each in directory.iterdir() if _is_leftover(each, marks)]:
+        for entry in [
+            leftover for leftover in directory.iterdir() if _is_leftover(leftover, marks)
+        ]:
             entry.unlink(missing_ok=True)
     paths = write_all(directory, files)
     for name in marks.keys() - files.keys():

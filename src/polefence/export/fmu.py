@@ -124,21 +124,21 @@ def _texts(
         "token": f"{{{uuid.UUID(bytes=raw[:16])}}}",
         "design": f"{int.from_bytes(raw[16:20], 'big')}U",
     }
-    found = _rendered(code, pages, given | signature)
-    return found.pop("modelDescription.xml"), law | found
+    rendered = _rendered(code, pages, given | signature)
+    return rendered.pop("modelDescription.xml"), law | rendered
 
 
 def _rendered(code: Environment, pages: Environment, given: dict[str, Any]) -> dict[str, str]:
     """Return the texts; pages are of XML, and escape what they are given."""
     fmi, name = given["fmi"], given["name"]
-    found = {
+    texts = {
         "modelDescription.xml": pages.get_template(f"{fmi}.xml.j2").render(given),
         f"{name}_{fmi}.h": code.get_template(f"{fmi}.h.j2").render(given),
         f"{name}_{fmi}.c": code.get_template(f"{fmi}.c.j2").render(given),
     }
     if fmi == "fmi3":
-        found["buildDescription.xml"] = pages.get_template("fmi3.build.xml.j2").render(given)
-    return found
+        texts["buildDescription.xml"] = pages.get_template("fmi3.build.xml.j2").render(given)
+    return texts
 
 
 def _zipped(files: dict[str, bytes]) -> bytes:
@@ -199,17 +199,17 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
     names = unique([name for name, _ in named], fallbacks, ("time", "flags"))
     described = [plain(text) for text in (*texts.states, *given, *texts.inputs)]
     begins = [repr(start) for start in starts] + [""] * len(texts.inputs)
-    found = [
+    listed = [
         Variable(name, k + 1, description, unit, start)
         for k, (name, description, (_, unit), start) in enumerate(
             zip(names, described, named, begins, strict=True)
         )
     ]
     return {
-        "inputs": found[: len(starts)],
-        "outputs": found[len(starts) :],
-        "flags": Variable("flags", len(found) + 1, _flags(common)),
-        "units": sorted({v.unit for v in found if v.unit}),
+        "inputs": listed[: len(starts)],
+        "outputs": listed[len(starts) :],
+        "flags": Variable("flags", len(listed) + 1, _flags(common)),
+        "units": sorted({v.unit for v in listed if v.unit}),
         "starts": begins[: len(starts)],
     }
 
@@ -224,13 +224,13 @@ def _flags(common: dict[str, Any]) -> str:
 
 def split(text: str) -> tuple[str, str]:
     """Return name and unit of "suspension deflection [m]"; no unit where it is none to define."""
-    found = UNIT.fullmatch(text)
-    return (found[1], found[2].strip()) if found and found[2].strip() else (text, "")
+    match = UNIT.fullmatch(text)
+    return (match[1], match[2].strip()) if match and match[2].strip() else (text, "")
 
 
 def unique(names: list[str], fallbacks: list[str], taken: tuple[str, ...]) -> list[str]:
     """Return identifiers that no importer has to change, different in more than case."""
-    used, found = set(taken), list[str]()
+    used, words = set(taken), list[str]()
     for name, fallback in zip(names, fallbacks, strict=True):
         word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:60] or fallback
         base = word if word[0].isalpha() else f"{fallback}_{word}"
@@ -239,8 +239,8 @@ def unique(names: list[str], fallbacks: list[str], taken: tuple[str, ...]) -> li
             count += 1
             word = f"{base}_{count}"
         used.add(word.lower())
-        found.append(word)
-    return found
+        words.append(word)
+    return words
 
 
 def plain(text: str) -> str:
@@ -266,18 +266,20 @@ def library(
     InputError
         If the compiler is missing, fails, or builds for a system that FMI does not know.
     """
-    found = _found(compiler)
+    command = _found(compiler)
     with TemporaryDirectory(prefix="polefence-") as temporary:
         folder = Path(temporary)
-        where, ending = platform(_run(found, ["-dumpmachine"], folder), version)
+        where, ending = platform(_run(command, ["-dumpmachine"], folder), version)
         for file, text in sources.items():
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
-        own = f"{name}.{ending}"
+        library_name = f"{name}.{ending}"
         flags = [flag for flag in FLAGS if not (ending == "dll" and flag == "-fPIC")]
         # in the folder, so that its name is nowhere in the library
-        _run(found, [*flags, "-o", own, *(f for f in sources if f.endswith(".c"))], folder)
+        _run(
+            command, [*flags, "-o", library_name, *(f for f in sources if f.endswith(".c"))], folder
+        )
         try:
-            return f"binaries/{where}/{own}", (folder / own).read_bytes()
+            return f"binaries/{where}/{library_name}", (folder / library_name).read_bytes()
         except OSError as error:
             raise InputError(
                 f"compiler {compiler!r} reported success and wrote no library; use gcc or clang"
@@ -300,7 +302,7 @@ def platform(target: str, version: str) -> tuple[str, str]:
     """
     machine, _, rest = target.strip().lower().partition("-")
     known = [name for pattern, name in MACHINES if re.fullmatch(pattern, machine)]
-    systems = [own for own in SYSTEMS if any(word in rest for word in own[0])]
+    systems = [entry for entry in SYSTEMS if any(word in rest for word in entry[0])]
     if not known or not systems:
         raise InputError(
             f"the compiler builds for {_line(target)!r}, where no FMU runs; name one that builds "

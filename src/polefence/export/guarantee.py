@@ -121,37 +121,37 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     Where the code keeps states, its gain's errors may be of other sizes than its entries: then
     other scales are tried too.
     """
-    found = _guarantee(design, program, scales(program, design.law))
+    direct = _guarantee(design, program, scales(program, design.law))
     memory = memory_of(program)
-    if found.proved or memory is None or isinstance(program, Scheduled):
-        return found
+    if direct.proved or memory is None or isinstance(program, Scheduled):
+        return direct
     sizes = balanced(program.sizes, memory)
     other = _guarantee(design, program, scales(program, design.law, sizes))
-    return other if other.proved else found
+    return other if other.proved else direct
 
 
 @stage("rounding of the code")
 def _guarantee(design: Design, program: Program, measures: tuple[Array, Columns]) -> Guarantee:
     rows, columns = measures
-    own = claimed_design(design)
-    if own is None:
+    claimed = claimed_design(design)
+    if claimed is None:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
         return Guarantee(design, inf, -1.0, None, reason)
-    claim = Rounded(_blank(own, rows, columns), code_of(program, design.plant))
+    claim = Rounded(_blank(claimed, rows, columns), code_of(program, design.plant))
     try:
-        claim = _with_bounds(own, program, claim)
+        claim = _with_bounds(claimed, program, claim)
         needed = float(rounding_error(claim))
     except FormatError as problem:
-        return Guarantee(own, inf, -1.0, None, str(problem))
-    tolerated, gain = gain_claim(own, rows, np.array(columns, dtype=float), needed)
+        return Guarantee(claimed, inf, -1.0, None, str(problem))
+    tolerated, gain = gain_claim(claimed, rows, np.array(columns, dtype=float), needed)
     if gain is None:
         reason = _refusal(claim, needed, tolerated, design.method == "lyapunov")
-        return Guarantee(own, needed, tolerated, None, reason)
+        return Guarantee(claimed, needed, tolerated, None, reason)
     claim = replace(claim, gain=replace(gain, columns=columns))
     verdict = prove(claim)
     if not verdict.proved:
-        return Guarantee(own, needed, tolerated, None, verdict.reason)
-    return Guarantee(own, needed, tolerated, claim)
+        return Guarantee(claimed, needed, tolerated, None, verdict.reason)
+    return Guarantee(claimed, needed, tolerated, claim)
 
 
 def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> str:
@@ -172,12 +172,12 @@ def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> st
 def code_of(program: Program, plant: UncertainPlant) -> Code:
     """Return the code's constants as rationals."""
     bits = program.number.bits
-    own = memory_of(program)
+    held = memory_of(program)
     memory = None
-    if own is not None:
+    if held is not None:
         T = plant.sample_time
-        time = Fraction(own.sample_time) if T is None else T
-        memory = Memory(own.states, Fraction(own.step), time, T is not None)
+        time = Fraction(held.sample_time) if T is None else T
+        memory = Memory(held.states, Fraction(held.step), time, T is not None)
     if isinstance(program, Fixed):
         return Code(bits, K=exactly(program.K), memory=memory)
     shares = tuple(
@@ -186,7 +186,7 @@ def code_of(program: Program, plant: UncertainPlant) -> Code:
     if not isinstance(program, Scheduled):
         terms = tuple(map(exactly, program.gains))
         return Code(bits, shares=shares, terms=terms, memory=memory)
-    W, Z = (tuple(map(exactly, each)) for each in (program.W, program.Z))
+    W, Z = (tuple(map(exactly, rows)) for rows in (program.W, program.Z))
     return Code(bits, None, exactly(program.T), W, Z, shares)
 
 
@@ -196,8 +196,8 @@ def balanced(sizes: Array, memory: Kept) -> Array:
     Relative to the unit of rounding, times an entry's operations.
     """
     sizes, (_, r) = np.maximum(sizes, TINY), sizes.shape
-    own = np.arange(-memory.states, 0)
-    sizes[own, own] += 1 / (r * memory.sample_time)
+    steps = np.arange(-memory.states, 0)
+    sizes[steps, steps] += 1 / (r * memory.sample_time)
     columns = np.ones(r)
     for _ in range(BALANCED):
         rows = (sizes / columns).max(axis=1)
@@ -215,13 +215,13 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
         size = np.linalg.norm(program.Z, axis=-1).max(axis=0)
         return _rows(size), tuple(map(tuple, exactly(program.T)))
     sizes = program.sizes if sizes is None else sizes
-    rows, own = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
+    rows, columns = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
     if not law.measured:
-        return rows, own
+        return rows, columns
     count, n = law.C.shape[1:]
     if len(law.C) > 1 or count > n:
         return rows, _filled((sizes @ np.abs(law.C).max(axis=0)).max(axis=0))
-    matrix = [tuple(t * c for c in y.C[0]) for t, y in zip(own, law.measured, strict=True)]
+    matrix = [tuple(t * c for c in y.C[0]) for t, y in zip(columns, law.measured, strict=True)]
     return rows, (*matrix, *[(Fraction(0),) * n] * (n - count))
 
 
@@ -257,12 +257,12 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
     if not isinstance(program, Scheduled):
         return claim
-    own = Coordinates(program.T)
+    coordinates = Coordinates(program.T)
     rows = scales(program, design.law)[0][:, None]
     domain, degree = program.domain, program.degree
     left, right = np.split(design.law.form, [len(program.T)], axis=1)
-    W = bernstein(domain, own.forms(left), degree)
-    Z = bernstein(domain, own.gains(right) / rows, degree)
+    W = bernstein(domain, coordinates.forms(left), degree)
+    Z = bernstein(domain, coordinates.gains(right) / rows, degree)
     square, best = times(W, W), (inf, 0.0, 0.0, 0)
     for elevation in range(ELEVATIONS + 1):
         if domain.count(2 * degree + elevation) > MOST_COEFFICIENTS:
@@ -285,9 +285,9 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
 
 def _raised(domain: Domain, P: Polynomial, degree: int, times: int) -> Array:
     """Return the Bernstein coefficients of a polynomial at a higher degree."""
-    found = elevated(P, domain, times)
+    higher = elevated(P, domain, times)
     return np.array(
-        [found[e] / binomial(domain.sizes, e) for e in domain.monomials(degree + times)]
+        [higher[e] / binomial(domain.sizes, e) for e in domain.monomials(degree + times)]
     )
 
 
@@ -338,7 +338,7 @@ def milliseconds(time: float) -> str:
 
 
 def timing(
-    design: Design, sampling: Sampling, found: Guarantee, observer: Observer | None
+    design: Design, sampling: Sampling, rounded: Guarantee, observer: Observer | None
 ) -> Timing:
     """Judge the loop that a computer closes at its samples, rounding included.
 
@@ -355,7 +355,7 @@ def timing(
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
     )
-    off = None if found.claim is None else off_by_rounding(found.claim)
+    off = None if rounded.claim is None else off_by_rounding(rounded.claim)
     proof = prove_decay(design, sample_time, delay, off)
     seen, largest = sampling_effect(design, sample_time, delay), largest_sample_time(design, delay)
     return Timing(seen, proof, largest, beside)

@@ -66,7 +66,7 @@ def variables(design: Design) -> dict[str, Any]:
     """Return what the file holds, by its names in MATLAB."""
     design = with_rates(design)
     plant = design.plant
-    found: dict[str, Any] = {
+    variables: dict[str, Any] = {
         "A": _stacked(plant.A),
         "B": _stacked(plant.B),
         "name": visible(plant.name),
@@ -79,10 +79,10 @@ def variables(design: Design) -> dict[str, Any]:
         "statement": statement(design),
     }
     if plant.vertices[0].E is not None:
-        found["E"] = _stacked(np.array([vertex.E for vertex in plant.vertices]))
+        variables["E"] = _stacked(np.array([vertex.E for vertex in plant.vertices]))
     if plant.sample_time is not None:
-        found["sample_time"] = float(plant.sample_time)
-    return found | _law(design)
+        variables["sample_time"] = float(plant.sample_time)
+    return variables | _law(design)
 
 
 def statement(design: Design) -> str:
@@ -103,7 +103,7 @@ def _law(design: Design) -> dict[str, Any]:
     if law.K is not None:
         return order | {"K": np.array(law.K)}
     if law.gains is not None:
-        measured = tuple(own.label for own in law.measured) or design.plant.states
+        measured = tuple(signal.label for signal in law.measured) or design.plant.states
         return order | {
             "gains": _stacked(law.gains),
             "powers": np.array(law.powers, dtype=float),

@@ -44,8 +44,8 @@ def with_rates(design: Design) -> Design:
     law, plant = design.law, design.plant
     if law.gains is None or not law.measured:
         return design
-    r, names = len(law.measured) // 3, [own.name for own in law.measured]
-    known = [own.name for own in states(plant)[-2 * r :]] if r else []
+    r, names = len(law.measured) // 3, [signal.name for signal in law.measured]
+    known = [state.name for state in states(plant)[-2 * r :]] if r else []
     signals = names[:r]
     integrals, filters = ([before + name for name in signals] for before in (INTEGRAL, FILTER))
     pid = signals + integrals + [DERIVATIVE + name for name in signals]
@@ -55,8 +55,8 @@ def with_rates(design: Design) -> Design:
     measured = (*law.measured[:r], *states(larger)[-2 * r :])
     w = float(-delta_form(plant).vertices[0].exact_A[-1][-1])
     powers, gains = _terms(law, _of_states(law.gains, r, w), _rates(r, w))
-    own = PolynomialGain(powers, gains, measured, law.parameters)
-    certificate = replace(design.certificate, plant=larger, law=own)
+    stepped = PolynomialGain(powers, gains, measured, law.parameters)
+    certificate = replace(design.certificate, plant=larger, law=stepped)
     return replace(design, certificate=certificate)
 
 

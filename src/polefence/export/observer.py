@@ -123,18 +123,18 @@ def _common(
     observer: Observer, number: Number, texts: Texts, carrier: Scheduled | None
 ) -> dict[str, Any]:
     """Return what the law's template is given too, for the observer's names."""
-    own = replace(texts, name=f"{texts.name}_observer", limits=())
-    real, NAME = f"{texts.name}_real", own.name.upper()
+    named = replace(texts, name=f"{texts.name}_observer", limits=())
+    real, NAME = f"{texts.name}_real", named.name.upper()
     arguments = [
-        f"{own.name} *observer",
+        f"{named.name} *observer",
         f"const {real} u[{texts.name.upper()}_INPUTS]",
         f"const {real} y[{NAME}_MEASURED]",
     ]
     if carrier is None:
         none = program(FixedGain(np.zeros(observer.plant.shape[::-1])), (), number)
-        common = context(none, own)
+        common = context(none, named)
     else:
-        common = context(carrier, own) | {"weighing": weighing(carrier, real)}
+        common = context(carrier, named) | {"weighing": weighing(carrier, real)}
         arguments.insert(1, f"const {real} {common['letter']}[{NAME}_{common['GIVEN']}]")
     return common | {"law": texts.name, "LAW": texts.name.upper(), "arguments": arguments}
 
@@ -167,10 +167,10 @@ def _programs(
     if law.K is not None:
         n = observer.plant.shape[0]
         law = ScheduledGain(np.stack([np.eye(n)] * N), np.zeros((N, 1, n)), parameters)
-        found = program(law, parameters, number)
-        return None, found if isinstance(found, Scheduled) else None
-    found = program(law, parameters, number)
-    return (found, found) if isinstance(found, Scheduled) else (None, None)
+        made = program(law, parameters, number)
+        return None, made if isinstance(made, Scheduled) else None
+    made = program(law, parameters, number)
+    return (made, made) if isinstance(made, Scheduled) else (None, None)
 
 
 def _plant_tables(
@@ -184,12 +184,12 @@ def _plant_tables(
         "c": observer.exact_C,
     }
     tables, varying = [], list[dict[str, Any]]()
-    for letter, each in matrices.items():
+    for letter, corner_matrices in matrices.items():
         table = []
-        for i in range(len(each[0])):
+        for i in range(len(corner_matrices[0])):
             line = []
-            for j in range(len(each[0][0])):
-                corners = [M[i][j] for M in each]
+            for j in range(len(corner_matrices[0][0])):
+                corners = [M[i][j] for M in corner_matrices]
                 same = all(value == corners[0] for value in corners)
                 line.append(corners[0] if same else Fraction(0))
                 if not same and carrier is not None:
@@ -250,14 +250,14 @@ def check_sample_time(observer: Observer, sample_time: float | None) -> float:
         If it is no positive number, not the plant's own in discrete time, or too long: some
         |pole| of A - L C times it is beyond 1, or of A beyond 2.6, over the family as sampled.
     """
-    own = observer.plant.sample_time
-    if own is not None:
-        if sample_time is not None and sample_time != float(own):
+    T = observer.plant.sample_time
+    if T is not None:
+        if sample_time is not None and sample_time != float(T):
             raise InputError(
                 f"sample_time = {sample_time!r}: {observer.plant.name} is in discrete time, and "
-                f"its own is {float(own):g} s; leave sample_time out"
+                f"its own is {float(T):g} s; leave sample_time out"
             )
-        return float(own)
+        return float(T)
     number = isinstance(sample_time, int | float) and not isinstance(sample_time, bool)
     if sample_time is None or not number or not LEAST < sample_time < MOST:
         raise InputError(
@@ -282,10 +282,10 @@ def longest_sample_time(observer: Observer) -> float:
 
 def _bounds(observer: Observer) -> list[tuple[float, float, str]]:
     alpha = family_points(observer)
-    own = np.abs(np.linalg.eigvals(observer.plant.at(alpha)[0])).max()
+    fastest = np.abs(np.linalg.eigvals(observer.plant.at(alpha)[0])).max()
     return [
         (float(np.abs(observer.poles(alpha)).max()), ACCURATE, "the observer has a pole"),
-        (float(own), STABLE, "the plant, which it follows where y is missing, has a pole"),
+        (float(fastest), STABLE, "the plant, which it follows where y is missing, has a pole"),
     ]
 
 

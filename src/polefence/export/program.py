@@ -320,14 +320,14 @@ class Number(Short):
 
     def outward(self, value: Fraction, up: bool) -> float:
         """Return the nearest number of the format that is not below (not above) a rational."""
-        found = float(self.nearest(np.array(float(value))))
-        wrong = Fraction(found) < value if up else Fraction(found) > value
+        nearest = float(self.nearest(np.array(float(value))))
+        wrong = Fraction(nearest) < value if up else Fraction(nearest) > value
         if not wrong:
-            return found
+            return nearest
         towards = np.inf if up else -np.inf
         if self.bits == 32:
-            return float(np.nextafter(np.float32(found), np.float32(towards)))
-        return float(np.nextafter(found, towards))
+            return float(np.nextafter(np.float32(nearest), np.float32(towards)))
+        return float(np.nextafter(nearest, towards))
 
     def text(self, value: float) -> str:
         """Write a number as a C constant that reads back as the same number."""

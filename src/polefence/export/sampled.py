@@ -475,14 +475,14 @@ class _Search:
         """Return a claim that is proved; or None, and why not."""
         try:
             family = self._family()
-            found = max(self._candidates(family), key=lambda each: each.share, default=None)
+            best = max(self._candidates(family), key=lambda one: one.share, default=None)
         except (SolverError, np.linalg.LinAlgError, FormatError, InputError) as problem:
             return None, f"no proof was found: {problem}"
-        if found is None or found.share <= 0:
+        if best is None or best.share <= 0:
             return None, "no Lyapunov polynomial was found that leaves room for the error between"
         reason = "the room found in floats is not there"
         for retreat in RETREATS:
-            claim = self._claim(family, found, found.share * retreat)
+            claim = self._claim(family, best, best.share * retreat)
             if claim is None:
                 continue
             try:
@@ -499,8 +499,8 @@ class _Search:
         first = self._in(first_coordinates(self.design))
         enough = math.exp(-CENTRAL * self.slowest * self.sample_time)
         form = self._forms()[0]
-        found = least(loop_of(first.plant, first.law), Disks(0.0), *form, enough=enough)
-        return self._in(next_coordinates(first, evidence_of(found, form)))
+        polynomial = least(loop_of(first.plant, first.law), Disks(0.0), *form, enough=enough)
+        return self._in(next_coordinates(first, evidence_of(polynomial, form)))
 
     def _forms(self) -> tuple[tuple[int, int], ...]:
         law = self.design.law
@@ -536,12 +536,12 @@ class _Search:
         for aim in AIMS:
             radius = math.exp(-aim * self.slowest * self.sample_time)
             with suppress(SolverError):
-                found = least(loop, Disks(0.0), *form, enough=radius)
-                yield _short_evidence(evidence_of(found, form))
+                polynomial = least(loop, Disks(0.0), *form, enough=radius)
+                yield _short_evidence(evidence_of(polynomial, form))
 
     def _blank(self, family: Family) -> Sampled:
         """Return a claim of no error, for what of it the bounds need."""
-        own, claim = family.coordinates, self.design.certificate.claim()
+        coordinates, claim = family.coordinates, self.design.certificate.claim()
         return Sampled(
             design=claim,
             ranges=ranges_of(self.design.plant),
@@ -549,8 +549,8 @@ class _Search:
             delay=self.delay,
             decay=Fraction(0),
             radius=Fraction(0),
-            T=exactly(own.T),
-            scale=tuple(Fraction(float(s)) for s in own.scale),
+            T=exactly(coordinates.T),
+            scale=tuple(Fraction(float(s)) for s in coordinates.scale),
             steps=tuple(exactly(step) for step in family.steps),
             terms=_terms(family),
             evidence=Evidence([]),
@@ -563,8 +563,8 @@ class _Search:
 
     def _weighted(self, blank: Sampled, needed: float) -> Sampled:
         """Give the rows of v the weight that makes both errors alike."""
-        own = float(gain_error(blank)) * LEAST
-        return replace(blank, weight=above(own / needed)) if own > LEAST * needed else blank
+        error = float(gain_error(blank)) * LEAST
+        return replace(blank, weight=above(error / needed)) if error > LEAST * needed else blank
 
     def _share(self, family: Family, blank: Sampled, proof: Proof | None, needed: float) -> float:
         """Return the largest share of the sampled decay that leaves room for the error."""
@@ -575,26 +575,26 @@ class _Search:
 
         return edge(leaves_room, 0.0, 1.0, HALVINGS)[0]
 
-    def _claim(self, family: Family, found: _Candidate, share: float) -> Sampled | None:
+    def _claim(self, family: Family, candidate: _Candidate, share: float) -> Sampled | None:
         decay = Fraction(digits_down(share * self.slowest, DIGITS))
         radius = _radius(decay, Fraction(self.sample_time))
-        largest, mu = family.tolerated(found.proof, float(radius), _rows(found.blank))
-        if largest <= found.needed:
+        largest, mu = family.tolerated(candidate.proof, float(radius), _rows(candidate.blank))
+        if largest <= candidate.needed:
             return None
-        error = math.sqrt(largest * found.needed)
+        error = math.sqrt(largest * candidate.needed)
         return replace(
-            found.blank,
+            candidate.blank,
             decay=decay,
             radius=radius,
-            evidence=_exact_evidence(found.evidence),
+            evidence=_exact_evidence(candidate.evidence),
             error=above(error),
             mu=above(mu * error / largest),
         )
 
 
 def _rows(blank: Sampled) -> Array:
-    own = blank.off.rows if blank.off else blank.scale
-    pairs = zip(own, blank.scale, strict=True)
+    rows = blank.off.rows if blank.off else blank.scale
+    pairs = zip(rows, blank.scale, strict=True)
     return np.array([float(blank.weight * row / s) for row, s in pairs])
 
 
@@ -611,11 +611,11 @@ def _terms(family: Family) -> int:
 
 def _with_bounds(blank: Sampled, family: Family) -> Sampled:
     """Add bounds on the law in the claim's coordinates."""
-    law, own = family.design.law, family.coordinates
+    law, coordinates = family.design.law, family.coordinates
     if law.W is None:
         return blank
-    Z = law.form[:, len(own.T) :]
-    W, Z = own.T @ law.W @ own.T.T, Z @ own.T.T / own.scale[:, None]
+    Z = law.form[:, len(coordinates.T) :]
+    W, Z = coordinates.T @ law.W @ coordinates.T.T, Z @ coordinates.T.T / coordinates.scale[:, None]
     smallest = float(np.linalg.eigvalsh((W + W.swapaxes(1, 2)) / 2).min())
     if smallest <= 0:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")
@@ -686,8 +686,8 @@ class Family(Short):
         """Return what evidence has for the search; None where it is not even a Lyapunov matrix."""
         certificate = certificate_of(self.plant, self.law, Disk(0.0, 1.0), [evidence])
         with suppress(InputError):
-            (own,) = balanced(Design(certificate), certificate.region)
-            return own.raised(evidence["elevation"]), own.T
+            (scaled,) = balanced(Design(certificate), certificate.region)
+            return scaled.raised(evidence["elevation"]), scaled.T
         return None
 
     def tolerated(self, proof: Proof | None, radius: float, weight: Array) -> tuple[float, float]:
@@ -712,7 +712,7 @@ class Family(Short):
 def first_coordinates(design: Design) -> Coordinates:
     """Return coordinates of the loop at the middle of the family."""
     middle = np.full((1, len(design.plant.vertices)), 1 / len(design.plant.vertices))
-    A, B = (each[0] for each in design.plant.at(middle))
+    A, B = (matrices[0] for matrices in design.plant.at(middle))
     K = design.law.gain(middle)[0]
     closed = A + B @ K
     size = float(np.abs(np.linalg.eigvals(closed)).max()) or 1.0
@@ -723,12 +723,12 @@ def first_coordinates(design: Design) -> Coordinates:
 
 def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates:
     """Return coordinates in which the Lyapunov matrix at the middle is near to the identity."""
-    n, own = family.steps.shape[1], family.coordinates
+    n, coordinates = family.steps.shape[1], family.coordinates
     X, law = _middle(family, evidence), family.design.law
-    before = _whitening(X[:n, :n]) @ own.T
+    before = _whitening(X[:n, :n]) @ coordinates.T
     T, late = _evened(law, before), family.late
-    scale = own.scale[:late] * np.sqrt(np.diag(X)[n:]) * before[0, 0] / T[0, 0]
-    if late < len(own.scale):
+    scale = coordinates.scale[:late] * np.sqrt(np.diag(X)[n:]) * before[0, 0] / T[0, 0]
+    if late < len(coordinates.scale):
         more = _size_of_gain(law.gain(np.eye(len(family.steps))), T)[late:]
         scale = np.concatenate([scale, more])
     return _rounded(T, scale)

@@ -87,19 +87,19 @@ def environment() -> Environment:
     """Return the templates, strict about undefined names."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
 
-    found = Environment(  # noqa: S701  (C, not HTML)
+    templates = Environment(  # noqa: S701  (C, not HTML)
         loader=PackageLoader("polefence.export"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    found.filters["comment"] = comment
-    found.filters["block"] = block
-    found.filters["wrap"] = wrap
-    found.filters["cell"] = cell
-    found.filters["prose"] = prose
-    return found
+    templates.filters["comment"] = comment
+    templates.filters["block"] = block
+    templates.filters["wrap"] = wrap
+    templates.filters["cell"] = cell
+    templates.filters["prose"] = prose
+    return templates
 
 
 def context(program: Program, texts: Texts) -> dict[str, Any]:
@@ -161,11 +161,11 @@ def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
     """Return the formula of a law that varies, and its constants."""
     number, (n, _) = program.number, program.shape
     if isinstance(program, Polynomial):
-        found = ", c from the parameters, -1 to 1" if program.shares else " of alpha"
-        how = f"u = K(c) {vector}, K a polynomial{found}."
+        source = ", c from the parameters, -1 to 1" if program.shares else " of alpha"
+        how = f"u = K(c) {vector}, K a polynomial{source}."
         if program.memory:
             states = "z its own states and v their rates"
-            how = f"(u, v) = K(c) ({vector}, z), {states}, K a polynomial{found}."
+            how = f"(u, v) = K(c) ({vector}, z), {states}, K a polynomial{source}."
         flat = program.gains.reshape(len(program.gains), -1).T
         return {"formula": how, "gains": rows(number, flat), "terms": len(flat[0])}
     lower = np.tril_indices(n)
@@ -206,7 +206,7 @@ def _varying(program: Polynomial | Scheduled, name: str) -> dict[str, Any]:
         "weighing": weighing(program, f"{name}_real"),
         "weights": []
         if _straight(program)
-        else [_term(number, each, e) for each, e in program.weights()],
+        else [_term(number, weight, e) for weight, e in program.weights()],
     }
 
 
@@ -259,13 +259,13 @@ def _weighing(program: Polynomial | Scheduled, real: str, c: str) -> list[str]:
     inside = [
         f"const {real} p{k} = inside(p[{k}], P{k}_LOW, P{k}_HIGH, &flags);" for k in range(count)
     ]
-    own = sizes == (2,) * count  # a simplex a parameter
-    if not own:
+    box = sizes == (2,) * count  # a simplex a parameter
+    if not box:
         arrays.append(f"{real} m[{2 * count}]; /* of each parameter: how near to low, to high */")
     lines = [*inside, *arrays, ""]
     for k, share in enumerate(program.shares):
-        lines += _placed(program.number, k, share, c if own else "m")
-    return lines if own else lines + _products(c, count)
+        lines += _placed(program.number, k, share, c if box else "m")
+    return lines if box else lines + _products(c, count)
 
 
 def _straight(program: Polynomial | Scheduled) -> bool:
@@ -296,8 +296,8 @@ def _sums(sizes: tuple[int, ...], c: str) -> list[str]:
     lines, start = list[str](), 0
     for axis, size in enumerate(sizes):
         for value in range(size):
-            own = [f"a[{j}]" for j, corner in enumerate(corners) if corner[axis] == value]
-            lines.append(f"{c}[{start + value}] = {' + '.join(own)};")
+            terms = [f"a[{j}]" for j, corner in enumerate(corners) if corner[axis] == value]
+            lines.append(f"{c}[{start + value}] = {' + '.join(terms)};")
         start += size
     return lines
 

@@ -127,11 +127,11 @@ def _answered(
     flags = flags | np.where(finite, OK, NO_CONTROL)
     m = u.shape[1]
     if memory:
-        own, m = x[:, -memory.states :], m - memory.states
+        states, m = x[:, -memory.states :], m - memory.states
         measured = np.asarray(np.isfinite(x[:, : -memory.states]).all(axis=1))
-        kept = ~measured[:, None] & np.isfinite(own)  # where y is not finite
-        before = np.where(finite[:, None], own, 0.0)
-        after = np.where(kept, own, 0.0)
+        kept = ~measured[:, None] & np.isfinite(states)  # where y is not finite
+        before = np.where(finite[:, None], states, 0.0)
+        after = np.where(kept, states, 0.0)
         u[:, m:] = np.where(finite[:, None], before + memory.step * u[:, m:], after)
         scale[:, m:] = np.abs(before) + memory.step * scale[:, m:]
         flags |= np.where(~finite & measured, RESTARTED, OK)
@@ -247,7 +247,7 @@ def harness(
     InputError
         If the program is not that of a law of this kind and size.
     """
-    found = vectors(program, law, texts.limits, seed=seed), special(program, law, texts.limits)
+    tables = vectors(program, law, texts.limits, seed=seed), special(program, law, texts.limits)
     return (
         environment()
         .get_template("test.c.j2")
@@ -255,8 +255,8 @@ def harness(
             **context(program, texts),
             why_allowed=f"{ALLOWED[program.number.bits]:g} of that"
             + (", or a sixteenth of what is proved of rounding" if bound else ""),
-            tables=[_rows(program, each, bound) for each in found],
-            odd=_odd(found[1]),
+            tables=[_rows(program, compared, bound) for compared in tables],
+            odd=_odd(tables[1]),
         )
     )
 

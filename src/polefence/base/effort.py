@@ -48,32 +48,32 @@ _EFFORT: ContextVar[Effort | None] = ContextVar("effort", default=None)
 def bounded(most: float) -> Iterator[Effort]:
     """Bound the work of all that follows; inside another bound, by what that one leaves."""
     outer = _EFFORT.get()
-    own = Effort(most if outer is None else min(most, outer.most - outer.spent))
-    token = _EFFORT.set(own)
+    effort = Effort(most if outer is None else min(most, outer.most - outer.spent))
+    token = _EFFORT.set(effort)
     try:
-        yield own
+        yield effort
     finally:
         _EFFORT.reset(token)
         if outer is not None:
-            outer.spent += own.spent
-            outer.evaluations += own.evaluations
+            outer.spent += effort.spent
+            outer.evaluations += effort.evaluations
 
 
 def spend(operations: float, evaluations: int = 0) -> None:
     """Count operations, about as many as a step took."""
-    own = _EFFORT.get()
-    if own is not None:
-        own.spent += operations
-        own.evaluations += evaluations
+    effort = _EFFORT.get()
+    if effort is not None:
+        effort.spent += operations
+        effort.evaluations += evaluations
 
 
 def ended() -> bool:
     """Whether the search is to end: its bound of work is reached."""
-    own = _EFFORT.get()
-    return own is not None and own.ended
+    effort = _EFFORT.get()
+    return effort is not None and effort.ended
 
 
 def stopped() -> str:
     """Return that the search stopped at its bound, to end a sentence; empty where it did not."""
-    own = _EFFORT.get()
-    return f"; {own}" if own is not None and own.ended else ""
+    effort = _EFFORT.get()
+    return f"; {effort}" if effort is not None and effort.ended else ""

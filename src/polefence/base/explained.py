@@ -91,15 +91,15 @@ def explained_fields(post_init: Callable[[Any], None]) -> Callable[[Any], None]:
 
 def _fault(function: Callable[..., Any], given: Any, named: Any) -> str:
     """Say which argument is of another kind; "" where all fit, or are not those of the function."""
-    own = inspect.unwrap(function)
+    plain = inspect.unwrap(function)
     try:
-        bound = inspect.signature(own).bind(*given, **named)
+        bound = inspect.signature(plain).bind(*given, **named)
     except TypeError:  # Python's own words are plain: an argument is missing, or unexpected
         return ""
-    hints, kinds = _hints(own), inspect.signature(own).parameters
+    hints, kinds = _hints(plain), inspect.signature(plain).parameters
     single = [key for key in bound.arguments if kinds[key].kind not in (2, 4)]
     values = ((key, bound.arguments[key], hints[key]) for key in single if key in hints)
-    return _first(own.__qualname__.removesuffix(".__init__"), values)
+    return _first(plain.__qualname__.removesuffix(".__init__"), values)
 
 
 def _first(name: str, values: Iterable[tuple[str, Any, Any]]) -> str:
@@ -110,18 +110,18 @@ def _first(name: str, values: Iterable[tuple[str, Any, Any]]) -> str:
     return ""
 
 
-def _hints(own: Any) -> dict[str, Any]:
+def _hints(subject: Any) -> dict[str, Any]:
     """Return the annotations of a function or a class, those that can be read."""
-    found = dict[str, Any]()
-    for each in reversed(own.__mro__) if isinstance(own, type) else [own]:
-        space = vars(inspect.getmodule(each) or types) | {"Any": Any}
-        for key, text in inspect.get_annotations(each).items():
+    hints = dict[str, Any]()
+    for owner in reversed(subject.__mro__) if isinstance(subject, type) else [subject]:
+        space = vars(inspect.getmodule(owner) or types) | {"Any": Any}
+        for key, text in inspect.get_annotations(owner).items():
             one = types.SimpleNamespace(__annotations__={key: text})
             try:
-                found |= typing.get_type_hints(one, space)
+                hints |= typing.get_type_hints(one, space)
             except (NameError, TypeError, AttributeError):  # a class that is not imported there
-                found[key] = text if str(text).isidentifier() else Any
-    return {key: hint for key, hint in found.items() if key != "return"}
+                hints[key] = text if str(text).isidentifier() else Any
+    return {key: hint for key, hint in hints.items() if key != "return"}
 
 
 def _misfit(value: Any, hint: Any) -> str:
@@ -133,21 +133,24 @@ def _misfit(value: Any, hint: Any) -> str:
         what = f"a {type(value).__name__} of other values"
     elif value is not None and not isinstance(value, str | Real) and not hasattr(value, "dtype"):
         what = f"a value of type {type(value).__name__}"
-    remedies = (REMEDIES[own] for own in _names(hint) if own in REMEDIES)
+    remedies = (REMEDIES[name] for name in _names(hint) if name in REMEDIES)
     return f"must be {_words(hint)}, not {what}; {next(remedies, 'give one')}"
 
 
 def _fits(value: Any, hint: Any) -> bool:
     """Whether a value is of a kind, its entries included, as far as an annotation says."""
     if isinstance(hint, str):
-        return any(own.__name__ == hint for own in type(value).__mro__)
+        return any(base.__name__ == hint for base in type(value).__mro__)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint is None or hint is types.NoneType:
         return value is None
     if origin is typing.Union or origin is types.UnionType:
-        return any(_fits(value, own) for own in inner)
+        return any(_fits(value, option) for option in inner)
     if origin is Literal:
-        return any(value is own or (type(value) is type(own) and value == own) for own in inner)
+        return any(
+            value is literal or (type(value) is type(literal) and value == literal)
+            for literal in inner
+        )
     kind = origin or hint
     if not isinstance(kind, type) or kind in (object, type):
         return True
@@ -155,8 +158,8 @@ def _fits(value: Any, hint: Any) -> bool:
         return _is_array(value)
     if issubclass(kind, Mapping):
         pairs = value.items() if isinstance(value, Mapping) else ()
-        each = (_fits(k, inner[0]) and _fits(v, inner[1]) for k, v in pairs if inner)
-        return isinstance(value, Mapping) and all(each)
+        fitting = (_fits(k, inner[0]) and _fits(v, inner[1]) for k, v in pairs if inner)
+        return isinstance(value, Mapping) and all(fitting)
     if kind in (Sequence, Iterable, Iterator, Collection, list, tuple, set, frozenset):
         return _are(value, kind, inner)
     return _is(value, kind)
@@ -192,17 +195,17 @@ def _are(value: Any, kind: Any, inner: tuple[Any, ...]) -> bool:
     if kind is tuple and inner[-1] is not Ellipsis:
         entries = list(value)
         return len(entries) == len(inner) and all(map(_fits, entries, inner))
-    return all(_fits(own, inner[0]) for own in value)
+    return all(_fits(entry, inner[0]) for entry in value)
 
 
 def _is_array(value: Any) -> bool:
     import numpy as np  # deferred: nothing has failed yet where this is imported
 
     try:
-        found = np.asarray(value, dtype=float)
+        array = np.asarray(value, dtype=float)
     except FAILURES:
         return False
-    return bool(found.size) and bool(np.all(np.isfinite(found)))
+    return bool(array.size) and bool(np.all(np.isfinite(array)))
 
 
 def _words(hint: Any) -> str:
@@ -223,8 +226,8 @@ def _words(hint: Any) -> str:
     if isinstance(kind, type) and issubclass(kind, Mapping):
         return "a table"
     if kind in (Sequence, Iterable, Iterator, Collection, list, tuple):
-        own = [each for each in inner if each is not Ellipsis]
-        return f"a sequence, each entry {_words(own[0])}" if own else "a sequence"
+        entries = [each for each in inner if each is not Ellipsis]
+        return f"a sequence, each entry {_words(entries[0])}" if entries else "a sequence"
     if name == "Callable":
         return "a function"
     return WORDS.get(kind, f"of type {name}")
@@ -234,5 +237,5 @@ def _names(hint: Any) -> Iterator[str]:
     """Yield the names of all kinds in an annotation."""
     kind = typing.get_origin(hint) or hint
     yield hint if isinstance(hint, str) else getattr(kind, "__name__", "")
-    for own in typing.get_args(hint):
-        yield from _names(own)
+    for part in typing.get_args(hint):
+        yield from _names(part)

@@ -180,8 +180,8 @@ def leftover(name: str) -> str | None:
 
     Such files stay behind where a process is killed; None for any other file.
     """
-    found = TEMPORARY.fullmatch(name)
-    return None if found is None else found[1]
+    match = TEMPORARY.fullmatch(name)
+    return None if match is None else match[1]
 
 
 def _replace(files: Mapping[Path, bytes]) -> None:

@@ -36,17 +36,17 @@ def read_table(content: bytes, source: str, remedy: str, error: type[InputError]
     InputError
         Of the given class, if it is no Parquet.
     """
-    own = arrow(remedy)
+    pa = arrow(remedy)
     try:
-        file = own.parquet.ParquetFile(own.BufferReader(content), pre_buffer=False)
+        file = pa.parquet.ParquetFile(pa.BufferReader(content), pre_buffer=False)
         return file.read(use_threads=False)
-    except own.ArrowException as problem:
+    except pa.ArrowException as problem:
         raise error(f"{source}: not a Parquet file: {str(problem).splitlines()[0]}") from problem
 
 
 def table_bytes(table: Any, remedy: str) -> bytes:
     """Return a table as a file."""
-    own = arrow(remedy)
-    sink = own.BufferOutputStream()
-    own.parquet.write_table(table, sink)
+    pa = arrow(remedy)
+    sink = pa.BufferOutputStream()
+    pa.parquet.write_table(table, sink)
     return bytes(sink.getvalue().to_pybytes())

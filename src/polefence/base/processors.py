@@ -13,8 +13,8 @@ MOST = 16  # of one thread's work: more share it to no avail
 
 def processors() -> int:
     """Return how many processors this process may use: no more than ``OMP_NUM_THREADS``."""
-    own = getattr(os, "sched_getaffinity", None)
-    count = len(own(0)) if own else os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    count = len(affinity(0)) if affinity else os.cpu_count() or 1
     with suppress(ValueError):
         count = min(count, int(os.environ.get("OMP_NUM_THREADS", count)))
     return max(count, 1)

@@ -43,7 +43,7 @@ class _Told:
     def tell(self) -> None:
         if self.ended:
             return
-        words = [text for own in self.stages for text in (own.words, own.note) if text]
+        words = [text for stage in self.stages for text in (stage.words, stage.note) if text]
         try:
             self.listener(", ".join(words))
         except BaseException:
@@ -77,16 +77,16 @@ def told(listener: Listener) -> Iterator[None]:
 @contextmanager
 def stage(words: str) -> Iterator[Stage]:
     """Name what is done inside."""
-    own, listened = Stage(words), _TOLD.get()
+    begun, listened = Stage(words), _TOLD.get()
     if listened is None:
-        yield own
+        yield begun
         return
-    listened.stages.append(own)
+    listened.stages.append(begun)
     listened.tell()
     try:
-        yield own
+        yield begun
     finally:
-        listened.stages.remove(own)
+        listened.stages.remove(begun)
         listened.stages[-1].note = ""
         listened.tell()
 

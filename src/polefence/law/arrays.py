@@ -44,4 +44,4 @@ def _law(arrays: Arrays, plant: UncertainPlant) -> Law:
 
 
 def _floats(matrices: list[Exact]) -> Any:
-    return np.array([as_array(own) for own in matrices])
+    return np.array([as_array(M) for M in matrices])

@@ -125,17 +125,17 @@ def _outputs(
     known = {signal.name: signal for signal in plant.signals}
     plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
     for i, label in enumerate(systems[0].output_labels):
-        own = {"C": [s.C[i] for s in systems], "D": [s.D[i, controls] for s in systems]}
-        own["F"] = [s.D[i, others] for s in systems if others]
-        if not any(np.any(row) for rows in own.values() for row in rows):
+        blocks = {"C": [s.C[i] for s in systems], "D": [s.D[i, controls] for s in systems]}
+        blocks["F"] = [s.D[i, others] for s in systems if others]
+        if not any(np.any(row) for rows in blocks.values() for row in rows):
             continue
         name, unit = split(re.sub(r"^y\[(\d+)\]$", r"output \1", label))
-        found = Output(name, unit, **own)
-        rows = found.C, found.D, found.F
+        output = Output(name, unit, **blocks)
+        rows = output.C, output.D, output.F
         if name in known and rows != (known[name].C, known[name].D, known[name].F):
             raise PlantError(f"output {name!r} has the name of a state or an input; rename it")
         if name not in known and rows not in plain:
-            yield found
+            yield output
 
 
 def _require_vertex(control: Any, system: Any, first: Any, where: str) -> None:
@@ -153,9 +153,9 @@ def _require_vertex(control: Any, system: Any, first: Any, where: str) -> None:
     if system.noutputs != first.noutputs:
         raise PlantError(f"{where} has {system.noutputs} outputs, system 1 {first.noutputs}")
     for key in ("state_labels", "input_labels", "output_labels"):
-        own, others = getattr(system, key), getattr(first, key)
-        if len(own) == len(others) and _names(own) and _names(own) != _names(others):
-            raise PlantError(f"{where} names other signals than system 1: {', '.join(own)}")
+        names, others = getattr(system, key), getattr(first, key)
+        if len(names) == len(others) and _names(names) and _names(names) != _names(others):
+            raise PlantError(f"{where} names other signals than system 1: {', '.join(names)}")
 
 
 def _names(labels: Sequence[str]) -> tuple[str, ...]:
@@ -207,8 +207,8 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool 
     more = plant.every_output if outputs else ()
     if more:
         rows = (np.tensordot(weights, M, 1) for M in stacked(plant, more))
-        own = np.concatenate(list(rows), axis=1)
-        C, D = np.vstack([C, own[:, :n]]), np.vstack([D, own[:, n:]])
+        added = np.concatenate(list(rows), axis=1)
+        C, D = np.vstack([C, added[:, :n]]), np.vstack([D, added[:, n:]])
     names = (output.name for output in more)
     y = valid_names((*u, *w, *x, *names))[len(u) + len(w) :]
     labels: dict[str, Any] = {"states": x, "outputs": y, "inputs": [*u, *w]}
@@ -243,22 +243,22 @@ def signal_names(
     states = plant.states or [f"x{j + 1}" for j in range(n)]
     inputs = plant.inputs or [f"u{j + 1}" for j in range(m)]
     others = plant.disturbances or [f"w{j + 1}" for j in range(0 if E is None else len(E[0]))]
-    found = valid_names((*before, *states, *inputs, *others))[len(before) :]
-    return found[:n], found[n : n + m], found[n + m :]
+    names = valid_names((*before, *states, *inputs, *others))[len(before) :]
+    return names[:n], names[n : n + m], names[n + m :]
 
 
 def valid_names(names: Iterable[str]) -> list[str]:
     """Return names for python-control: without units, of letters, digits and _, no two the same."""
-    found: list[str] = []
+    valid: list[str] = []
     for name in names:
         plain = re.sub(r"\W+", "_", re.sub(r"\[[^\]]*\]", "", name), flags=re.ASCII).strip("_")
         plain = plain if plain and not plain[0].isdigit() else f"signal_{plain}".rstrip("_")
-        own, count = plain, 1
-        while own in found:
+        candidate, count = plain, 1
+        while candidate in valid:
             count += 1
-            own = f"{plain}_{count}"
-        found.append(own)
-    return found
+            candidate = f"{plain}_{count}"
+        valid.append(candidate)
+    return valid
 
 
 def law_to_control(
@@ -307,8 +307,8 @@ def _measured_names(plant: UncertainPlant, law: Law, keys: Sequence[str]) -> lis
     others = [output.name for output in plant.every_output]
     before = (*keys, *u, *w, *x)
     names = [*x, *valid_names((*before, *others))[len(before) :]]
-    known = dict(zip([*(own.name for own in states(plant)), *others], names, strict=True))
-    return [known[own.name] for own in law.measured]
+    known = dict(zip([*(state.name for state in states(plant)), *others], names, strict=True))
+    return [known[signal.name] for signal in law.measured]
 
 
 def _scheduled_by(plant: UncertainPlant, law: Law, given: str) -> list[str]:

@@ -129,7 +129,7 @@ class _Whole:
 
     def __add__(self, other: _Whole) -> _Whole:
         power = min(self.power, other.power)
-        both = (each.numbers * (1 << each.power - power) for each in (self, other))
+        both = (x.numbers * (1 << x.power - power) for x in (self, other))
         return _Whole(sum(both), power)
 
     def floats(self) -> Array:
@@ -156,14 +156,14 @@ def _cholesky(W: Decimals) -> Decimals | None:
     """Return the lower factor of a symmetric matrix; None if it is not positive definite."""
     L: Decimals = []
     for i, row in enumerate(W):
-        own: list[Decimal] = []
+        lower: list[Decimal] = []
         for j in range(i):
-            rest = row[j] - sum(map(Decimal.__mul__, own, L[j]), Decimal(0))
-            own.append(rest / L[j][j])
-        pivot = row[i] - sum((e * e for e in own), Decimal(0))
+            rest = row[j] - sum(map(Decimal.__mul__, lower, L[j]), Decimal(0))
+            lower.append(rest / L[j][j])
+        pivot = row[i] - sum((e * e for e in lower), Decimal(0))
         if not pivot > 0:
             return None
-        L.append([*own, pivot.sqrt()])
+        L.append([*lower, pivot.sqrt()])
     n = len(L)
     return [[*row, *[Decimal(0)] * (n - len(row))] for row in L]
 

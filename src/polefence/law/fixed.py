@@ -123,7 +123,7 @@ class FixedGain(Law):
     ) -> FixedGain:
         """Return it beside filters of signals, which it steps and does not use."""
         (m, n), k = self.shape, len(rates)
-        C = np.array([[float(x) for x in own.C[0]] for own in y])
+        C = np.array([[float(x) for x in signal.C[0]] for signal in y])
         K = np.zeros((m + k, n + k))
         K[:m, :n] = self.K
         K[m:, :n] = rates[:, None] * C[np.arange(k) % len(C)]

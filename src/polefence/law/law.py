@@ -170,11 +170,11 @@ class Law(Short):
             return Coordinates(np.eye(self.shape[1]))
         centre = np.full(self.domain.corners, 1 / self.domain.corners)
         middle = np.tensordot(self.domain.basis(centre, self.degree), self.W, 1)
-        found = Coordinates.whitening(middle)
-        if found is None:
+        whitened = Coordinates.whitening(middle)
+        if whitened is None:
             size = np.sqrt(np.abs(np.diagonal(middle)))
-            found = Coordinates(np.diag(1 / np.where(size > 0, size, 1.0)))
-        return found
+            whitened = Coordinates(np.diag(1 / np.where(size > 0, size, 1.0)))
+        return whitened
 
     @cached_property
     def even(self) -> tuple[Array, Array]:
@@ -199,7 +199,7 @@ class Law(Short):
         N = len(plant.vertices)
         if self.domain.corners != N:
             raise InputError(f"the law has {self.domain.corners} vertices; {plant.name} has {N}")
-        theirs, ours = (_ranges(each.parameters) for each in (self, plant))
+        theirs, ours = (_ranges(one.parameters) for one in (self, plant))
         if theirs and ours and theirs != ours:
             raise InputError(
                 f"the law's parameters, or their ranges, are not those of {plant.name}"

@@ -47,13 +47,13 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     law = law.as_law() if hasattr(law, "as_law") else law
-    own = law if isinstance(law, Law) else FixedGain(_matrix(plant, law))
+    given = law if isinstance(law, Law) else FixedGain(_matrix(plant, law))
     n, m = plant.shape
-    if own.shape != (m, n):
+    if given.shape != (m, n):
         raise InputError(
-            f"the gain is {own.shape[0]} x {own.shape[1]}; {plant.name} needs {m} x {n}"
+            f"the gain is {given.shape[0]} x {given.shape[1]}; {plant.name} needs {m} x {n}"
         )
-    return own.fitted(plant)
+    return given.fitted(plant)
 
 
 def law_or_table(plant: UncertainPlant, law: Any) -> Law | GainTable:

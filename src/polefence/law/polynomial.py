@@ -68,8 +68,8 @@ class PolynomialGain(Law):
             )
         if not self.parameters and len({sum(e) for e in powers}) > 1:
             raise InputError("terms in alpha must be of one degree")
-        for own in self.measured:
-            require_type(own, Output, "each of measured", "plant.signal(name) returns one")
+        for signal in self.measured:
+            require_type(signal, Output, "each of measured", "plant.signal(name) returns one")
         if self.measured and len(self.measured) != self.gains.shape[2]:
             raise InputError(
                 f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
@@ -89,8 +89,8 @@ class PolynomialGain(Law):
     @property
     def degree(self) -> int:
         """Degree of K(p) C(p) in each parameter, or in alpha."""
-        own = max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
-        return own + int(any(len(output.C) > 1 for output in self.measured))
+        degree = max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
+        return degree + int(any(len(output.C) > 1 for output in self.measured))
 
     @property
     def fixed(self) -> bool:
@@ -128,14 +128,14 @@ class PolynomialGain(Law):
         rows = [y.C if len(y.C) > 1 else y.C * N for y in measured]
         C = tuple([list(row[k]) for row in rows] for k in range(N)) if rows else ()
         names, degree = tuple(y.name for y in measured), proof.total_degree(self.powers)
-        K = [rationals(own) for own in self.gains]
+        K = [rationals(gain) for gain in self.gains]
         return proof.Law(K, degree=degree, powers=self.powers, measured=names, C=C)
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data, as a proof file has it."""
         pairs = zip(self.powers, self.gains.tolist(), strict=True)
         terms = [{"powers": list(e), "K": K} for e, K in pairs]
-        measured = {"measured": [own.name for own in self.measured]} if self.measured else {}
+        measured = {"measured": [signal.name for signal in self.measured]} if self.measured else {}
         return {"kind": "polynomial", "on": self.domain.on, "terms": terms} | measured
 
     @cached_property
@@ -229,7 +229,7 @@ class PolynomialGain(Law):
         if len(C) == 1:
             return replace(self, gains=gains @ C[0], measured=())
         rows = zip(self.measured, np.moveaxis(C, 1, 0), strict=True)
-        measured = tuple(Output(y.name, y.unit, own) for y, own in rows)
+        measured = tuple(Output(y.name, y.unit, row) for y, row in rows)
         return replace(self, gains=gains, measured=measured)
 
     def with_filters(
@@ -249,7 +249,7 @@ class PolynomialGain(Law):
         for j in (self.powers.index(e) for e in whole):
             gains[j, m + np.arange(k), np.arange(k) % r] = rates
             gains[j, m:, r:] = -np.diag(rates)
-        measured = (*(padded(own, k) for own in self.measured or states), *filters)
+        measured = (*(padded(signal, k) for signal in self.measured or states), *filters)
         return PolynomialGain(self.powers, gains, measured, self.parameters)
 
     @property
@@ -263,9 +263,9 @@ class PolynomialGain(Law):
         letter = "y" if self.measured else "x"
         if self.fixed:
             return f"u = K {letter}"
-        own = "c" if self.parameters else "alpha"
+        c = "c" if self.parameters else "alpha"
         sums = [
-            " ".join([f"K{k}", *(_power(f"{own}{j + 1}", p) for j, p in enumerate(e) if p)])
+            " ".join([f"K{k}", *(_power(f"{c}{j + 1}", p) for j, p in enumerate(e) if p)])
             for k, e in enumerate(self.powers)
         ]
         return f"u = ({' + '.join(sums)}) {letter}"
@@ -273,14 +273,16 @@ class PolynomialGain(Law):
     @property
     def definitions(self) -> list[str]:
         """What y is, and how each coordinate of the law depends on its parameter."""
-        lines = [f"y = {', '.join(own.label for own in self.measured)}"] if self.measured else []
+        lines = (
+            [f"y = {', '.join(signal.label for signal in self.measured)}"] if self.measured else []
+        )
         if self.fixed:
             return lines
         if not self.parameters:
             return [*lines, "alpha1 and so on: the weights of the vertices"]
         looked = [any(e[j] for e in self.powers) for j in range(len(self.parameters))]
         pairs = zip(self.parameters, looked, strict=True)
-        return lines + [f"c{j + 1} = {_coordinate(p)}" for j, (p, own) in enumerate(pairs) if own]
+        return lines + [f"c{j + 1} = {_coordinate(p)}" for j, (p, used) in enumerate(pairs) if used]
 
     def named_gains(self) -> dict[str, Array]:
         """Return the gains of the terms: K alone, or K0, K1 and so on."""
@@ -297,9 +299,9 @@ def _coordinate(p: Parameter) -> str:
     """Say how a parameter's coordinate, from -1 to 1, is found."""
     low, high = float(p.scheduling(p.low)), float(p.scheduling(p.high))
     middle, half = (low + high) / 2, (high - low) / 2
-    own = f"1/{p.name}" if p.inverted else p.name
-    first, second = (own, f"{middle:.6g}") if half > 0 else (f"{middle:.6g}", own)
+    variable = f"1/{p.name}" if p.inverted else p.name
+    first, second = (variable, f"{middle:.6g}") if half > 0 else (f"{middle:.6g}", variable)
     unit = f" [{p.unit}]" if p.unit else ""
-    text = f"({first} - {second})/{abs(half):.6g}" if middle else f"{own}/{half:.6g}"
+    text = f"({first} - {second})/{abs(half):.6g}" if middle else f"{variable}/{half:.6g}"
     text = text.replace("- -", "+ ")
     return f"{text}: -1 at {p.name} = {float(p.low):g}, 1 at {float(p.high):g}{unit}"

@@ -93,7 +93,7 @@ class ScheduledGain(Law):
     @property
     def exact(self) -> proof.Law:
         """The law in rationals."""
-        W, Z = ([rationals(M) for M in each] for each in (self.W, self.Z))
+        W, Z = ([rationals(M) for M in matrices] for matrices in (self.W, self.Z))
         return proof.Law(None, W, Z, self.degree)
 
     def document(self) -> dict[str, Any]:
@@ -174,9 +174,9 @@ class ScheduledGain(Law):
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> ScheduledGain:
         """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
         n = len(T)
-        own = T @ self.W @ T.T
-        W = np.tile(np.eye(n + states), (len(own), 1, 1))
-        W[:, :n, :n] = (own + own.swapaxes(1, 2)) / 2
+        form = T @ self.W @ T.T
+        W = np.tile(np.eye(n + states), (len(form), 1, 1))
+        W[:, :n, :n] = (form + form.swapaxes(1, 2)) / 2
         Z = np.pad(self.Z @ T.T / scale[:, None], ((0, 0), (0, inputs), (0, states)))
         return replace(self, W=W, Z=Z)
 

@@ -133,8 +133,8 @@ class Structure(Short):
             limits = np.full((m + k, r + k), np.inf)
             limits[:m, :r] = self.largest(plant)
             most = tuple(map(tuple, limits.tolist()))
-        own = replace(static, measured=measured, pattern=pattern, largest_gain=most)
-        return with_states(plant, k), own
+        enlarged = replace(static, measured=measured, pattern=pattern, largest_gain=most)
+        return with_states(plant, k), enlarged
 
     def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
         """Return the signals that are measured.
@@ -146,26 +146,26 @@ class Structure(Short):
         """
         if self.measured is None:
             return states(plant)
-        found = []
+        signals = []
         for name in self.measured:
             try:
-                own = plant.signal(split(name)[0])
+                signal = plant.signal(split(name)[0])
             except InputError as error:
                 raise InputError(f"measured: {error}") from error
-            if own.D or own.F:
-                what = "an input" if own.D else "a disturbance"
+            if signal.D or signal.F:
+                what = "an input" if signal.D else "a disturbance"
                 raise InputError(
                     f"measured: {what} passes straight into {name!r}; give its sensor or the "
                     "actuator a bandwidth, or measure another signal"
                 )
-            if own in found:
-                raise InputError(f"measured: {own.name!r} is given twice; give it once")
-            found.append(own)
-        return tuple(found)
+            if signal in signals:
+                raise InputError(f"measured: {signal.name!r} is given twice; give it once")
+            signals.append(signal)
+        return tuple(signals)
 
     def rows(self, plant: UncertainPlant) -> Array:
         """Return C of what is measured, (N, r, n), or (1, r, n) where it is the same everywhere."""
-        C = np.stack([own.arrays(plant)[0] for own in self.outputs(plant)], axis=1)
+        C = np.stack([signal.arrays(plant)[0] for signal in self.outputs(plant)], axis=1)
         return C[:1] if np.all(C[0] == C) else C
 
     def powers(self, plant: UncertainPlant) -> tuple[tuple[int, ...], ...]:
@@ -185,11 +185,11 @@ class Structure(Short):
         if not names:
             N, degree = len(plant.vertices), 0 if self.schedule == () else self.degree
             count, least = (N, degree) if N > 1 else (N, 0)
-            found = [e for e in product(range(least + 1), repeat=count) if sum(e) == least]
-            return tuple(reversed(found))
+            affine = [e for e in product(range(least + 1), repeat=count) if sum(e) == least]
+            return tuple(reversed(affine))
         chosen = names if self.schedule is None else self.schedule
-        each = [range(self.degree + 1) if name in chosen else range(1) for name in names]
-        return tuple(sorted((e for e in product(*each) if sum(e) <= self.degree), key=_graded))
+        ranges = [range(self.degree + 1) if name in chosen else range(1) for name in names]
+        return tuple(sorted((e for e in product(*ranges) if sum(e) <= self.degree), key=_graded))
 
     def free(self, plant: UncertainPlant) -> Any:
         """Return for each entry of K (m, r) the number of its unknown, -1 where it is zero.
@@ -256,9 +256,9 @@ class Structure(Short):
             Saying what does not, and what to do.
         """
         require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
-        plant, own = self.extended(plant)
-        own.largest(plant)
-        count = len(own.powers(plant)) * int(own.free(plant).max() + 1)
+        plant, structure = self.extended(plant)
+        structure.largest(plant)
+        count = len(structure.powers(plant)) * int(structure.free(plant).max() + 1)
         if count > MAX_TERMS:
             raise InputError(f"the law has {count} free numbers; at most {MAX_TERMS} are tuned")
 
@@ -293,7 +293,7 @@ def _structure(table: Mapping[str, Any]) -> Structure:
 def _plain(value: Any) -> Any:
     """Return exact numbers of a spec as floats."""
     if isinstance(value, list):
-        return [_plain(own) for own in value]
+        return [_plain(entry) for entry in value]
     return float(value) if isinstance(value, Fraction) else value
 
 
@@ -326,8 +326,8 @@ def _entries(value: Any) -> tuple[tuple[str, ...], ...]:
 
 
 def _is_rows(value: Any) -> bool:
-    def holds(own: Any) -> bool:
-        return isinstance(own, Sequence) and not isinstance(own, str)
+    def holds(entry: Any) -> bool:
+        return isinstance(entry, Sequence) and not isinstance(entry, str)
 
     return holds(value) and all(map(holds, value))
 
@@ -342,10 +342,10 @@ def _graded(e: tuple[int, ...]) -> Any:
 
 
 def _names(value: Sequence[str], key: str) -> tuple[str, ...]:
-    found = (value,) if isinstance(value, str) else tuple(value)
-    if not all(isinstance(name, str) for name in found):
+    names = (value,) if isinstance(value, str) else tuple(value)
+    if not all(isinstance(name, str) for name in names):
         raise InputError(f"{key} must be names; got {value!r}")
-    twice = [name for name in found if found.count(name) > 1]
+    twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"{key}: {twice[0]!r} is given twice; give it once")
-    return found
+    return names

@@ -103,10 +103,10 @@ class GainTable(Short):
         InputError
             If a point is of no parameters.
         """
-        found = [values_at(plant, a) for a in alpha]
-        if any(v is None for v in found):
+        values = [values_at(plant, a) for a in alpha]
+        if any(v is None for v in values):
             raise InputError(f"a table of gains needs the parameters of {plant.name}")
-        return np.stack([self.gain_at(clamp=True, **v) for v in found if v is not None])
+        return np.stack([self.gain_at(clamp=True, **v) for v in values if v is not None])
 
     def with_states(self, more: int) -> GainTable:
         """Return it for a plant with more states behind its n, which are not fed back."""

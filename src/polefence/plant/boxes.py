@@ -45,10 +45,10 @@ class Box:
             Box((*low[:k], middle, *low[k + 1 :]), high),
         )
 
-    def alpha(self, domain: Domain, own: Array) -> Array:
+    def alpha(self, domain: Domain, weights: Array) -> Array:
         """Return alpha of points whose weights of the part's own corners are ``own``."""
         low, high = np.array(self.low), np.array(self.high)
-        return _alpha(domain, low + (high - low) * domain.coordinates(own)[..., 1::2])
+        return _alpha(domain, low + (high - low) * domain.coordinates(weights)[..., 1::2])
 
     def polynomial(self, P: Polynomial, domain: Domain) -> Polynomial:
         """Return a polynomial in coordinates of the part."""
@@ -63,8 +63,8 @@ def weights(box: Box, domain: Domain, degree: int) -> dict[Exponent, dict[Expone
     exponents = domain.monomials(degree)
     units = {e: unit[:, None] for e, unit in zip(exponents, np.eye(len(exponents)), strict=True)}
     return {
-        own: {e: float(w) for e, w in zip(exponents, column[:, 0], strict=True) if abs(w) > NIL}
-        for own, column in box.polynomial(units, domain).items()
+        target: {e: float(w) for e, w in zip(exponents, column[:, 0], strict=True) if abs(w) > NIL}
+        for target, column in box.polynomial(units, domain).items()
     }
 
 
@@ -75,10 +75,10 @@ def equal(pieces: tuple[int, ...]) -> tuple[Box, ...]:
     numbers = product(*(range(n) for n in pieces))
     return tuple(
         Box(
-            tuple(k / n for k, n in zip(own, pieces, strict=True)),
-            tuple((k + 1) / n for k, n in zip(own, pieces, strict=True)),
+            tuple(k / n for k, n in zip(place, pieces, strict=True)),
+            tuple((k + 1) / n for k, n in zip(place, pieces, strict=True)),
         )
-        for own in numbers
+        for place in numbers
     )
 
 
@@ -88,7 +88,7 @@ def _alpha(domain: Domain, t: Array) -> Array:
 
 def divided(
     open_: list[Box],
-    found: Callable[[Box], T | None],
+    prove: Callable[[Box], T | None],
     along: Callable[[Box], int | None],
     most: int = MOST_PARTS,
 ) -> list[tuple[Box, T]] | None:
@@ -106,9 +106,9 @@ def divided(
         if len(open_) + len(done) > most:
             return None
         *open_, box = open_
-        own = found(box)
-        if own is not None:
-            done.append((box, own))
+        proof = prove(box)
+        if proof is not None:
+            done.append((box, proof))
             continue
         k = along(box)
         if k is None or box.high[k] - box.low[k] < NARROWEST:

@@ -97,12 +97,12 @@ def fixed_modes(A: Exact, B: Exact) -> FixedModes:
             continue
         if len(pivots) > most:
             most, alike, values, modulus = len(pivots), 0, [0] * (n - len(pivots) + 1), 1
-        found = _fixed_polynomial(a, pivots, basis, p)
-        powers = [pow(whole, k, p) for k in range(len(found))]
+        coefficients = _fixed_polynomial(a, pivots, basis, p)
+        powers = [pow(whole, k, p) for k in range(len(coefficients))]
         before = [_signed(v, modulus) for v in values]
         values = [
             v + modulus * ((int(c) * w - v) * pow(modulus, -1, p) % p)
-            for v, c, w in zip(values, found, powers, strict=True)
+            for v, c, w in zip(values, coefficients, powers, strict=True)
         ]
         modulus *= p
         alike = alike + 1 if before == [_signed(v, modulus) for v in values] else 0
@@ -132,8 +132,8 @@ def surely_controllable(A: Residues, B: Residues) -> npt.NDArray[np.bool_]:
         place = np.argmax(left[:, :, column] != 0, axis=1)
         pivot = left[every, place]
         full &= pivot[:, column] != 0
-        own, factor = pivot[:, column, None, None], left[:, :, column, None]
-        left = (left * own % PRIME - factor * pivot[:, None] % PRIME) % PRIME
+        pivots, factor = pivot[:, column, None, None], left[:, :, column, None]
+        left = (left * pivots % PRIME - factor * pivot[:, None] % PRIME) % PRIME
     return full.reshape(lead)
 
 

@@ -65,7 +65,7 @@ class Damper(Short):
             If there is no such input or deflection, or if the rate is no function of the state
             alone.
         """
-        names = [own.name for own in inputs(plant)]
+        names = [signal.name for signal in inputs(plant)]
         number = names.index(pick(inputs(plant), self.force).name)
         C, D, F = pick(plant.signals, self.deflection).exact(plant)
         if len({tuple(row) for row in C}) != 1 or any(map(any, (*D, *F))):
@@ -75,10 +75,10 @@ class Damper(Short):
             )
         rate: list[Rationals] = []
         for row, vertex in zip(C, plant.vertices, strict=True):
-            own = [list(row)]
-            rate.append(product(own, [list(r) for r in vertex.exact_A]))
+            rows = [list(row)]
+            rate.append(product(rows, [list(r) for r in vertex.exact_A]))
             entering = [vertex.exact_B, *([vertex.exact_E] if vertex.exact_E else [])]
-            if any(any(product(own, [list(r) for r in M])[0]) for M in entering):
+            if any(any(product(rows, [list(r) for r in M])[0]) for M in entering):
                 raise InputError(
                     f"damper {self.force}: an input or a disturbance passes straight into the rate "
                     f"of {self.deflection}; name a deflection between two masses"

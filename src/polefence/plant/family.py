@@ -348,10 +348,10 @@ class UncertainPlant(Short):
             for j, corner in enumerate(order)
         )
         rows = dict[str, dict[str, Any]]()
-        for where, own in table.items():
+        for where, entries in table.items():
             if where not in ("A", "B", "E"):
                 label, key = where.removeprefix(_OUTPUTS).rsplit(".", 1)
-                rows.setdefault(label, {})[key] = [own[corner][0] for corner in order]
+                rows.setdefault(label, {})[key] = [entries[corner][0] for corner in order]
         outputs = tuple(Output(*split(label), **keys) for label, keys in rows.items())
         return cls(vertices, parameters, outputs=outputs, **names)
 

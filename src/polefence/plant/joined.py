@@ -20,11 +20,11 @@ def require_alike(plants: Sequence[UncertainPlant]) -> None:
         If they differ in shape, or in the names of states, inputs or disturbances, or in time.
     """
     first = plants[0]
-    for own in plants[1:]:
-        if own.shape != first.shape:
+    for other in plants[1:]:
+        if other.shape != first.shape:
             raise PlantError("plants of one law need the same numbers of states and inputs")
         for key in ("states", "inputs", "disturbances", "noise", "sample_time"):
-            if getattr(own, key) != getattr(first, key):
+            if getattr(other, key) != getattr(first, key):
                 raise PlantError(f"plants of one law need the same {key.replace('_', ' ')}")
 
 
@@ -41,16 +41,16 @@ def joined(plants: Sequence[UncertainPlant], signals: Iterable[str] = ()) -> Unc
     """
     require_alike(plants)
     first = plants[0]
-    vertices = tuple(chain.from_iterable(own.vertices for own in plants))
-    own = {output.name for output in first.every_output}
-    outputs = tuple(_output(plants, name) for name in dict.fromkeys(signals) if name in own)
+    vertices = tuple(chain.from_iterable(plant.vertices for plant in plants))
+    known = {output.name for output in first.every_output}
+    outputs = tuple(_output(plants, name) for name in dict.fromkeys(signals) if name in known)
     return replace(first, vertices=vertices, parameters=(), outputs=outputs, vehicle=None)
 
 
 def _output(plants: Sequence[UncertainPlant], name: str) -> Output:
-    found = [(plant.signal(name), plant) for plant in plants]
+    signals = [(plant.signal(name), plant) for plant in plants]
     C, D, F = (
         tuple(row for row in chain.from_iterable(rows) if row)  # none without disturbances
-        for rows in zip(*(own.exact(plant) for own, plant in found), strict=True)
+        for rows in zip(*(signal.exact(plant) for signal, plant in signals), strict=True)
     )
-    return Output(name, found[0][0].unit, C, D, F)
+    return Output(name, signals[0][0].unit, C, D, F)

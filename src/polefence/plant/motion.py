@@ -60,16 +60,16 @@ class Motion:
         """Return that of a plant, in its own units."""
         moves, free = list[Move](), list[int]()
         T = plant.period
-        for f, own in enumerate(plant.parameters):
-            low, high = (float(own.scheduling(end)) for end in (own.low, own.high))
-            if own.rate is None:
+        for f, p in enumerate(plant.parameters):
+            low, high = (float(p.scheduling(end)) for end in (p.low, p.high))
+            if p.rate is None:
                 continue
             rates: tuple[float, float] | None = None
-            if own.rate != ANY and not (T and anywhere(own.rate, own.high - own.low, T)):
-                slow, fast = (float(end * (T or 1)) for end in own.rate)
+            if p.rate != ANY and not (T and anywhere(p.rate, p.high - p.low, T)):
+                slow, fast = (float(end * (T or 1)) for end in p.rate)
                 rates = slow, fast
             if T or rates is not None:
-                moves.append(Move(f, (low, high), own.inverted, rates))
+                moves.append(Move(f, (low, high), p.inverted, rates))
             else:
                 free.append(f)
         centre = None
@@ -82,9 +82,9 @@ class Motion:
         if self.centre is not None:
             return replace(self, centre=self.centre / rate)
         moves = (
-            replace(own, rates=(own.rates[0] / rate, own.rates[1] / rate))
-            for own in self.moves
-            if own.rates is not None
+            replace(move, rates=(move.rates[0] / rate, move.rates[1] / rate))
+            for move in self.moves
+            if move.rates is not None
         )
         return replace(self, moves=tuple(moves))
 
@@ -97,11 +97,11 @@ class Motion:
             return [0]
         self.require(domain)
         first: dict[Exponent, int] = {}
-        found = []
+        like = []
         for k, e in enumerate(domain.monomials(degree)):
-            own = tuple(0 if i // 2 in self.free else power for i, power in enumerate(e))
-            found.append(first.setdefault(own, k))
-        return found
+            rest = tuple(0 if i // 2 in self.free else power for i, power in enumerate(e))
+            like.append(first.setdefault(rest, k))
+        return like
 
     def require(self, domain: Domain) -> None:
         """Refuse a domain on which parameters do not move.

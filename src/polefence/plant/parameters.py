@@ -113,8 +113,8 @@ def _read_rate(name: str, rate: Any) -> Rate:
     what = f"parameter {name}: rate"
     if isinstance(rate, str) or not isinstance(rate, Sequence) or len(rate) != 2:
         several = isinstance(rate, Sequence) and not isinstance(rate, str)
-        found = f"of {len(rate)} entries" if several else f"= {shown(rate)}"
-        raise PlantError(f'{what} {found} must be two numbers, [lowest, highest], or "any"')
+        written = f"of {len(rate)} entries" if several else f"= {shown(rate)}"
+        raise PlantError(f'{what} {written} must be two numbers, [lowest, highest], or "any"')
     low, high = (exact(end, what) for end in rate)
     if not low <= 0 <= high:
         raise PlantError(

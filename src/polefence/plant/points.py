@@ -40,11 +40,11 @@ def values_at(plant: UncertainPlant, alpha: Sequence[Any]) -> dict[str, float] |
         weight = prod((w if j >> bit & 1 else 1 - w for w, bit in bits), start=Fraction(1))
         if not count or abs(weight - Fraction(a)) > Fraction(1, 10**9):
             return None
-    found = {}
+    values = {}
     for p, w in zip(plant.parameters, high, strict=True):
         low, top = p.scheduling(p.low), p.scheduling(p.high)
-        found[p.name] = float(p.scheduling(low + w * (top - low)))
-    return found
+        values[p.name] = float(p.scheduling(low + w * (top - low)))
+    return values
 
 
 def values_text(plant: UncertainPlant, values: dict[str, float]) -> str:
@@ -80,10 +80,10 @@ def exact_alpha(
     """Return alpha, exactly on the simplex or exactly a product, near a point of a domain."""
     weights = []
     for part in np.split(coordinates, np.cumsum(sizes)[:-1]):
-        own = [rounded(float(c)) for c in part]
-        if not any(own):
-            own = [Fraction(int(k == 0)) for k in range(len(part))]
-        weights.append([w / sum(own) for w in own])
+        shares = [rounded(float(c)) for c in part]
+        if not any(shares):
+            shares = [Fraction(int(k == 0)) for k in range(len(part))]
+        weights.append([w / sum(shares) for w in shares])
     return joint(weights)
 
 

@@ -10,8 +10,8 @@ from polefence.proof.claims.samples import Samples
 
 def claim_of_samples(plant: UncertainPlant) -> Samples:
     """Return the claim that a plant is the samples of another."""
-    own = plant.sampling
-    if own is None:
+    sampling = plant.sampling
+    if sampling is None:
         raise InputError(f"{plant.name} is not a sampled plant")
-    A, B, E = matrices_of(own.plant)
-    return Samples(bare_plant(plant), A, B, E, own.delay, own.terms, own.units)
+    A, B, E = matrices_of(sampling.plant)
+    return Samples(bare_plant(plant), A, B, E, sampling.delay, sampling.terms, sampling.units)

@@ -228,12 +228,12 @@ def _on(
     """Return an output of the plant on a road."""
     C, _, F = output.exact(plant)
     colour, white = _through(F, wheels, road.c), _through(F, wheels, road.d)
-    found = replace(
+    on_road = replace(
         output,
         C=[(*c, *more) for c, more in zip(C, colour, strict=True)],
         F=[(*w, *(f[j] for j in others)) for w, f in zip(white, F, strict=True)],
     )
-    return found if any(map(any, found.F)) else replace(found, F=())
+    return on_road if any(map(any, on_road.F)) else replace(on_road, F=())
 
 
 def _through(E: Exact, wheels: Sequence[int], rows: Rows) -> list[Row]:

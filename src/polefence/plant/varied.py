@@ -53,17 +53,17 @@ def varied(text: str, values: Mapping[str, Fraction], source: str = "spec") -> s
 
 def _places(data: dict[str, Any]) -> dict[str, tuple[Any, Any]]:
     """Return where each number is: its table or list, and the key there."""
-    found = dict[str, tuple[Any, Any]]()
-    for name, own in _leaves(data, ()):
-        found[name] = own
+    places = dict[str, tuple[Any, Any]]()
+    for name, place in _leaves(data, ()):
+        places[name] = place
     for name, table in _tables(data.get("parameter")):
         ends = table.get("range")
         if isinstance(ends, list) and len(ends) == 2:
-            found |= {f"{name}.{end}": (ends, k) for end, k in ENDS.items() if _is_number(ends[k])}
+            places |= {f"{name}.{end}": (ends, k) for end, k in ENDS.items() if _is_number(ends[k])}
     constants = data.get("constants")
     if isinstance(constants, dict):
-        found |= {name: (constants, name) for name, x in constants.items() if _is_number(x)}
-    return found
+        places |= {name: (constants, name) for name, x in constants.items() if _is_number(x)}
+    return places
 
 
 def _leaves(table: dict[str, Any], above: tuple[str, ...]) -> Iterable[tuple[str, tuple[Any, Any]]]:
@@ -77,7 +77,7 @@ def _leaves(table: dict[str, Any], above: tuple[str, ...]) -> Iterable[tuple[str
 
 def _tables(value: Any) -> Iterable[tuple[str, dict[str, Any]]]:
     items = value.items() if isinstance(value, dict) else ()
-    return ((name, own) for name, own in items if isinstance(own, dict))
+    return ((name, table) for name, table in items if isinstance(table, dict))
 
 
 def _is_number(value: Any) -> bool:
@@ -92,8 +92,8 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
-        own = ", ".join(f"{_key(key)} = {_value(x)}" for key, x in value.items())
-        return f"{{{own}}}"
+        entries = ", ".join(f"{_key(key)} = {_value(x)}" for key, x in value.items())
+        return f"{{{entries}}}"
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):
@@ -107,12 +107,12 @@ def _value(value: Any) -> str:
 
 def _text(text: str) -> str:
     """Return a basic string of TOML."""
-    found = []
+    escaped = []
     for c in text:
         if c in '"\\':
-            found.append(f"\\{c}")
+            escaped.append(f"\\{c}")
         elif ord(c) < 32 or ord(c) == 127:
-            found.append(f"\\u{ord(c):04x}")
+            escaped.append(f"\\u{ord(c):04x}")
         else:
-            found.append(c)
-    return f'"{"".join(found)}"'
+            escaped.append(c)
+    return f'"{"".join(escaped)}"'

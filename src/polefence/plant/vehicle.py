@@ -90,7 +90,7 @@ class Vehicle(Short):
 
     def lag(self, plant: UncertainPlant) -> int | None:
         """Return the number of the force among the states, None where it is an input."""
-        names = [own.name for own in states(plant)]
+        names = [state.name for state in states(plant)]
         return names.index(self.force) if self.force in names else None
 
     def input(self, plant: UncertainPlant) -> int:
@@ -103,7 +103,7 @@ class Vehicle(Short):
         """
         place = self.lag(plant)
         if place is None:
-            return _number(self.force, [own.name for own in inputs(plant)], "force: no input")
+            return _number(self.force, [signal.name for signal in inputs(plant)], "force: no input")
         reached, before = {place}, set[int]()
         while reached != before:  # by the fewest integrations
             acting = {
@@ -135,26 +135,26 @@ class Vehicle(Short):
         self._check(plant)
         _, tyre, sprung, unsprung = self.places(plant)
         known = states(plant)
-        found = [
+        outputs = [
             rate_of(plant, known[sprung].name, ACCELERATION),
             rate_of(plant, known[unsprung].name, UNSPRUNG),
         ]
         kt = self._tyre_stiffness(plant)
         if kt is not None:
             row = [self.sense[1] * kt * int(j == tyre) for j in range(plant.shape[0])]
-            found.append(Output(TYRE_FORCE, "N", C=row))
-        return tuple(found)
+            outputs.append(Output(TYRE_FORCE, "N", C=row))
+        return tuple(outputs)
 
     def _tyre_stiffness(self, plant: UncertainPlant) -> Fraction | None:
         """Return kt where it is the same positive number at every vertex."""
         _, tyre, _, unsprung = self.places(plant)
         letter, force = self._push(plant)
-        found = {
+        stiffnesses = {
             self.sense[1] * -v.exact_A[unsprung][tyre] / _exact(v, letter)[unsprung][force]
             for v in plant.vertices
         }
-        kt = found.pop()
-        return None if found or kt <= 0 else kt
+        kt = stiffnesses.pop()
+        return None if stiffnesses or kt <= 0 else kt
 
     def _check(self, plant: UncertainPlant) -> None:
         if plant.sample_time is not None:
@@ -167,7 +167,7 @@ class Vehicle(Short):
 
     def column(self, plant: UncertainPlant) -> int | None:
         """Return the number of the road among the disturbances, where the plant has any."""
-        names = [own.name for own in disturbances(plant)]
+        names = [disturbance.name for disturbance in disturbances(plant)]
         return _number(self.road, names, "road: no disturbance") if names else None
 
     def _check_kinematics(self, vertex: System, places: Sequence[int], road: int | None) -> None:
@@ -226,10 +226,10 @@ def _number(name: str, names: Sequence[str], what: str) -> int:
 
 
 def _require_row(row: Sequence[Fraction], wanted: Sequence[Any], where: str) -> None:
-    for j, (own, other) in enumerate(zip(row, wanted, strict=False)):
-        if own != other:
+    for j, (entry, other) in enumerate(zip(row, wanted, strict=False)):
+        if entry != other:
             raise PlantError(
-                f"vehicle: {where}[{j + 1}] = {_text(own)}, that of a quarter car is "
+                f"vehicle: {where}[{j + 1}] = {_text(entry)}, that of a quarter car is "
                 f"{_text(other)}; {_REMEDY}"
             )
 

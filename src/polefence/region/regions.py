@@ -726,8 +726,8 @@ def require_left(region: Region) -> Region:
 
 
 CLASSES: dict[str, type[Region]] = {
-    each.kind: each
-    for each in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
+    region.kind: region
+    for region in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
 }
 
 

@@ -87,10 +87,10 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
         raise RegionError(f"sample_time = {T:g} must be positive and finite")
     if not 2 <= edges <= MOST_EDGES:
         raise RegionError(f"edges = {edges} must be 2 to {MOST_EDGES}")
-    found = [own for part in region.parts for own in _image(part, T, edges)]
-    if not any(own.circle for own in found):
-        found.insert(0, Disk(0, 1))
-    return found[0] if len(found) == 1 else Intersection(tuple(found))
+    images = [image for part in region.parts for image in _image(part, T, edges)]
+    if not any(image.circle for image in images):
+        images.insert(0, Disk(0, 1))
+    return images[0] if len(images) == 1 else Intersection(tuple(images))
 
 
 def _of_z_plane(part: Region, T: float, edges: int) -> list[Region]:  # noqa: ARG001
@@ -158,10 +158,10 @@ def share_kept(damping: float, edges: int = EDGES) -> float:
     angle = np.linspace(0.0, math.pi, 2001)
     whole = np.exp(-_pitch(damping) * angle)
     kept = whole
-    for own in _polygon(damping, edges):  # the ray r exp(i angle) meets s x + y = s a
-        along = own.slope * np.cos(angle) + np.sin(angle)
+    for wedge in _polygon(damping, edges):  # the ray r exp(i angle) meets s x + y = s a
+        along = wedge.slope * np.cos(angle) + np.sin(angle)
         with np.errstate(divide="ignore"):
-            end = own.slope * own.apex / along
+            end = wedge.slope * wedge.apex / along
         kept = np.where(end > 0, np.minimum(kept, end), kept)
     return float(np.sum(kept**2) / np.sum(whole**2))
 
@@ -187,7 +187,7 @@ def _polygon(damping: float, edges: int) -> list[Wedge]:
     """
     if damping > MOST_DAMPING:
         raise RegionError(f"sector({damping:g}): a polygon is made up to {MOST_DAMPING}")
-    *corners, tip = (own * (1 - INSIDE) for own in _corners(damping, edges))
+    *corners, tip = (corner * (1 - INSIDE) for corner in _corners(damping, edges))
     corners.append(complex(min(tip.real + INSIDE, 0.0), 0.0))
     wedges = []
     for one, other in pairwise(corners):
@@ -206,7 +206,9 @@ def _require_inside(damping: float, wedges: list[Wedge]) -> None:
     The part of the spirals' set to the right of where they meet is convex, so corners suffice.
     """
     k, tip = _pitch(damping), -math.exp(-_pitch(damping) * math.pi)
-    lines = [(Fraction(own.slope), Fraction(own.slope) * Fraction(own.apex)) for own in wedges]
+    lines = [
+        (Fraction(wedge.slope), Fraction(wedge.slope) * Fraction(wedge.apex)) for wedge in wedges
+    ]
     ends = [(Fraction(wedges[-1].apex), Fraction(0))]  # the other is 1 itself
     for (s, c), (t, d) in pairwise(lines):  # s x + y = c, t x + y = d
         x = (c - d) / (s - t)
@@ -234,11 +236,11 @@ def _corners(damping: float, edges: int) -> list[complex]:
     low, high, best = 0.0, 1.0 - damping, None
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        found = _marched(damping, middle, edges)
-        if found is None:
+        corners = _marched(damping, middle, edges)
+        if corners is None:
             low = middle
         else:
-            best, high = found, middle
+            best, high = corners, middle
     if best is None:
         raise RegionError(f"sector({damping:g}) has no polygon of {edges} edges; use more")
     return best
@@ -251,13 +253,13 @@ def _marched(damping: float, excess: float, edges: int) -> list[complex] | None:
     """
     tip = complex(-math.exp(-_pitch(damping) * math.pi), 0.0)
     last = _steepest(damping, tip.real)
-    found, angle = [1 + 0j], 0.0
-    while angle < last and _excess(damping, found[-1], tip) > excess:
-        angle = _farthest(damping, excess, found[-1], angle, last)
-        found.append(_spiral(damping, angle))
-        if len(found) > edges:
+    corners, angle = [1 + 0j], 0.0
+    while angle < last and _excess(damping, corners[-1], tip) > excess:
+        angle = _farthest(damping, excess, corners[-1], angle, last)
+        corners.append(_spiral(damping, angle))
+        if len(corners) > edges:
             return None
-    return [*found, tip]
+    return [*corners, tip]
 
 
 def _farthest(damping: float, excess: float, corner: complex, angle: float, last: float) -> float:

@@ -76,19 +76,19 @@ class EnergyPeak(Specification):
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it as in the claim: a disturbance of unit norm, and the output times the norm."""
-        source, own = super().condition(plant, domain, unit)
-        return source, replace(own, C=self.norm * own.C, D=self.norm * own.D)
+        source, output = super().condition(plant, domain, unit)
+        return source, replace(output, C=self.norm * output.C, D=self.norm * output.D)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the norm times the root of c P c', P the controllability Gramian."""
         psd = 2 * self.norm**2 * self.squares(plant)
-        found = stationary(plant, law, alpha, psd, self.outputs(plant))
-        return np.array(found.rms[:, 0])
+        response = stationary(plant, law, alpha, psd, self.outputs(plant))
+        return np.array(response.rms[:, 0])
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with disturbances of unit norm."""
-        own = super().channel(plant, alpha)
-        return replace(own, E=self.norm * own.E)
+        channel = super().channel(plant, alpha)
+        return replace(channel, E=self.norm * channel.E)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the peak with its slopes."""

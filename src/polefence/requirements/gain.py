@@ -43,7 +43,7 @@ class Gain(Specification):
         """Return the signal's unit per unit of the disturbances."""
         known = disturbances(plant)
         acting = self.scales(plant) or (1.0,) * len(known)
-        units = {own.unit for own, scale in zip(known, acting, strict=True) if scale}
+        units = {signal.unit for signal, scale in zip(known, acting, strict=True) if scale}
         per = units.pop() if len(units) == 1 else ""
         return f"{super().unit(plant) or 1} per {per or 'unit'}"
 
@@ -69,15 +69,15 @@ class Gain(Specification):
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it, with what of the disturbance passes straight into the signal."""
-        source, own = super().condition(plant, domain, unit)
+        source, output = super().condition(plant, domain, unit)
         _, _, F = stacked(plant, self.outputs(plant))
-        return source, replace(own, F=self.scaled(plant, F) if np.any(F) else None)
+        return source, replace(output, F=self.scaled(plant, F) if np.any(F) else None)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the gain on a grid of frequencies, and exactly at the worst points."""
         stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
-        own, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
-        loops = own.closed(closed.K, Modes(closed.closed, closed.step))
+        channel, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
+        loops = channel.closed(closed.K, Modes(closed.closed, closed.step))
         values = on_grid(loops.modes, loops.E, loops.C, loops.F)
         worst = np.argsort(-values)[:FEW]
         modes = Modes(loops.A[worst], closed.step)
@@ -96,7 +96,7 @@ class Gain(Specification):
         u, values, vt = np.linalg.svd(G, full_matrices=False)
         some, which = np.nonzero(values >= NEAR * values[:, :1])
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
-        points, s, A, E, C = (own[some] for own in (points, s, A, E, C))
+        points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
         s = s[:, None, None] * np.eye(A.shape[-1]) - A
         right = np.linalg.solve(s, E @ v[:, :, None])[:, None, :, 0]
         left = np.linalg.solve(np.swapaxes(s.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None])

@@ -69,10 +69,10 @@ class GainNorm(Specification):
             value = getattr(self, key)
             if value is None:
                 continue
-            found = tuple(value) if np.ndim(value) == 1 else ()
-            if not found or not all(is_number(x) and x > 0 for x in found):
+            numbers = tuple(value) if np.ndim(value) == 1 else ()
+            if not numbers or not all(is_number(x) and x > 0 for x in numbers):
                 raise InputError(f"{key} = {value!r} of the gain norm must be positive numbers")
-            object.__setattr__(self, key, found)
+            object.__setattr__(self, key, numbers)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -108,14 +108,14 @@ class GainNorm(Specification):
             If there are more or fewer.
         """
         n, m = plant.shape
-        found = []
-        for key, own, count in (("rows", self.rows, m), ("columns", self.columns, n)):
-            if own is not None and len(own) != count:
+        units = []
+        for key, given, count in (("rows", self.rows, m), ("columns", self.columns, n)):
+            if given is not None and len(given) != count:
                 raise InputError(
-                    f"{key} of the gain norm holds {len(own)} numbers; {plant.name} needs {count}"
+                    f"{key} of the gain norm holds {len(given)} numbers; {plant.name} needs {count}"
                 )
-            found.append(own or (1.0,) * count)
-        return found[0], found[1]
+            units.append(given or (1.0,) * count)
+        return units[0], units[1]
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
         """Return nothing: no signal moves.
@@ -130,7 +130,7 @@ class GainNorm(Specification):
     def law_norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
         """Return the bound as a condition has it; with a ``unit`` it is not fixed."""
         rows, columns = self.units(plant)
-        C, R = (np.diag(1 / np.array(own)) for own in (columns, rows))
+        C, R = (np.diag(1 / np.array(scales)) for scales in (columns, rows))
         if unit is not None:
             return Norm(self.kind, C, R, unit, False)
         return Norm(self.kind, C, R, (self.at_most or 1.0) * KEPT)
@@ -142,7 +142,7 @@ class GainNorm(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the gain's norm."""
-        rows, columns = (tuple(map(Fraction, own)) for own in self.units(plant))
+        rows, columns = (tuple(map(Fraction, scales)) for scales in self.units(plant))
         alone = replace(subject, step=Fraction(0), remainder=None, motion=(), change=None)
         return proof.GainNorm(alone, level, rows, columns)
 
@@ -152,12 +152,12 @@ class GainNorm(Specification):
 
     def norms(self, plant: UncertainPlant, K: Array) -> Array:
         """Return the norms of gains (..., m, n), in floats."""
-        rows, columns = (np.array(own) for own in self.units(plant))
+        rows, columns = (np.array(scales) for scales in self.units(plant))
         return np.asarray(np.linalg.norm(K * columns / rows[:, None], 2, axis=(-2, -1)))
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with z = diag(rows)^-1 u, and x = diag(columns) w."""
-        rows, columns = (np.array(own) for own in self.units(plant))
+        rows, columns = (np.array(scales) for scales in self.units(plant))
         n, m = plant.shape
         moved = np.diag(columns), np.zeros((m, n)), np.diag(1 / rows), np.zeros((m, n))
         E, C, D, F = (np.broadcast_to(M, (len(alpha), *M.shape)) for M in moved)
@@ -172,16 +172,16 @@ class GainNorm(Specification):
         return Slopes(values[points, some], points, np.zeros_like(loops.A[points]), dC)
 
 
-def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[float, int]]:
+def levels(plant: UncertainPlant, law: Law, norm: GainNorm) -> Iterator[tuple[float, int]]:
     """Yield what is proved of a law in floats, with the elevation at which it is."""
     if law.K is not None:
-        yield float(own.norms(plant, law.K)), 0
+        yield float(norm.norms(plant, law.K)), 0
         return
     domain, degree, n = law.domain, law.degree, plant.shape[0]
-    rows, columns = (np.array(each) for each in own.units(plant))
+    rows, columns = (np.array(scales) for scales in norm.units(plant))
     H, Z = law.form[:, :n] / columns[:, None], law.form[:, n:] / rows[:, None]
     right = np.linalg.inv(H.mean(axis=0))
-    P, Q = (bernstein(domain, each @ right, degree) for each in (H, Z))
+    P, Q = (bernstein(domain, M @ right, degree) for M in (H, Z))
     square = times({e: p.T for e, p in P.items()}, P)
     for elevation in ELEVATIONS:
         total = 2 * degree + elevation
@@ -192,7 +192,7 @@ def levels(plant: UncertainPlant, law: Law, own: GainNorm) -> Iterator[tuple[flo
         yield float(np.sqrt(worst)), elevation
 
 
-def by_multiples(plant: UncertainPlant, law: Law, own: GainNorm) -> tuple[float, Array] | None:
+def by_multiples(plant: UncertainPlant, law: Law, norm: GainNorm) -> tuple[float, Array] | None:
     """Return what numbers s prove of a scheduled law in floats, and these; None where they do not.
 
     W is above s diag(columns)^2. That costs up to the root of how far W is from a multiple of it,
@@ -200,7 +200,7 @@ def by_multiples(plant: UncertainPlant, law: Law, own: GainNorm) -> tuple[float,
     """
     if law.W is None:
         return None
-    rows, columns = (np.array(each) for each in own.units(plant))
+    rows, columns = (np.array(scales) for scales in norm.units(plant))
     W, V = law.W / columns[:, None] / columns, law.form[:, len(columns) :] / rows[:, None] / columns
     s = (1 - ABOVE) * np.linalg.eigvalsh(W).min(axis=1)
     if not s.min() > 0:

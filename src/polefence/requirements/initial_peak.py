@@ -79,7 +79,7 @@ class InitialPeak(Specification):
             )
         numbers = [
             *self._sizes,
-            *(x for own in (self.points, self.ellipsoid) for p in own for x in p),
+            *(x for points in (self.points, self.ellipsoid) for p in points for x in p),
         ]
         if not all(isinstance(x, Fraction) or is_number(x) for x in numbers) or not any(numbers):
             raise InputError(
@@ -144,14 +144,14 @@ class InitialPeak(Specification):
     def _starts(self, plant: UncertainPlant, kind: str) -> conditions.Points:
         """Return the initial states under a name that begins with a word."""
         N = len(plant.vertices)
-        found = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
+        x0 = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
             E, acting = self.entering(plant), self._impulses(plant)
-            found += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
+            x0 += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
         X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
-        own = self.points, self.impulse, self.ellipsoid, self.scales(plant)
-        name = f"{kind} {own!r}"  # a hash would take -1 for -2
-        return conditions.Points(name, tuple(found), X0)
+        starts = self.points, self.impulse, self.ellipsoid, self.scales(plant)
+        name = f"{kind} {starts!r}"  # a hash would take -1 for -2
+        return conditions.Points(name, tuple(x0), X0)
 
     def claim(
         self,
@@ -172,7 +172,7 @@ class InitialPeak(Specification):
 
     def _require_states(self, plant: UncertainPlant) -> None:
         n = plant.shape[0]
-        names = f": {', '.join(own.name for own in states(plant))}" if plant.states else ""
+        names = f": {', '.join(state.name for state in states(plant))}" if plant.states else ""
         for k, point in enumerate(self.points, 1):
             if len(point) != n:
                 raise InputError(
@@ -196,46 +196,48 @@ class InitialPeak(Specification):
 
         From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns.
         """
-        (signal,), own, acting = self.outputs(plant), self, self._impulses(plant)
-        if not own.impulse and any(vertex.E is None for vertex in plant.vertices):
+        (signal,), acting = self.outputs(plant), self._impulses(plant)
+        if not self.impulse and any(vertex.E is None for vertex in plant.vertices):
             plant = _moved_by_nothing(plant)
         loops = close(plant, law, alpha)
         count = len(loops.closed)
-        starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in own.points]
-        if own.impulse:
-            starts += [own.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
+        starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in self.points]
+        if self.impulse:
+            starts += [self.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
         stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
         poles = loops.poles()
         fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)
         slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
-        each = loops.step or STEP / fastest
-        steps = max(2, int(min(FOLLOWED / slowest / each + 1, MOST_CHOSEN)))
-        time, size = each * np.arange(steps), max(1, GROUP // steps)
+        step = loops.step or STEP / fastest
+        steps = max(2, int(min(FOLLOWED / slowest / step + 1, MOST_CHOSEN)))
+        time, size = step * np.arange(steps), max(1, GROUP // steps)
 
         def squares(start: Array, part: slice) -> Array:
             one = simulate(plant, law, alpha[part], None, time, [signal], "held", start[part])
             return np.asarray(one.values[:, :, 0] ** 2)
 
-        found = np.zeros(count)
-        axes = [np.tile(axis, (count, 1)) for axis in axes_of(own)]
+        squared = np.zeros(count)
+        axes = [np.tile(axis, (count, 1)) for axis in axes_of(self)]
         for first in range(0, count, size):
             part = slice(first, first + size)
-            each = [squares(start, part) for start in starts]
+            responses = [squares(start, part) for start in starts]
             if axes:  # c e^At L L' e^A't c' of X0 = L L'
-                each.append(np.sum([squares(axis, part) for axis in axes], axis=0))
-            found[part] = np.max([y.max(axis=1) for y in each], axis=0)
-        return np.sqrt(found)
+                responses.append(np.sum([squares(axis, part) for axis in axes], axis=0))
+            squared[part] = np.max([y.max(axis=1) for y in responses], axis=0)
+        return np.sqrt(squared)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
         C, D, _ = stacked(plant, self.outputs(plant))
         starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *axes_of(self))]
-        each = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
+        columns = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
         if self.impulse:
             E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
-            each.insert(len(self.points), np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1))
+            columns.insert(
+                len(self.points), np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1)
+            )
         C, D = (np.tensordot(alpha, M, 1) for M in (C, D))
-        E = np.concatenate(each, axis=2)
+        E = np.concatenate(columns, axis=2)
         return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
 
     def slopes(self, loops: Loops) -> Slopes:
@@ -245,8 +247,8 @@ class InitialPeak(Specification):
         q = loops.E.shape[2]
         alone = q - len(self.ellipsoid)
         groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
-        found = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
-        points, which, time = (np.array(column) for column in zip(*found, strict=True))
+        peaks = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
+        points, which, time = (np.array(column) for column in zip(*peaks, strict=True))
         A, C, step = loops.A[points], loops.C[points], loops.modes.step
         n = A.shape[1]
 
@@ -254,13 +256,13 @@ class InitialPeak(Specification):
             """Return e^Mt, or the power of one + step M that a time is."""
             if not step:
                 return np.asarray(expm(M * time[:, None, None]))
-            each = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
-            return np.stack([np.linalg.matrix_power(own, count) for own, count in each])
+            pairs = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
+            return np.stack([np.linalg.matrix_power(factor, count) for factor, count in pairs])
 
         motion = moved(A, np.eye(n))
         y = C @ motion @ loops.E[points]
-        own = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
-        y *= np.array(own)[:, None]
+        members = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
+        y *= np.array(members)[:, None]
         values = np.sqrt((y**2).sum(axis=(1, 2)))
         start = loops.E[points] @ np.swapaxes(y, 1, 2) / np.maximum(values, TINY)[:, None, None]
         # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
@@ -277,20 +279,20 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
     if step:  # at samples z^k = e^(log z k)
         z = (1 + step * poles).astype(complex)
         poles = np.log(np.where(z == 0, TINY, z)) / step
-    each = [np.zeros(1)]
+    instants = [np.zeros(1)]
     for pole in poles:
         lasting = LASTING / max(-pole.real, TINY)
         steps = int(np.clip(lasting * abs(pole) * A_RADIAN, 20, MOST_STEPS))
-        each.append(np.linspace(0, lasting, steps))
-    time = np.unique(np.concatenate(each))
+        instants.append(np.linspace(0, lasting, steps))
+    time = np.unique(np.concatenate(instants))
     time = np.unique(np.rint(time / step)) * step if step else time
     left, right = loops.C[k] @ loops.modes.right[k], loops.modes.left[k] @ loops.E[k]
-    found = []
+    highest = []
     for g, group in enumerate(groups):
 
-        def response(t: Array, most: int, own: Any = right[:, group]) -> list[Array]:
-            each = left * np.exp(np.outer(t, poles))
-            return [((each * poles**j) @ own).real for j in range(most)]
+        def response(t: Array, most: int, modal: Any = right[:, group]) -> list[Array]:
+            terms = left * np.exp(np.outer(t, poles))
+            return [((terms * poles**j) @ modal).real for j in range(most)]
 
         y = np.sum(response(time, 1)[0] ** 2, axis=1)
         inner = (y >= np.append(-1.0, y[:-1])) & (y > np.append(y[1:], -1.0))
@@ -304,9 +306,9 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
             by = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
             t = np.clip(t - by, low, high)
         peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
-        found += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
-    found.sort(key=lambda row: -row[0])
-    return [row[1:] for row in found[:MOST] if row[0] >= NEAR**2 * found[0][0]]
+        highest += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
+    highest.sort(key=lambda row: -row[0])
+    return [row[1:] for row in highest[:MOST] if row[0] >= NEAR**2 * highest[0][0]]
 
 
 def _require_square(name: str, ellipsoid: Any) -> None:
@@ -346,11 +348,11 @@ def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
     return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)
 
 
-def axes_of(own: InitialPeak) -> Array:
+def axes_of(peak: InitialPeak) -> Array:
     """Return the columns of L, X0 = L L', as rows."""
-    if not own.ellipsoid:
+    if not peak.ellipsoid:
         return np.zeros((0, 0))
-    X0 = np.array(own.ellipsoid, dtype=float)
+    X0 = np.array(peak.ellipsoid, dtype=float)
     # scaled before its eigenvalues are taken: states' units may lie decades apart
     scale = np.sqrt(np.where(np.diag(X0) > 0, np.diag(X0), 1.0))
     values, vectors = np.linalg.eigh(X0 / np.outer(scale, scale))

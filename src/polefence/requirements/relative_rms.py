@@ -80,8 +80,8 @@ class RelativeRms(Rms):
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it with the variance without control, from below, as the unit of its square."""
-        source, own = super().condition(plant, domain, unit)
-        return source, replace(own, square=self.square(plant, domain, own.C))
+        source, output = super().condition(plant, domain, unit)
+        return source, replace(output, square=self.square(plant, domain, output.C))
 
     def square(self, plant: UncertainPlant, domain: Domain, C: Array) -> Polynomial:
         """Return a polynomial that is less than the variance without control."""
@@ -94,10 +94,10 @@ class RelativeRms(Rms):
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the dual form of the rms, as a share of the variance without control."""
-        own, domain = super().dual(plant, law), law.domain_of(plant)
-        if own is None:
+        dual, domain = super().dual(plant, law), law.domain_of(plant)
+        if dual is None:
             return None
-        return replace(own, share=self.square(plant, domain, own.C))
+        return replace(dual, share=self.square(plant, domain, dual.C))
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -124,9 +124,9 @@ class RelativeRms(Rms):
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with the signal in units of its rms without control."""
-        own = super().channel(plant, alpha)
+        channel = super().channel(plant, alpha)
         size = super().values(plant, None, alpha)[:, None, None]
-        return replace(own, C=own.C / size, D=own.D / size)
+        return replace(channel, C=channel.C / size, D=channel.D / size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +151,8 @@ class Baseline:
     def evidence(self) -> tuple[Evidence, Evidence]:
         """Return the proofs of stability and of the covariance, as a claim has them."""
         one, other = (
-            Evidence(_rationals(each), self.degree, spread=own)
-            for each, own in zip((self.X, self.P), self.spreads, strict=True)
+            Evidence(_rationals(P), self.degree, spread=spread)
+            for P, spread in zip((self.X, self.P), self.spreads, strict=True)
         )
         return one, other
 
@@ -173,8 +173,8 @@ def passive_states(plant: UncertainPlant, C: Array) -> tuple[int, ...]:
     if plant.remainder is not None:
         rows = [plant.remainder.entries, *plant.remainder.curve]
         A.append(np.array(rows, dtype=float)[:, :, :n])
-    found = needed(C, np.concatenate(A))
-    return tuple(found.tolist()) or tuple(range(n))
+    kept = needed(C, np.concatenate(A))
+    return tuple(kept.tolist()) or tuple(range(n))
 
 
 def _passive(plant: UncertainPlant, states: tuple[int, ...]) -> UncertainPlant:
@@ -182,10 +182,10 @@ def _passive(plant: UncertainPlant, states: tuple[int, ...]) -> UncertainPlant:
     (n, m), vertices = plant.shape, list[System]()
     if len(states) == n:
         return plant
-    for own in plant.vertices:
-        A = tuple(tuple(own.exact_A[i][j] for j in states) for i in states)
-        E = None if own.exact_E is None else tuple(own.exact_E[i] for i in states)
-        vertices.append(System(A, ((Fraction(1),) * m,) * len(states), E, own.name))
+    for vertex in plant.vertices:
+        A = tuple(tuple(vertex.exact_A[i][j] for j in states) for i in states)
+        E = None if vertex.exact_E is None else tuple(vertex.exact_E[i] for i in states)
+        vertices.append(System(A, ((Fraction(1),) * m,) * len(states), E, vertex.name))
     remainder = plant.remainder and plant.remainder.kept(states)
     return UncertainPlant(
         tuple(vertices),
@@ -221,12 +221,12 @@ def baseline(
     """
     plant = _passive(plant, states)
     domain, q = Domain.of(on, len(plant.vertices)), disturbance(plant).shape[2]
-    each = np.array(scales) if scales else np.ones(q)
+    acting = np.array(scales) if scales else np.ones(q)
     best, least = None, np.inf
     for degree in DEGREES:
-        share, found = _at_degree(plant, domain, each, intensity, degree)
+        share, covariance = _at_degree(plant, domain, acting, intensity, degree)
         if share < least:
-            best, least = found, share
+            best, least = covariance, share
         elif best is not None and plant.remainder is not None:
             break  # it takes its share whatever the degree
         if least <= CLOSE:
@@ -250,13 +250,15 @@ def _at_degree(
     if growth(np.linalg.eigvals(A), step).max() >= 0:
         raise InputError(f"{plant.name} is not stable without control: its rms there is no measure")
     E = plant.driven(alpha) * scales
-    own = lyapunov(A, intensity * E @ E.swapaxes(1, 2), step)
+    covariances = lyapunov(A, intensity * E @ E.swapaxes(1, 2), step)
     d = balancing(A)  # a state that nothing moves has a size in the units of the others
-    sizes = np.diagonal(own, axis1=1, axis2=2).max(axis=0) / d**2
+    sizes = np.diagonal(covariances, axis1=1, axis2=2).max(axis=0) / d**2
     sizes = np.maximum(sizes, 1e-12 * sizes.max()) * d**2
     every = np.diag(sizes) * np.abs(np.linalg.eigvals(A)).max()
     basis = domain.basis(alpha, degree)
-    fit, X = (_fitted(basis, c) for c in (own, lyapunov(A, np.tile(every, (len(A), 1, 1)), step)))
+    fit, X = (
+        _fitted(basis, c) for c in (covariances, lyapunov(A, np.tile(every, (len(A), 1, 1)), step))
+    )
     loop = _Uncontrolled.of(plant, domain, scales, intensity, degree)
     falling = loop.spread_of_decrease(X)
     if not loop.falls(X, falling):
@@ -274,8 +276,8 @@ def _fitted(basis: Array, values: Array) -> Array:
     scale = np.sqrt(np.diagonal(values, axis1=1, axis2=2).max(axis=0))
     scale = np.where(scale > 0, scale, 1.0)  # a state that nothing moves
     even = values / np.outer(scale, scale)
-    found = np.linalg.lstsq(basis, even.reshape(len(even), -1), rcond=None)[0]
-    both = found.reshape(-1, *even.shape[1:])
+    fitted = np.linalg.lstsq(basis, even.reshape(len(even), -1), rcond=None)[0]
+    both = fitted.reshape(-1, *even.shape[1:])
     symmetric = (both + both.swapaxes(1, 2)) / 2 * np.outer(scale, scale)
     return np.asarray((symmetric + symmetric.swapaxes(1, 2)) / 2)
 
@@ -304,7 +306,7 @@ class _Uncontrolled:
     ) -> _Uncontrolled:
         """Return it with the curve of its samples, if they have one."""
         E = polynomial_of(plant, domain, disturbance(plant), sum(plant.shape))
-        driven = {e: own * scales for e, own in E.items()}
+        driven = {e: coefficient * scales for e, coefficient in E.items()}
         A = polynomial_of(plant, domain, plant.A)
         return cls(plant, domain, A, driven, scales, intensity, degree)
 
@@ -322,13 +324,13 @@ class _Uncontrolled:
 
     def falls(self, X: Array, spread: Spread | None) -> bool:
         """Whether the blocks of -(A X + X A' + step A X A') are positive, with a margin."""
-        own, d = self.form(X), self.plant.curve_degree
-        above, entering = elevated(own, self.domain, d), np.zeros_like(X[0])
+        form, d = self.form(X), self.plant.curve_degree
+        above, entering = elevated(form, self.domain, d), np.zeros_like(X[0])
         omega = entering
         if spread is not None:
             entering, omega = _entering(spread), np.array(spread.omega, dtype=float)
         losses, lefts = (self.constant(M, self.degree + d) for M in (entering + omega, omega))
-        for e, N in times(self.A, own).items():
+        for e, N in times(self.A, form).items():
             block = -(N + N.T) - losses[e]
             if self.step:
                 N = N + lefts[e]
@@ -350,8 +352,8 @@ class _Uncontrolled:
         losses = self.constant(lost, total)
         kept = 1.0 if spread is None else 1 - float(SHARE)
         none = np.zeros_like(lost)
-        each = (own + kept * more.get(e, none) - losses[e] for e, own in blocks.items())
-        return all(map(_is_positive, each))
+        left = (block + kept * more.get(e, none) - losses[e] for e, block in blocks.items())
+        return all(map(_is_positive, left))
 
     def lost(self, spread: Spread | None) -> Array:
         """Return what a remainder takes of the inequality of the covariance."""
@@ -378,9 +380,9 @@ class _Uncontrolled:
         if remainder is None:
             return None
         T = np.linalg.cholesky(X.mean(axis=0))
-        inverse, own = np.linalg.inv(T), self.form(P)
-        once, d = times(self.A, own), self.plant.curve_degree
-        MP = {e: own + self.step * once[e] for e, own in elevated(own, self.domain, d).items()}
+        inverse, form = np.linalg.inv(T), self.form(P)
+        once, d = times(self.A, form), self.plant.curve_degree
+        MP = {e: M + self.step * once[e] for e, M in elevated(form, self.domain, d).items()}
         coefficients = [MP[e] / binomial(self.domain.sizes, e) for e in MP]
         moved = np.array(coefficients).swapaxes(1, 2) @ inverse.T
         R = np.array(remainder.entries, dtype=float)
@@ -392,7 +394,7 @@ class _Uncontrolled:
         V = columns[:n, None]
         values = np.linalg.eigvalsh(V * P * V.T)
         kappa = max(-float(values.min()) * ABOVE, float(values.max()) * (ABOVE - 1))
-        sides = [tuple(map(Fraction, own.tolist())) for own in (rows, columns)]
+        sides = [tuple(map(Fraction, side.tolist())) for side in (rows, columns)]
         return Spread(more_than(V * moved, T), sides[0], sides[1], Fraction(kappa))
 
 

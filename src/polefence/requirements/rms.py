@@ -91,17 +91,21 @@ class Rms(Specification):
     @property
     def filters(self) -> tuple[Weighting | None, ...]:
         """The weightings, one an entry."""
-        own = self.weight
-        names = (own,) * len(self.entries) if own is None or isinstance(own, str) else own
+        weight = self.weight
+        names = (
+            (weight,) * len(self.entries) if weight is None or isinstance(weight, str) else weight
+        )
         return tuple(None if name in (None, PLAIN) else WEIGHTS[str(name)] for name in names)
 
     @property
     def title(self) -> str:
         """Kind, signal, chosen disturbances and weight, as a line has them."""
-        own = self.weight
-        if own is None:
+        weight = self.weight
+        if weight is None:
             return super().title
-        return f"{super().title} with weight {own if isinstance(own, str) else listed(own)}"
+        return (
+            f"{super().title} with weight {weight if isinstance(weight, str) else listed(weight)}"
+        )
 
     def filtered(self, signals: Sequence[str | Output]) -> Rms:
         """Return it of the weighted signals."""
@@ -109,7 +113,7 @@ class Rms(Specification):
 
     def of(self, output: Output) -> Rms:
         """Return it of one other output, behind the filter that a signal of this name has."""
-        names = [own if isinstance(own, str) else own.name for own in self.entries]
+        names = [entry if isinstance(entry, str) else entry.name for entry in self.entries]
         weight = self.weight
         if not (weight is None or isinstance(weight, str)):
             known = dict(zip(names, weight, strict=True))
@@ -158,9 +162,9 @@ class Rms(Specification):
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with disturbances of unit intensity, and with its filters."""
         wide = behind(plant, None, self)
-        own = Specification.channel(wide.specification, wide.plant, alpha)
+        channel = Specification.channel(wide.specification, wide.plant, alpha)
         more = wide.plant.shape[0] - plant.shape[0]
-        return replace(own, E=(self.density / 2) ** 0.5 * own.E, filters=more)
+        return replace(channel, E=(self.density / 2) ** 0.5 * channel.E, filters=more)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
@@ -184,7 +188,9 @@ def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...]
     return None if set(weight) == {PLAIN} else weight
 
 
-def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Array) -> list[Array]:
+def of_one_noise(
+    plant: UncertainPlant, law: Any, limits: Sequence[Rms], alpha: Array
+) -> list[Array]:
     """Return the values of each, by one covariance: all are of the same noise.
 
     Raises
@@ -192,11 +198,11 @@ def of_one_noise(plant: UncertainPlant, law: Any, owns: Sequence[Rms], alpha: Ar
     InputError
         As `stationary` raises, of all of them together.
     """
-    psd, bare = owns[0].density * owns[0].squares(plant), plant
-    plant, plain = with_weights(plant, owns)
+    psd, bare = limits[0].density * limits[0].squares(plant), plant
+    plant, plain = with_weights(plant, limits)
     law = wider(law, bare, plant)
-    outputs = [own.outputs(plant) for own in plain]
+    outputs = [limit.outputs(plant) for limit in plain]
     signals = list(dict.fromkeys(signal for entries in outputs for signal in entries))
     rms = stationary(plant, law, alpha, psd, signals).rms
     columns = [[signals.index(signal) for signal in entries] for entries in outputs]
-    return [np.asarray(np.linalg.norm(rms[:, own], axis=1)) for own in columns]
+    return [np.asarray(np.linalg.norm(rms[:, those], axis=1)) for those in columns]

@@ -86,8 +86,8 @@ class Saturation(InitialPeak):
         InputError
             If a signal is none, or there are too many.
         """
-        names = [own.name for own in inputs(plant)]
-        signals = [own.name for own in self.outputs(plant)]
+        names = [signal.name for signal in inputs(plant)]
+        signals = [signal.name for signal in self.outputs(plant)]
         for name in signals:
             if name not in names:
                 raise InputError(f"saturation is of inputs: {name!r} is none of {', '.join(names)}")
@@ -108,8 +108,8 @@ class Saturation(InitialPeak):
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it with the numbers of the inputs that are cut off."""
-        source, own = super().condition(plant, domain, unit)
-        return source, replace(own, held=self.cut_off(plant))
+        source, output = super().condition(plant, domain, unit)
+        return source, replace(output, held=self.cut_off(plant))
 
     def claim(
         self,
@@ -122,41 +122,41 @@ class Saturation(InitialPeak):
         Y = tuple(tuple(tuple(M[i]) for i in chosen) for M in held)
         degree = subject.evidence.held_degree
         subject = replace(subject, evidence=replace(subject.evidence, held=(), held_degree=0))
-        own = proof.Saturation(
+        claim = proof.Saturation(
             subject, self.exact_outputs(plant), level, held=Y, held_degree=degree
         )
         if self.norm:
             scales = self.scales(plant) or (1.0,) * plant.disturbance_count
-            return replace(own, norms=tuple(Fraction(self.norm) * Fraction(s) for s in scales))
+            return replace(claim, norms=tuple(Fraction(self.norm) * Fraction(s) for s in scales))
         points, impulses, X0 = self._exact(plant)
-        return replace(own, points=points, impulses=impulses, ellipsoid=X0)
+        return replace(claim, points=points, impulses=impulses, ellipsoid=X0)
 
     def tuned(self, times: float) -> tuple[Specification, ...]:
         """Return the peaks that inputs would have otherwise, at most so many times the limit."""
         level = None if self.at_most is None else times * self.at_most
         names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
-        own: dict[str, Any] = {"disturbances": self.disturbances}
+        common: dict[str, Any] = {"disturbances": self.disturbances}
         if level == np.inf:
             return ()
         if self.norm:
-            return tuple(EnergyPeak(name, level, norm=self.norm, **own) for name in names)
-        own |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
-        return tuple(InitialPeak(name, level, **own) for name in names)
+            return tuple(EnergyPeak(name, level, norm=self.norm, **common) for name in names)
+        common |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
+        return tuple(InitialPeak(name, level, **common) for name in names)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return limits at which simulated loops do not come to rest, zero where none is found.
 
         At some of the points, from initial states; of disturbances no worst one is looked for.
         """
-        found = np.zeros(len(alpha))
+        limits = np.zeros(len(alpha))
         starts = [np.array(point, dtype=float) for point in (*self.points, *axes_of(self))]
         if self.norm or not starts:
-            return found
+            return limits
         at = np.unique(np.linspace(0, len(alpha) - 1, MOST_POINTS).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
-        found[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
-        return found
+        limits[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
+        return limits
 
     def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
         """Refuse: what a loop does when it is cut off has no slopes.

@@ -48,12 +48,12 @@ class Channel:
         nothing into, as of the one before it.
         """
         n = len(d)
-        found = list(d)
+        units = list(d)
         for i in range(n, n + self.filters):
             fed = float(np.max(np.abs(self.A[:, i, :n]) @ d))
             rate = float(np.abs(self.A[:, i, n:]).max())
-            found.append(fed / rate if fed and rate else found[-1])
-        return np.array(found)
+            units.append(fed / rate if fed and rate else units[-1])
+        return np.array(units)
 
     def closed(self, K: Array, modes: Modes) -> Loops:
         """Return the loops under gains K (count, m, n), with the modes of A + B K."""
@@ -62,11 +62,11 @@ class Channel:
             modes = Modes(self.A + self.B @ K, modes.step)
         return Loops(modes, self.E, self.C + self.D @ K, self.F)
 
-    def slopes(self, own: Slopes) -> Array:
+    def slopes(self, slopes: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
-        B, D = (np.swapaxes(M[own.points], 1, 2) for M in (self.B, self.D))
-        found = np.asarray(B @ own.dA + D @ own.dC)
-        return found[..., : found.shape[-1] - self.filters]
+        B, D = (np.swapaxes(M[slopes.points], 1, 2) for M in (self.B, self.D))
+        dK = np.asarray(B @ slopes.dA + D @ slopes.dC)
+        return dK[..., : dK.shape[-1] - self.filters]
 
 
 @dataclass(frozen=True, eq=False)

@@ -148,8 +148,8 @@ class Specification(Short):
         for k, name in enumerate(names):
             if isinstance(value, list) and not isinstance(name, str):
                 raise SpecError(f"signal[{k + 1}] = {shown(name)} must be text; {SIGNAL_REMEDY}")
-        found = "an empty list" if value == [] else shown(value)
-        raise SpecError(f"signal = {found} must be text, or a list of names; {SIGNAL_REMEDY}")
+        written = "an empty list" if value == [] else shown(value)
+        raise SpecError(f"signal = {written} must be text, or a list of names; {SIGNAL_REMEDY}")
 
     def of(self, output: Output) -> Specification:
         """Return it of one other output."""
@@ -459,9 +459,9 @@ def _channels(value: Any) -> tuple[tuple[str, float], ...]:
     value = [value] if isinstance(value, str) else value
     pairs = list(value.items()) if isinstance(value, Mapping) else value
     if isinstance(pairs, Sequence):
-        pairs = [(own, 1.0) if isinstance(own, str) else own for own in pairs]
+        pairs = [(pair, 1.0) if isinstance(pair, str) else pair for pair in pairs]
     good = isinstance(pairs, Sequence) and all(
-        isinstance(own, tuple) and len(own) == 2 and isinstance(own[0], str) for own in pairs
+        isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], str) for pair in pairs
     )
     if not good or not pairs:
         raise InputError(
@@ -574,7 +574,7 @@ def claim_of(
     """
     plant = delta_form(plant)
     motion = ranges_of(plant) if plant.moving else ()
-    matrices, own = matrices_of(plant), (plant.step, plant.remainder, motion)
+    matrices, timing = matrices_of(plant), (plant.step, plant.remainder, motion)
     nodes = tuple(node(plant, at) for at in inner_corners([evidence])) if plant.bent else ()
-    subject = proof.Subject(*matrices, law, evidence, on, *own, nodes=nodes)
+    subject = proof.Subject(*matrices, law, evidence, on, *timing, nodes=nodes)
     return specification.claim(subject, level, plant)

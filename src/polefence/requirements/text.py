@@ -193,9 +193,10 @@ def parse_specification(
     what, less, limit = rest.partition("<=")
     if less:  # a title has its ends before its limit
         what = _without_ends(what, text, table)
-    if not less and (found := _LIMIT_ELSE.search(what)):
+    if not less and (ending := _LIMIT_ELSE.search(what)):
         raise InputError(
-            f"{text!r}: {found[0]!r} at its end; a limit is written <= NUMBER, with a decimal point"
+            f"{text!r}: {ending[0]!r} at its end; a limit is written <= NUMBER, with a "
+            "decimal point"
         )
     kind, of, signal = what.partition(" of ")
     if not of or not signal.strip() or (less and not limit.strip()):

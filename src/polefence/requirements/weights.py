@@ -55,8 +55,8 @@ def behind(plant: UncertainPlant, law: Any, specification: Specification) -> Beh
     """Return a requirement as one of the plant with its filters; as it is where it has none."""
     if not any(specification.filters):
         return Behind(plant, law, specification)
-    larger, (own,) = with_weights(plant, (specification,))
-    return Behind(larger, wider(law, plant, larger), own)
+    larger, (requirement,) = with_weights(plant, (specification,))
+    return Behind(larger, wider(law, plant, larger), requirement)
 
 
 def with_weights(
@@ -74,31 +74,31 @@ def with_weights(
     """
     made: dict[tuple[str, Weighting], str] = {}
     bare, n = plant, plant.shape[0]
-    for own in specifications:
-        for signal, weighting in _pairs(bare, own):
+    for specification in specifications:
+        for signal, weighting in _pairs(bare, specification):
             if weighting is not None and (signal.name, weighting) not in made:
                 wide = padded(signal, plant.shape[0] - n)
                 plant, made[signal.name, weighting] = _with_filter(plant, wide, weighting)
-    found: list[Specification] = []
+    without: list[Specification] = []
     more = plant.shape[0] - n
-    for own in specifications:
-        pairs = _pairs(bare, own)
+    for specification in specifications:
+        pairs = _pairs(bare, specification)
         if pairs:
-            own = own.filtered(
-                [padded(y, more) if own is None else made[y.name, own] for y, own in pairs]
+            specification = specification.filtered(
+                [padded(y, more) if weight is None else made[y.name, weight] for y, weight in pairs]
             )
         else:
-            own = own.extended(n, more) if more else own
-        found.append(own)
-    return plant, tuple(found)
+            specification = specification.extended(n, more) if more else specification
+        without.append(specification)
+    return plant, tuple(without)
 
 
 def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
     """Return the filter of each entry as a claim has it, nothing where no entry has one."""
-    each = specification.filters
-    if not any(each):
+    filters = specification.filters
+    if not any(filters):
         return ()
-    return tuple(None if own is None else filter_of(own, plant.period) for own in each)
+    return tuple(None if weight is None else filter_of(weight, plant.period) for weight in filters)
 
 
 @lru_cache(maxsize=64)
@@ -123,20 +123,20 @@ def _held(a: Rationals, b: Rationals, T: Fraction) -> Rationals:
 
     In whole numbers, for files claim these numbers: floats differ in last bits by the machine.
     """
-    M = [[T * x for x in (*row, *own)] for row, own in zip(a, b, strict=True)]
+    M = [[T * x for x in (*row, *row_b)] for row, row_b in zip(a, b, strict=True)]
     M.append([Fraction(0)] * len(M[0]))
     norm, halvings = max(sum(map(abs, row), Fraction(0)) for row in M), 0
     while norm > Fraction(1, 2):
         norm, halvings = norm / 2, halvings + 1
     unit = 1 << BITS
     X = [[round(x * unit / 2**halvings) for x in row] for row in M]
-    term = found = [[unit * (i == j) for j in range(len(M))] for i in range(len(M))]
+    term = total = [[unit * (i == j) for j in range(len(M))] for i in range(len(M))]
     for k in range(1, TERMS):
         term = _shortened(term, X, unit * k)
-        found = plus(found, term)
+        total = plus(total, term)
     for _ in range(halvings):
-        found = _shortened(found, found, unit)
-    return [[Fraction(x / unit) for x in row] for row in found[:-1]]
+        total = _shortened(total, total, unit)
+    return [[Fraction(x / unit) for x in row] for row in total[:-1]]
 
 
 def _shortened(P: Integers, Q: Integers, unit: int) -> Integers:
@@ -149,24 +149,26 @@ def _with_filter(
     plant: UncertainPlant, signal: Output, weighting: Weighting
 ) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
-    own, T = filter_of(weighting, plant.period), plant.sample_time
-    a, b = own.a, own.b
+    form, T = filter_of(weighting, plant.period), plant.sample_time
+    a, b = form.a, form.b
     if T is not None:  # the plant is not in its delta form
         a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(a)]
         b = [[T * x for x in row] for row in b]
     label = f"{signal.name}, {weighting.name}"
     if label in [known.name for known in plant.signals]:
         raise InputError(f"{plant.name} has a signal {label!r} already; rename it")
-    labels = [f"{label} state {i + 1}" for i in range(own.states)]
+    labels = [f"{label} state {i + 1}" for i in range(form.states)]
     larger = with_dynamics(plant, (signal,), _tuples(a), _tuples(b), labels)
-    weighted = Output(label, signal.unit, C=[Fraction(0)] * plant.shape[0] + own.c[0])
+    weighted = Output(label, signal.unit, C=[Fraction(0)] * plant.shape[0] + form.c[0])
     return replace(larger, outputs=(*larger.outputs, weighted)), label
 
 
-def _pairs(plant: UncertainPlant, own: Specification) -> list[tuple[Output, Weighting | None]]:
+def _pairs(
+    plant: UncertainPlant, specification: Specification
+) -> list[tuple[Output, Weighting | None]]:
     """Return the outputs with their filters, nothing where none has one."""
-    each = own.filters
-    return list(zip(own.outputs(plant), each, strict=True)) if any(each) else []
+    filters = specification.filters
+    return list(zip(specification.outputs(plant), filters, strict=True)) if any(filters) else []
 
 
 def wider(law: Any, plant: UncertainPlant, larger: UncertainPlant) -> Any:
@@ -181,10 +183,10 @@ def wider(law: Any, plant: UncertainPlant, larger: UncertainPlant) -> Any:
         return law
     if isinstance(law, GainTable):
         return law.with_states(more)
-    own = law.as_law() if hasattr(law, "as_law") else law
-    checked = given_law(plant, own)
+    given = law.as_law() if hasattr(law, "as_law") else law
+    checked = given_law(plant, given)
     # a scheduled law's alpha stays where it lives
-    return (own if isinstance(own, Law) else checked).with_states(more)
+    return (given if isinstance(given, Law) else checked).with_states(more)
 
 
 def _exact(matrix: Any) -> Rationals:

@@ -226,7 +226,7 @@ def _words(hint: Any) -> str:
     if isinstance(kind, type) and issubclass(kind, Mapping):
         return "a table"
     if kind in (Sequence, Iterable, Iterator, Collection, list, tuple):
-        entries = [each for each in inner if each is not Ellipsis]
+        entries = [entry for entry in inner if entry is not Ellipsis]
         return f"a sequence, each entry {_words(entries[0])}" if entries else "a sequence"
     if name == "Callable":
         return "a function"

@@ -30,7 +30,7 @@ SAME = 1 - 1e-8
 
 @dataclass(frozen=True)
 class Judged(Short):
-    """A row, and what is wrong with it; empty where nothing is.
+    """A row and its fault, empty if there is none.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ def _of_row(row: Row, study: Study) -> str:
 
 
 def _of_question(row: Row, question: Question | None) -> str:
-    """Say that a row is of another question, or has a bound without a proof."""
+    """Return the fault of a row about another question, or with a bound but no proof."""
     if question is None:
         return "is of no question of the study"
     if row["ask"] != question.kind:

@@ -21,7 +21,7 @@ def is_about(document: Document, plant: UncertainPlant) -> bool:
 
 
 def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> list[BoundClaim]:
-    """Return the claims of a file about just what a specification asks, whatever their levels.
+    """Return a file's claims about exactly the signal of a specification, at any level.
 
     Signal, filters, disturbances and whatever else the kind has are those that are claimed of this
     plant: the same numbers, not the same names.
@@ -37,7 +37,7 @@ def bounds(document: Document, plant: UncertainPlant, asked: Specification) -> l
 
 
 def is_inside(parts: Sequence[Part], region: Region) -> bool:
-    """Whether each part of a region is one of these, or a disk that has one of these inside."""
+    """Whether the parts lie inside a region: each of its parts is one, or a disk around one."""
 
     def covers(whole: Part, part: Part) -> bool:
         if part.circle is not None and whole.circle is not None:
@@ -52,7 +52,7 @@ def is_inside(parts: Sequence[Part], region: Region) -> bool:
 def fault_of(
     document: Document, plant: UncertainPlant, region: Region, limits: Sequence[Specification]
 ) -> str:
-    """Say that a file is about another region, or which limit it does not have; else nothing."""
+    """Return the fault of a file: another region, or a missing limit; empty if there is none."""
     poles = document.first(Poles)
     if poles is None or write_region(poles.region) != region.document():
         return f"its file is not about {region}"

@@ -88,7 +88,7 @@ def _read(
 
 
 def _numbers(study: Study, variants: list[int]) -> Array:
-    """Return what tells variants from one another."""
+    """Return the numbers that differ between variants, one row a variant."""
     base, names = numbers_of(study.base), study.variants.names
     by_name = (dict.fromkeys(names) | study.variants.values(n) for n in variants)
     return np.array(
@@ -99,7 +99,7 @@ def _numbers(study: Study, variants: list[int]) -> Array:
 def _proofs(
     study: Study, question: Cover, law: FixedGain, those: list[int], workers: Workers
 ) -> dict[int, Answer]:
-    """Return the answers for variants of which a law is proved; if there is none, for the first."""
+    """Return the answers of the variants for which the law is proved, else of the first."""
     K = tuple(tuple(float(x) for x in row) for row in law.K)
     groups = (tuple(those[k : k + question.group]) for k in range(0, len(those), question.group))
     tasks = (_Given(question, K, group, tuple(map(study.spec, group))) for group in groups)

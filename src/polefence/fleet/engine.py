@@ -29,12 +29,12 @@ Dead = tuple[type[BaseException], ...]
 
 
 class _Died(Exception):  # noqa: N818
-    """Closes what tasks are carried out in, since a worker died."""
+    """Signal that the pool is to be closed, for a worker died."""
 
 
 @contextmanager
 def kept(places: Places) -> Iterator[Places]:
-    """Have what tasks are carried out in stay open from one use to the next, till a worker dies.
+    """Keep a pool open from one use to the next, until a worker dies.
 
     Processes take a second to start.
     """
@@ -57,7 +57,7 @@ def kept(places: Places) -> Iterator[Places]:
 
 @dataclass(eq=False)
 class _Tried(Generic[T]):
-    """A task, and how often the worker died that had it alone."""
+    """A task, and how often its worker died while it ran alone."""
 
     task: T
     suspect: bool = False
@@ -79,7 +79,7 @@ class _Queue(Generic[T]):
         return None
 
     def suspect(self, tried: _Tried[T]) -> None:
-        """Put one back that may have ended its worker; surely where it was tried alone."""
+        """Put a task back whose worker died; a strike if it ran alone."""
         if tried.suspect:  # once more at once, to be sure
             tried.strikes += 1
             self.suspects.appendleft(tried)
@@ -88,7 +88,7 @@ class _Queue(Generic[T]):
         self.suspects.append(tried)
 
     def given_up(self) -> list[T]:
-        """Take those out that end every worker."""
+        """Remove and return the tasks that end every worker."""
         guilty = [tried for tried in self.suspects if tried.strikes >= STRIKES]
         self.suspects = deque(tried for tried in self.suspects if tried.strikes < STRIKES)
         return [tried.task for tried in guilty]
@@ -168,7 +168,7 @@ class _Broken:
 def _in_pool(
     pool: Executor, work: Callable[[T], R], queue: _Queue[T], window: int, broken: _Broken
 ) -> Iterator[tuple[T, R]]:
-    """Yield what comes until nothing is left, or the pool breaks; what was under way goes back."""
+    """Yield results until none are left or the pool breaks; unfinished tasks go back."""
     under_way = dict[Future[R], _Tried[T]]()
     while not broken.seen:
         _submit(pool, work, queue, window, under_way, broken)
@@ -197,7 +197,7 @@ def _submit(
     under_way: dict[Future[R], _Tried[T]],
     broken: _Broken,
 ) -> None:
-    """Put as many tasks under way as may be: of suspects one."""
+    """Submit as many tasks as the pool takes; a suspect runs alone."""
     while not broken.seen:
         alone = bool(queue.suspects) or any(tried.suspect for tried in under_way.values())
         if len(under_way) >= (1 if alone else window):

@@ -46,7 +46,7 @@ class Form(Short):
     rational: bool = False
 
     def fault(self, document: Document) -> str:
-        """Say how the law of a file is another; empty where it is within this form."""
+        """Return how a file's law leaves this form; empty if it does not."""
         law = document.law
         if not isinstance(law, Law):
             return "its file has no law of that form"
@@ -65,7 +65,7 @@ class Form(Short):
         return f"its law is of degree {degree}, not of {most} at most"
 
     def _of_parameters(self, gain: _Gain) -> str:
-        """Say that a law depends on another parameter, or is of a higher degree."""
+        """Return the fault of a law that depends on another parameter or has a higher degree."""
         chosen = self.structure.schedule
         others = () if chosen is None else [name for name in gain.depends if name not in chosen]
         if others and self.plant.parameters:
@@ -73,7 +73,7 @@ class Form(Short):
         return self._of_degree(gain.degree)
 
     def _of_signals(self, gain: _Gain) -> str:
-        """Say that a law measures something else, or that its gains are others."""
+        """Return the fault of a law that measures other signals, or of its gains."""
         asked, structure = self.structure.outputs(self.plant), self.structure
         rows = [tuple(map(tuple, signal.exact(self.plant)[0])) for signal in asked]
         free = structure == Structure(schedule=structure.schedule, degree=structure.degree)
@@ -98,7 +98,7 @@ class Form(Short):
         entries: dict[tuple[int, int], Terms],
         places: dict[int, tuple[int, ...]],
     ) -> str:
-        """Say that an entry is larger than asked for, or not of the pattern.
+        """Return the fault of an entry that is too large or off the pattern.
 
         Of signals that are one and the same the gains are known by their sum alone.
         """

@@ -55,7 +55,7 @@ def study(
 
 @explained
 def run(study: Study, store: Store, workers: Workers, resume: bool = False) -> Iterator[list[Row]]:
-    """Work out what is not in the store yet; yield rows as they are kept there.
+    """Compute the rows that the store lacks; yield them as they are stored.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class Packed:
 
     @classmethod
     def of(cls, study: Study, task: Task) -> Packed:
-        """Return it with the specs of its variants."""
+        """Return a task with the specs of its variants."""
         specs = tuple(study.spec(number) for number in task.variants)
         return cls(task, study.questions[task.question], specs)
 

@@ -69,7 +69,7 @@ class Fleet:
 
     @stage("laws that are shared")
     def next(self, left: Sequence[int]) -> tuple[FixedGain | None, list[int]]:
-        """Return a law and which of some plants it keeps, as far as floats tell.
+        """Return a law and the plants of some that it keeps, in floats.
 
         Where there is none, the one plant that has none comes alone.
         """
@@ -94,7 +94,7 @@ class Fleet:
         return best.law, best.kept
 
     def _grown(self, left: Sequence[int], best: _Shared) -> _Shared:
-        """Return a law that keeps more of some plants: the ones that it just does not keep."""
+        """Return a law that also keeps plants that the present one narrowly misses."""
         shut = set[int]()
         # done after three plants that the law cannot be stretched to
         while best.law is not None and len(shut) < 3:
@@ -112,7 +112,7 @@ class Fleet:
         return best
 
     def _by_distance(self, left: Sequence[int]) -> list[int]:
-        """Return them by their distance from the one that is farthest from the middle."""
+        """Return the plants by their distance from the one farthest from the middle."""
         points = self._scaled[list(left)]
         rim = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
         order = np.linalg.norm(points - points[rim], axis=1).argsort(kind="stable")
@@ -124,7 +124,7 @@ class Fleet:
         return those[int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmin())]
 
     def _for(self, those: Sequence[int], first: _Shared | None = None) -> _Shared:
-        """Return a law and which of these plants it keeps: all of them, if one is found.
+        """Return a law and those of these plants that it keeps: all, if possible.
 
         The search goes on from ``first``. None where the one in the middle has none.
         """
@@ -173,7 +173,7 @@ class Fleet:
         return None
 
     def excess(self, number: int, law: FixedGain) -> float:
-        """Return by how much a law does not keep a plant, in floats; below zero where it does."""
+        """Return by how much a law misses a plant's limits in floats; negative if it keeps them."""
         seen = self._seen(number)
         poles = np.linalg.eigvals(seen.A + seen.B @ law.gain(seen.alpha))
         outside = float(self.region.distance(poles).max())

@@ -168,13 +168,13 @@ class Store:
 
 
 def law_of(document: str | bytes) -> str:
-    """Return what tells the law of a file of claims from others: the start of its SHA-256."""
+    """Return an identifier of a file's law: the start of its SHA-256."""
     law = json.dumps(json.loads(document).get("law"), sort_keys=True)
     return hashlib.sha256(law.encode()).hexdigest()[:12]
 
 
 def value_of(row: Row) -> float | None:
-    """Return what a row has found: a bound, or the worst sample where nothing is to be proved."""
+    """Return the value of a row: its bound, or the worst sample where nothing is proved."""
     value: float | None = row["worst"] if row["status"] == SAMPLED else row["bound"]
     return value
 

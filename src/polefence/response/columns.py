@@ -91,7 +91,7 @@ def _csv(table: Table) -> bytes:
 
 
 def _cell(label: str) -> str:
-    """A cell of text, in quotes where it would be misread."""
+    """Return a cell of text, quoted where a reader would split or misread it."""
     if any(mark in label for mark in ',"'):
         return '"' + label.replace('"', '""') + '"'
     return label
@@ -175,7 +175,7 @@ def _is_header(cells: Sequence[str]) -> bool:
 
 
 def _refusal(where: str, cells: Sequence[str], names: Sequence[str]) -> InputError:
-    """Say why a row holds no numbers of these names."""
+    """Return the error of a row that does not hold a number for each name."""
     if len(cells) != len(names):
         count = f"{len(cells)} cells" if len(cells) != 1 else "one cell"
         *most, last = names

@@ -183,7 +183,7 @@ def forced_response(
 
 
 def _tables(Phi: Array, Gamma: Array, C: Array, D: Array, L: int) -> tuple[Array, Array, Array]:
-    """Return what maps [x, w in a block] to y in it, w in it to x after it, x to x after it.
+    """Return the matrices of a block: [x, w] to y in it, w to the next x, x to the next x.
 
     Row vectors: (count, n + L q, L p), (count, L q, n), (count, n, n).
     """
@@ -262,7 +262,7 @@ def _blocks(known: Array, table: Array, values: Array) -> None:
 
 
 def exponential(M: Array) -> Array:
-    """Return e^M of finite (..., n, n) matrices; where it outgrows floating point, no numbers."""
+    """Return e^M of finite (..., n, n) matrices, NaN where it outgrows floating point."""
     M = np.asarray(M, dtype=float)
     if M.size == 0:
         return M.copy()

@@ -26,7 +26,7 @@ MOST_BYTES = 8e9
 
 
 def longest_step(loops: Loops) -> float:
-    """Return the longest step at which a sampled disturbance means anything to these loops [s].
+    """Return the longest step [s] at which samples of a disturbance represent it to these loops.
 
     It is 1 / |p|, p the fastest pole of all: straight lines between samples then pass at least
     92 % of what lies at that pole's rate. Infinite where all poles are zero.
@@ -38,7 +38,7 @@ def longest_step(loops: Loops) -> float:
 
 
 def require_step(loops: Loops, step: float) -> float:
-    """Return the step of a sampled disturbance [s].
+    """Refuse a step of samples [s] that is too long for the loops; return it.
 
     Raises
     ------

@@ -243,7 +243,7 @@ def frequency(
 def final(
     plant: UncertainPlant, law: Any, alpha: Any, signals: Wanted = None
 ) -> tuple[tuple[Signal, ...], tuple[Output, ...], Array, Array]:
-    """Return what a unit step of each disturbance leaves in each signal.
+    """Return the steady value of each signal under a unit step of each disturbance.
 
     Returns
     -------
@@ -306,7 +306,7 @@ def _path(
 
 
 def _final(path: _Path) -> tuple[Array, Array]:
-    """Return what the step responses tend to (count, p, q), NaN for nothing; and their scale."""
+    """Return the limits of the step responses (count, p, q), NaN without one, and their scale."""
     (count, p, q), closed = path.D.shape, path.loops.closed
     values, scale = np.full((count, p, q), np.nan), np.zeros((p, q))
     alike = dict[tuple[int, ...], list[int]]()  # signals that follow the same states
@@ -508,7 +508,7 @@ def settling(
     share: float = 0.02,
     of: Reference | None = None,
 ) -> Array:
-    """Return when each signal comes within a share of its final value for good [s], (count, p).
+    """Return the settling time [s] of each signal, within a share of its final value, (count, p).
 
     The band is that share of the final value; of the largest absolute value for responses that
     return to zero. Between samples the response is taken as straight: what it does there is not
@@ -569,7 +569,7 @@ def _last_crossing(time: Array, rows: Array, band: Array) -> Array:
 
 
 def overshoot(values: Array, final: Array | None = None) -> Array:
-    """Return how far each signal goes beyond its final value, as a share of it, (count, p).
+    """Return the overshoot of each signal as a share of its final value, (count, p).
 
     0.1 is 10 %. NaN where the final value is zero or not known: then see the function.
 

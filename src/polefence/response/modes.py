@@ -65,7 +65,7 @@ class Modes(Short):
         return left + right + self.step * left * right
 
     def covariance(self, E: Array) -> Array:
-        """Return X of `lyapunov` with E E'; of one array E it is found once."""
+        """Return X of `lyapunov` with W = E E', computed once for an array E."""
         known = self._covariances.get(id(E))
         if known is None:
             known = E, self.lyapunov(E @ np.swapaxes(E, 1, 2))
@@ -89,7 +89,7 @@ def _product(left: Any, middle: Any, right: Any) -> Array:
 
 
 def _checked(A: Array, X: Array, W: Array, step: float) -> Array:
-    """Return X, solved anew where eigenvectors are too near to one another."""
+    """Return X, solved without modes where the eigenvectors are ill-conditioned."""
     half = A @ X
     left = half + np.swapaxes(half, 1, 2) + W
     if step:
@@ -104,7 +104,7 @@ def _checked(A: Array, X: Array, W: Array, step: float) -> Array:
 
 
 def _moved(A: Array) -> tuple[Any, Any, Any]:
-    """Return the parts of matrices moved a little, by which they have eigenvectors."""
+    """Return poles, right and left eigenvectors of matrices moved a little."""
     size = np.abs(A).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
     n = A.shape[-1]
     # moved a little, so that it has a full set of eigenvectors

@@ -31,7 +31,7 @@ def largest(G: Any) -> Array:
 
 
 def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Array]:
-    """Return peaks of the largest singular value: their loops, frequencies [rad/s], and heights.
+    """Return the peaks of the largest singular value: loops, frequencies [rad/s] and heights.
 
     Of each loop the highest, and others near it in height. That no other is higher is decided by
     the imaginary eigenvalues of a Hamiltonian matrix (Bruinsma & Steinbuch, 1990). Of a delta form
@@ -91,7 +91,7 @@ def on_grid(modes: Modes, E: Array, C: Array, F: Array) -> Array:
 
 
 def _continuous(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Modes, Array, Array, Array]:
-    """Return loops in continuous time as they are, of a delta form its bilinear transform."""
+    """Return the loops in continuous time: those in delta form by the bilinear transform."""
     if not modes.step:
         return modes, E, C, F
     A, inverse = bilinear(modes.A, modes.step)
@@ -125,7 +125,7 @@ def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
 
 
 def _grid(poles: Any) -> Array:
-    """Return frequencies, (count, f), rising: zero, the poles' own, and some between and beyond."""
+    """Return rising frequencies (count, f): zero, those of the poles, some between and beyond."""
     sizes = np.abs(poles)
     fast = np.maximum(sizes.max(axis=1), np.finfo(float).tiny)
     slow = np.maximum(sizes.min(axis=1), 1e-6 * fast)
@@ -138,7 +138,7 @@ def _grid(poles: Any) -> Array:
 
 
 def _apart(w: Array) -> Array:
-    """Return frequencies rising, those that are nearly equal put beyond the others."""
+    """Return the frequencies rising; near duplicates are moved beyond the others."""
     w = np.sort(w)
     new = np.append(True, np.diff(w) > 1e-6 * w[1:])
     return np.append(w[new], w[-1] * np.arange(2.0, 2 + np.count_nonzero(~new)))

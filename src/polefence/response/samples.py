@@ -103,14 +103,14 @@ def at_sample_time(
 
 
 def _degrees(plant: UncertainPlant) -> list[int]:
-    """Return degrees of the curve worth trying; of one vertex there is none."""
+    """Return the degrees of interpolation worth trying; one vertex needs none."""
     if len(plant.vertices) == 1:
         return [1]
     return [d for d in (1, 2, 3, 4) if d == 1 or plant.domain.count(d) <= MOST]
 
 
 def _change(held: list[tuple[Array, Array, Array]], units: Array) -> float:
-    """Return how much a sample changes states, in the units, at most."""
+    """Return the largest change of the states in one sample, in the units."""
     n = len(held[0][0])
     steps = ((F - np.eye(n)) / units[:n, None] * units[:n] for F, *_ in held)
     return max(float(np.abs(M).max()) for M in steps)
@@ -124,7 +124,7 @@ def _chosen(
     degrees: list[int],
     enough: float,
 ) -> tuple[Remainder, Array]:
-    """Return a remainder of the lowest degree that will do, too wide, and about what it leaves."""
+    """Return a curve of the lowest sufficient degree, its remainder unknown, and its error."""
     n, width = bare.shape[0], sum(bare.shape) + plant.disturbance_count
     for degree in degrees:
         curve = _curve(plant, bare, delay, degree) if degree > 1 else ()
@@ -143,7 +143,7 @@ def _with_remainder(
     wide: Remainder,
     about: Array,
 ) -> UncertainPlant:
-    """Return the samples with a remainder that holds; ``about`` tells how many terms it takes."""
+    """Return the samples with a proved remainder; ``about`` is an estimate of its entries."""
     (n, m), q = plant.shape, plant.disturbance_count
     terms = _terms(plant, units, float(bare.sample_time or 0), about)
     origin = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
@@ -200,7 +200,7 @@ def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: in
 def _curve(
     plant: UncertainPlant, bare: UncertainPlant, delay: int, degree: int
 ) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
-    """Return the Bernstein coefficients of what is added to the vertices' combination."""
+    """Return the Bernstein coefficients of the correction to the interpolated vertices."""
     domain, shape = plant.domain, (delay, *plant.shape, plant.disturbance_count)
     coefficients = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
     # to 40 bits of the largest entry; 1e-300 stands for zero
@@ -285,7 +285,7 @@ def _label(name: str, unit: str) -> str:
 
 
 def _late(plant: UncertainPlant, output: Output, delay: int) -> Output:
-    """Return an output whose part of the inputs is that of those that act."""
+    """Return the output in terms of the delayed inputs, which are states."""
     C, D, F = output.exact(plant)
     F = F if plant.disturbance_count else ()
     m = plant.shape[1]
@@ -297,7 +297,7 @@ def _late(plant: UncertainPlant, output: Output, delay: int) -> Output:
 
 
 def _units(plant: UncertainPlant) -> Array:
-    """Return units of states, inputs and disturbances, powers of two, in which they move evenly."""
+    """Return balancing units of states, inputs and disturbances, powers of two."""
     n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
     A, B, H = np.abs(plant.A).max(axis=0), np.abs(plant.B).max(axis=0), np.abs(E).max(axis=0)
@@ -310,13 +310,13 @@ def _units(plant: UncertainPlant) -> Array:
 
 
 def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: int) -> Array:
-    """Return about what entries are off by, in the units, at a few points."""
+    """Return an estimate of the interpolation error, in the units, from a few points."""
     apart = _apart(plant, samples, delay, plant.domain.nodes(samples.curve_degree + 1))
     return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * units)
 
 
 def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: int, alpha: Array) -> Array:
-    """Return the exact samples less those of a plant in discrete time, at points alpha."""
+    """Return the exact samples minus the interpolated ones at points alpha."""
     n, m = plant.shape
     A, B = plant.at(alpha)
     BE = np.concatenate([B, _driven(plant, alpha)], axis=2)
@@ -328,7 +328,7 @@ def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: int, alpha: Ar
 
 
 def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
-    """Return how many terms leave little out beside what entries are off by."""
+    """Return how many terms make truncation small beside the interpolation error."""
     n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
     M = T * np.concatenate([plant.A, plant.B, np.array(E)], axis=2) * units / units[:n, None]

@@ -154,7 +154,7 @@ def needed(C: Array, closed: Array) -> Numbers:
 
 
 def growth(poles: Any, step: float = 0.0) -> Array:
-    """Return how fast modes grow [1/s]: the real parts, or (|1 + step p| - 1) / step of a step."""
+    """Return the growth rates of modes [1/s]: Re p, or (|1 + step p| - 1) / step."""
     return np.asarray((2 * poles.real + step * np.abs(poles) ** 2) / (1 + np.abs(1 + step * poles)))
 
 
@@ -246,7 +246,7 @@ def _densities(psd: Any, q: int) -> Array:
 def _refuse_unstable(
     loops: Loops, row: int, signals: Sequence[Output], C: Array, pole: complex
 ) -> None:
-    """Raise for the loop of that row, naming the signals that keep it from being asked."""
+    """Raise for the unstable loop of that row; name the signals that depend on its pole."""
     bound = []
     for signal, weights in zip(signals, np.swapaxes(C, 0, 1), strict=True):
         keep = needed(weights[:, None], loops.closed)

@@ -137,7 +137,7 @@ class Weighting(Short):
 
 
 def sampled(signal: Any, step: float, top: float, what: str) -> Array:
-    """Return the signal as an array, once its step is short enough for bands up to ``top`` [Hz].
+    """Return the signal as an array; refuse a step too long for bands up to ``top`` [Hz].
 
     Raises
     ------

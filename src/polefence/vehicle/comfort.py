@@ -38,7 +38,7 @@ CAUTION_RMS, CAUTION_DOSE = (3.0, 6.0), (8.5, 17.0)
 
 @dataclass(frozen=True, eq=False)
 class Comfort(Short):
-    """What ISO 2631-1 makes of recorded vertical accelerations, one value a record.
+    """Comfort values by ISO 2631-1 of recorded vertical accelerations, one value a record.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class NoLaw(Short):
-    """Stands for a law that there is none of, and says why."""
+    """The reason why there is no law of a name."""
 
     reason: str
 
@@ -65,7 +65,7 @@ def compare(
     speed: float = 20.0,
     alpha: Any = None,
 ) -> Comparison:
-    """Compare laws on a random road that goes on for ever.
+    """Compare laws by their stationary response to a random road.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def standard_laws(
     disk: tuple[float, float] = (-40.0, 36.0),
     names: tuple[str, ...] = NAMES,
 ) -> dict[str, Any]:
-    """Return the laws that a design is measured against, by name.
+    """Return the reference laws by name.
 
     The proved ones are all designed for the one disk, which all three methods reach for the
     quarter cars of the package: they then promise the same, and differ in how they keep it. Each
@@ -218,7 +218,7 @@ def _weighted(A: Array, E: Array, C: Array, psd: Array) -> tuple[Array, Array]:
 
 
 def _drawn(mean: Array, sizes: Array) -> Array:
-    """Return the mean of max(f v, 0) of joint Gaussian f, v with E f v, and rms f times rms v.
+    """Return E max(f v, 0) of joint Gaussian f, v, from E f v and rms(f) rms(v).
 
     s (sqrt(1 - r^2) + r (pi - arccos r)) / pi, s the product of the rms, r the correlation.
     """

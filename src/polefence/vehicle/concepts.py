@@ -83,7 +83,7 @@ class Concept(Short):
 
 @dataclass(frozen=True)
 class Ridden(Short):
-    """What a concept has in drives: rms, worst of all loads, of each the mean of all roads.
+    """Rms values of a concept in drives: the worst load, each averaged over the roads.
 
     All are nan where a drive ran away, or the law is too fast for the step of a drive.
 
@@ -116,7 +116,7 @@ class Ridden(Short):
 
 @dataclass(frozen=True, eq=False)
 class Concepts(Short):
-    """Concepts with what is proved of them, what they have in drives, and what none goes below.
+    """Concepts: proved bounds, values in drives, and proved lower bounds for any law.
 
     Attributes
     ----------
@@ -228,12 +228,12 @@ class _Task:
             yield Concept(name, sensors or names, optimised.plant, optimised.law, (), level)
 
     def proved(self, plant: UncertainPlant, law: Law) -> float | None:
-        """Return what is proved of a law of forces."""
+        """Return the proved bound of a law of forces."""
         bound = best_bound(plant, law, self.specification)
         return None if bound is None else bound.level
 
     def clipped(self, name: str, sensors: tuple[str, ...], K: Array) -> Concept:
-        """Return a demand of dampers with what is proved of it."""
+        """Return the concept of a dampers' demand, clipped, with its proved bound."""
         level, reason = None, ""
         try:
             level = semi_active(self.plant, self.specification, self.dampers, K=K).level
@@ -253,7 +253,7 @@ class _Task:
         return min(driven, key=lambda pair: pair[0])[1]
 
     def against_the_spring(self) -> Array:
-        """Return ADD's demand, which leaves the body without force: minus the spring's."""
+        """Return the demand of ADD: the negative of the spring's force."""
         car = masses(self.plant, self.known, nominal(self.plant))
         K = np.zeros(self.plant.shape[::-1])
         K[self.known.input, self.known.places[0]] = -self.known.sense[0] * float(car.k)
@@ -287,12 +287,12 @@ class _Task:
         return with_states(plant, len(A)), FixedGain(both)
 
     def below(self, dampers: tuple[Damper, ...]) -> float | None:
-        """Return what no law goes below, of these dampers or of forces."""
+        """Return the lower bound for any logic of these dampers, or any law of forces."""
         bound = lowest(self.plant, self.specification, self.others.passive, dampers)
         return None if bound is None else bound[1]
 
     def driven(self, one: Concept) -> Ridden:
-        """Drive it; a law with poles too fast for the drives' step is not driven."""
+        """Drive a concept; a law with poles too fast for the drives' step is not driven."""
         try:
             squares = self._roads(one.plant, one.law, one.dampers, ROADS)
         except InputError:

@@ -61,7 +61,7 @@ class Rest(Short):
 def rests(
     plant: UncertainPlant, law: Any, alpha: Any, signals: Sequence[Output | str] | None = None
 ) -> tuple[Rest, ...]:
-    """Return where each disturbance leaves each signal; none for those that come to no rest.
+    """Return the steady value of each signal under each disturbance, where it has one.
 
     Noise of sensors is left out: it has no mean.
 
@@ -95,7 +95,7 @@ def rests(
 
 
 def held_words(plant: UncertainPlant, source: Signal) -> str:
-    """Say how large the disturbance is: one unit, and for a car's road what grade that is."""
+    """Describe the disturbance: one unit, and for a car's road the grade that it is."""
     text = f"{source.name} = 1 {source.unit}".rstrip()
     return f"{text} ({GRADE})" if is_grade(plant) else text
 

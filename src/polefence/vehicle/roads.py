@@ -29,7 +29,7 @@ LONGEST_STEP = 1e-3  # [s] of a drive
 
 
 def seconds_over(extent: float, speed: float) -> float:
-    """Return how long an obstacle of this extent [m] is driven on, and behind it [s]."""
+    """Return the time [s] of a drive over an obstacle of this extent [m], and behind it."""
     over = extent / speed
     return 3.0 + (over if over > 1.0 else 0.0)  # three seconds hold a short obstacle
 
@@ -153,7 +153,7 @@ class Road(Short):
         return int(steps)
 
     def later(self, distance: float) -> Road:
-        """Return the road as a wheel sees it that is so far behind [m]; it begins level."""
+        """Return the road under a wheel so far behind [m]; it begins level."""
         if distance <= 0:
             return self
         along = np.concatenate([self.distance[:1], self.distance + distance])

@@ -36,7 +36,7 @@ class Suspensions:
 
 
 def suspensions(plant: UncertainPlant, car: Car | None) -> Suspensions:
-    """Return those of a car on several wheels, or of a quarter car.
+    """Return the suspensions of a quarter car or of a car on several wheels.
 
     Raises
     ------

@@ -32,7 +32,7 @@ def compiled() -> Any:
 
 
 def recorded(model: Model, controller: Controller | None, start: Array) -> Record:
-    """Go through all steps; return what `driving.result.record` does of `integrate`.
+    """Integrate in the kernel; return the same record as `driving.result.record`.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def recorded(model: Model, controller: Controller | None, start: Array) -> Recor
 
 
 def _hardware(model: Model) -> dict[str, Any]:
-    """Return what the kernel is told of plant and hardware, by the names that it has for them."""
+    """Return the kernel's arguments about plant and hardware, by name."""
     plant, known, actuator = model.plant, model.known, model.actuator
     corners = np.eye(len(plant.vertices))
     A, B = plant.at(corners)
@@ -96,7 +96,7 @@ def _hardware(model: Model) -> dict[str, Any]:
 
 
 class _Way:
-    """What the kernel goes through, and what it has recorded, (count, time, ...)."""
+    """The kernel's steps, and its record (count, time, ...)."""
 
     def __init__(self, model: Model, controller: Controller | None, start: Array) -> None:
         self.model, self.controller = model, controller
@@ -111,7 +111,7 @@ class _Way:
 
     @property
     def learner(self) -> Learner | None:
-        """What tells the law the parameters as it goes."""
+        """The estimator of the parameters, where there is one."""
         source = None if self.controller is None else self.controller.source
         return source if isinstance(source, Learner) else None
 
@@ -175,7 +175,7 @@ class _Way:
         )  # fmt: skip
 
     def _law(self, first: int, times: Array) -> tuple[int, Array]:
-        """Return the mode, and gains at the stages or samples, one row where they do not change."""
+        """Return the mode, and the gains at the stages or samples: one row if constant."""
         model, controller = self.model, self.controller
         n, m = model.plant.shape
         none = np.zeros((1, len(self.z), m, n))

@@ -119,12 +119,12 @@ class Setup:
 
     @property
     def still(self) -> bool:
-        """Whether nothing moves and the law is told the truth."""
+        """Whether parameters are constant and the law is given their true values."""
         return self.trajectories.constant and not self.hardware.learns
 
     @property
     def exact(self) -> bool:
-        """Whether the plant is linear and constant throughout, and nothing stands beside it."""
+        """Whether the loop is linear and constant: no hardware, no moving parameter."""
         return self.hardware == Hardware() and self.still and not self.outside
 
 
@@ -155,7 +155,7 @@ class Run:
 
     @property
     def lost(self) -> Event | None:
-        """Of a loop that runs away: since when."""
+        """The time since which a diverged loop is lost."""
         return next((event for event in self.events if event.kind == "lost"), None)
 
     @property
@@ -165,7 +165,7 @@ class Run:
         return (*((s.name, s.unit, values) for s, values in signals), *self.more)
 
     def report(self) -> list[str]:
-        """Return in plain lines where the guarantee does not hold, and what is in none."""
+        """Return lines on where the guarantee does not hold, and on what no claim covers."""
         lines = summary(self.events, 1) or ["no limit was met"]
         if self.covered is not None:
             end = self.response.time[-1]
@@ -235,7 +235,7 @@ def _acting(plant: UncertainPlant) -> tuple[Output, ...]:
 
 
 def _slow(setup: Setup, law: Any) -> list[str]:
-    """Say where a controller samples more slowly than the poles it is to set."""
+    """Return a note where a controller samples more slowly than the loop's poles."""
     sampling = setup.hardware.sampling
     if sampling is None or sampling.designed or law is None:
         return []
@@ -248,7 +248,7 @@ def _slow(setup: Setup, law: Any) -> list[str]:
 
 
 def static_load(setup: Setup) -> dict[str, Array]:
-    """Return what rests on each tyre of the standing car over time [N], by its force variation.
+    """Return the static load of each tyre over time [N], by the name of its force variation.
 
     Where the variation falls below minus this, the tyre is off the road.
     """
@@ -268,7 +268,7 @@ def static_load(setup: Setup) -> dict[str, Array]:
 
 
 def _contact(response: Response) -> list[Event]:
-    """Return where the tyre would have to pull, which the equations do not know."""
+    """Return spans where a quarter car's tyre would have to pull: the wheel has left the road."""
     plant, known = response.plant, ride(response.plant)
     if known is None:
         return []
@@ -279,7 +279,7 @@ def _contact(response: Response) -> list[Event]:
 
 
 def _wheels(car: Car | None, alpha: Array, response: Response) -> list[Event]:
-    """Return where a tyre of a car on several wheels would have to pull.
+    """Return spans where a tyre of a car on several wheels would have to pull.
 
     ``alpha`` is (count, N), or over time (count, time, N).
     """
@@ -297,7 +297,7 @@ def _wheels(car: Car | None, alpha: Array, response: Response) -> list[Event]:
 
 
 def _lost(response: Response) -> list[Event]:
-    """Return when a state first leaves what a drive would go on with."""
+    """Return the event of a state that first exceeds the limit of a drive."""
     size = np.abs(response.values[:, :, : response.plant.shape[0]]).max(axis=2)
     return spans("lost", size >= LOST, size, response.time, lambda *_: RUNS_AWAY)
 
@@ -393,7 +393,7 @@ class _Learned:
 
 
 def _source(trajectories: Trajectories, excitation: Excitation, parts: Hardware) -> Reading | None:
-    """Return what the law is told where that does not depend on the state."""
+    """Return the source of the law's parameters where it does not depend on the state."""
     if isinstance(parts.scheduling, Estimated):
         return None
     how = parts.scheduling or Measured()
@@ -418,7 +418,7 @@ def _controller(model: Model, source: Reading | None) -> tuple[Controller | None
 
 
 def multiple(period: float, step: float, what: str) -> int:
-    """Return how many steps a period has.
+    """Return how many steps a period has; refuse one that is not a multiple.
 
     Raises
     ------
@@ -465,7 +465,7 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
 
 
 def _gains(model: Model, K: Array | None) -> Iterator[Array | None]:
-    """Yield K with each damper in it that gives what is demanded, or is at one of its bounds."""
+    """Yield K for each case of the dampers: as demanded, or at either bound."""
     if not model.dampers:
         yield K
         return

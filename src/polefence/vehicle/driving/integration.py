@@ -143,7 +143,7 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
 
 
 def _maps(equations: Equations, h: float) -> tuple[Array, Array]:
-    """Return R, r of z(t + h) = R z(t) + r (1, u), what a step of Runge-Kutta does to z' linear.
+    """Return R, r of z(t + h) = R z(t) + r (1, u), a Runge-Kutta step of linear z'.
 
     u is held over the step; r is (..., width, 1 + m).
     """
@@ -211,7 +211,7 @@ def _adaptive(model: Model, controller: Controller | None) -> Cross:
 
 
 def _blank(z: Array, demanded: Array | None) -> None:
-    """Put no numbers where a car is lost, from the first instant on."""
+    """Set a lost car's values to NaN from the first bad instant on."""
     with np.errstate(invalid="ignore"):
         gone = ~np.all(np.abs(z) < LOST, axis=2)
     gone = np.maximum.accumulate(gone, axis=0)
@@ -221,7 +221,7 @@ def _blank(z: Array, demanded: Array | None) -> None:
 
 
 class Learner:
-    """An estimator with its sensors; it keeps what it has believed."""
+    """An estimator with its sensors and its history of beliefs."""
 
     def __init__(self, model: Model, known: Ride, estimator: Estimator, how: Estimated) -> None:
         self.model, self.known, self.estimator, self.how = model, known, estimator, how
@@ -310,7 +310,7 @@ class Controller:
         return tuple(self.source.beliefs) if isinstance(self.source, Learner) else ()
 
     def parameters(self, k: Any) -> Array:
-        """Return what a source that does not learn says at samples (S,), (S or 1, count, q)."""
+        """Return what the law reads at samples (S,), (S or 1, count, q)."""
         if isinstance(self.source, Learner):
             return self.source.parameters[None]
         excitation, trajectories = self.model.excitation, self.model.trajectories
@@ -411,7 +411,7 @@ class Model:
         return tuple(dampers)
 
     def limited(self, u: Array, z: Array) -> Array:
-        """Return u, inputs of an actuator cut off at its limit, of dampers at what they give."""
+        """Return u saturated at the actuator's limit and at the dampers' bounds."""
         parts = np.split(u, [self.driven], axis=-1)
         applied = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
         for k, rate, low, high in self.dampers:
@@ -423,7 +423,7 @@ class Model:
         return applied
 
     def settings(self, u: Array, z: Array) -> Array:
-        """Return u, in place of dampers' forces the coefficients that come nearest to them."""
+        """Return u with dampers' forces replaced by the nearest coefficients."""
         settings = u.copy() if self.dampers else u
         for k, rate, low, high in self.dampers:
             v = z[..., : len(rate)] @ rate
@@ -432,14 +432,14 @@ class Model:
         return settings
 
     def forces(self, settings: Array, z: Array) -> Array:
-        """Return what `settings` stands for at z."""
+        """Return the forces of `settings` at z."""
         forces = settings.copy() if self.dampers else settings
         for k, rate, _, _ in self.dampers:
             forces[..., k] *= z[..., : len(rate)] @ rate
         return forces
 
     def applied(self, z: Array, demanded: Array) -> Array:
-        """Return what acts on the plant at z, where so much is demanded."""
+        """Return the inputs that act on the plant at z for a demand."""
         n = self.plant.shape[0]
         if self.width == n:
             return self.limited(demanded, z)
@@ -458,7 +458,7 @@ class Model:
         return self.reading is not None and free
 
     def open(self, times: Array, k: Array) -> tuple[Array, Array, Array]:
-        """Return A, B and all that acts besides u, (times or 1, count, ...)."""
+        """Return A, B and the forcing besides u, (times or 1, count, ...)."""
         alpha = self.trajectories.space.alpha(self.trajectories.at(times))
         A, B = self.plant.at(alpha)
         g = self.forcing(self.entry(alpha), times, k)

@@ -55,7 +55,7 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
 
 
 def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str, Any]:
-    """Return what the templates are given."""
+    """Return the context of the templates."""
     dampers, n = [], _needed(claim)
     for row, damper in zip(claim.K, claim.dampers, strict=True):
         label = plant.inputs[damper.number] if plant.inputs else f"u{damper.number + 1}"
@@ -91,7 +91,7 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
 
 
 def _needed(claim: Clipped) -> int:
-    """Return how many states the code is given: the last, on which no force depends, are left out.
+    """Return how many states the code takes: the last ones are left out if no force uses them.
 
     These are those of filters behind the signals.
     """
@@ -100,7 +100,7 @@ def _needed(claim: Clipped) -> int:
 
 
 def _exactly(value: Fraction, form: Number) -> str:
-    """Return an entry of K, which `polefence.semi_active` makes a number of 32 bits."""
+    """Return an entry of K as text; `polefence.semi_active` makes it a 32-bit number."""
     rounded = form.outward(value, up=True)
     if Fraction(rounded) != value:
         raise InputError(f"K has {float(value)!r}, which is not a number of {form.bits} bits")

@@ -126,7 +126,7 @@ def _observer(document: Document, claim: ObserverClaim | None) -> Observer | Non
 
 
 def _other(path: Path, document: Document) -> str:
-    """Name a file beside this one that is not what it is about; "" where there is none."""
+    """Return the fault of the first file that does not match the document, else ""."""
     claim: Rounded | None = document.first(Rounded)
     loop: Sampled | None = document.first(Sampled)
     if claim is None or document.export is None:
@@ -203,7 +203,7 @@ def require_law(design: Design) -> None:
 
 
 def of_signals(design: Design) -> Design:
-    """Return a design whose law is of the states that its one gain uses, where it leaves some out.
+    """Return the design with its one gain restricted to the states that it uses.
 
     Its proof is the same: K C is the same matrix.
     """
@@ -302,7 +302,7 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states
 
 
 def read_seen(table: Any, observed: bool) -> Seen:
-    """Return what was sampled, as the file has it: lines about it say that it is not proved.
+    """Return the sampled findings of a file; the text about them says that they are no proof.
 
     Raises
     ------
@@ -416,7 +416,7 @@ class Facts:
 
 
 def loop_of(timed: Timing) -> Loop:
-    """Return what was proved and found of the sampled loop."""
+    """Return the proved and the sampled findings about the sampled loop."""
     sampled, beside = timed.sampling, timed.with_observer
     seen = Seen(
         sampled.points,

@@ -204,7 +204,7 @@ def _facts(
     timed: Timing | None,
     observer: Observer | None,
 ) -> Facts:
-    """Return what the code may say of itself."""
+    """Return the facts that the code may state about itself."""
     loop = None if timed is None else loop_of(timed)
     common = design.region, proof.claim, design.plant.sample_time, limited, loop, observer
     late = 0 if design.plant.sampling is None else design.plant.sampling.delay
@@ -273,7 +273,7 @@ def _fmu_name(name: str, version: str) -> str:
 
 
 def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
-    """Put the digests of all that runs into ``guarantee.json``."""
+    """Return the files with the digests of all code in ``guarantee.json``."""
     if not exported.proved or exported.guarantee.claim is None:
         return files
     name = exported.texts.name

@@ -223,13 +223,13 @@ def _flags(common: dict[str, Any]) -> str:
 
 
 def split(text: str) -> tuple[str, str]:
-    """Return name and unit of "suspension deflection [m]"; no unit where it is none to define."""
+    """Return name and unit of "suspension deflection [m]"; "" where FMI cannot define the unit."""
     match = UNIT.fullmatch(text)
     return (match[1], match[2].strip()) if match and match[2].strip() else (text, "")
 
 
 def unique(names: list[str], fallbacks: list[str], taken: tuple[str, ...]) -> list[str]:
-    """Return identifiers that no importer has to change, different in more than case."""
+    """Return identifiers that importers accept unchanged, distinct regardless of case."""
     used, words = set(taken), list[str]()
     for name, fallback in zip(names, fallbacks, strict=True):
         word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:60] or fallback

@@ -97,7 +97,7 @@ class Guarantee(Short):
         return self.rounding / self.tolerated if self.tolerated > 0 else inf
 
     def bound(self, x: Array) -> Array:
-        """Return what is proved of the error of u, (count, m) for x, or y, (count, n)."""
+        """Return the proved bound on the error of u, (count, m) for x, or y, (count, n)."""
         if self.claim is None:
             raise InputError("nothing is proved of the rounding of this code")
         gain = self.claim.gain
@@ -206,7 +206,7 @@ def balanced(sizes: Array, memory: Kept) -> Array:
 
 
 def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Array, Columns]:
-    """Return what an error of the gain is measured by: the rows' scales, and C of S D C.
+    """Return the scales of an error of the gain: those of the rows, and C of S D C.
 
     For a fixed gain and a polynomial one the largest entry of each column, else T. Of signals that
     are measured with the same rows everywhere, no more of them than states, multiples of those.

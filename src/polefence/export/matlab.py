@@ -63,7 +63,7 @@ def mat_bytes(design: Design) -> bytes:
 
 
 def variables(design: Design) -> dict[str, Any]:
-    """Return what the file holds, by its names in MATLAB."""
+    """Return the variables of the file, by their names in MATLAB."""
     design = with_rates(design)
     plant = design.plant
     variables: dict[str, Any] = {

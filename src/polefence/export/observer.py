@@ -122,7 +122,7 @@ def _context(
 def _common(
     observer: Observer, number: Number, texts: Texts, carrier: Scheduled | None
 ) -> dict[str, Any]:
-    """Return what the law's template is given too, for the observer's names."""
+    """Return the context shared with the law's template, with the observer's names."""
     named = replace(texts, name=f"{texts.name}_observer", limits=())
     real, NAME = f"{texts.name}_real", named.name.upper()
     arguments = [
@@ -296,7 +296,7 @@ def _down(value: float) -> str:
 
 
 def family_points(observer: Observer) -> Array:
-    """Return alphas that stand for the family, (count, N): corners, edges and a seeded sample.
+    """Return samples alpha of the family, (count, N): corners, edges and a seeded sample.
 
     Where the plant has parameters they are products, as alpha of parameters is.
     """

@@ -445,7 +445,7 @@ def prove_decay(
 
 
 def off_by_rounding(claim: Rounded) -> Off:
-    """Return what the code's rounding puts on the gain, for `prove_decay`."""
+    """Return the error of the gain by the code's rounding, for `prove_decay`."""
     error = above(float(rounding_error(claim)))
     return Off(error, claim.gain.rows, claim.gain.right)
 
@@ -463,7 +463,7 @@ class _Candidate:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """For a proof of the decay rate of a loop whose slowest pole, in a sample, is known."""
+    """The search for a proof of the decay rate of a loop whose slowest sampled pole is known."""
 
     design: Design
     sample_time: float
@@ -683,7 +683,7 @@ class Family(Short):
         return float(np.linalg.norm(_rates(self.design, self.coordinates), axis=(1, 2)).max())
 
     def proof(self, evidence: dict[str, Any]) -> Proof | None:
-        """Return what evidence has for the search; None where it is not even a Lyapunov matrix."""
+        """Return the rounded evidence and T; None where it is no Lyapunov matrix."""
         certificate = certificate_of(self.plant, self.law, Disk(0.0, 1.0), [evidence])
         with suppress(InputError):
             (scaled,) = balanced(Design(certificate), certificate.region)
@@ -735,7 +735,7 @@ def next_coordinates(family: Family, evidence: Mapping[str, Any]) -> Coordinates
 
 
 def _evened(law: Law, T: Array) -> Array:
-    """Return a multiple of T for which T W T' is of the identity's size: that stands beside it."""
+    """Return a multiple of T for which T W T' has the identity's size."""
     if law.W is None:
         return T
     W = T @ law.W @ T.T

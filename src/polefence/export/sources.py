@@ -103,7 +103,7 @@ def environment() -> Environment:
 
 
 def context(program: Program, texts: Texts) -> dict[str, Any]:
-    """Return what every template is given."""
+    """Return the context of every template."""
     number, name = program.number, texts.name
     measured = not isinstance(program, Scheduled) and program.measured
     vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
@@ -180,7 +180,7 @@ def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
 
 
 def _varying(program: Polynomial | Scheduled, name: str) -> dict[str, Any]:
-    """Return what concerns the parameters, or alpha."""
+    """Return the context about the parameters, or alpha."""
     number = program.number
     by_parameters = bool(program.shares)
     given = [_interval_text(share) for share in program.shares] or [

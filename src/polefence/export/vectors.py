@@ -45,7 +45,7 @@ CORRECTIONS = 4  # each leaves a part of 1e-6 or less, of any law worth exportin
 
 @dataclass(frozen=True, eq=False)
 class Vectors:
-    """Inputs of exported code, and what it is to answer.
+    """Inputs of exported code, and the expected outputs.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def special(program: Program, law: Law, limits: tuple[float, ...] = ()) -> Vecto
 def _answered(
     program: Program, law: Law, limits: tuple[float, ...], given: Array, x: Array
 ) -> Vectors:
-    """Find what the code is to answer."""
+    """Return the vectors with the expected outputs."""
     finite = np.asarray(np.isfinite(x).all(axis=1))
     memory = memory_of(program)
     taken, flags = _taken(program, given)
@@ -161,7 +161,7 @@ def _limits(program: Program, limits: tuple[float, ...]) -> Array:
 
 
 def _taken(program: Program, given: Array) -> tuple[Array, Flags]:
-    """Return what the code takes in place of what it is given, and its flags."""
+    """Return the inputs after the code's own substitutions, and its flags."""
     flags = np.zeros(len(given), dtype=np.int64)
     if isinstance(program, Fixed):
         return given, flags
@@ -285,7 +285,7 @@ def _row(program: Program, table: Vectors, allowed: Array, k: int) -> dict[str, 
 
 
 def _odd(table: Vectors) -> list[str]:
-    """Return the places of what is not finite, which C99 cannot write into a table."""
+    """Return the places of values that are not finite, which a C99 table cannot hold."""
     lines = []
     for field, values in (("given", table.given), ("x", table.x)):
         for k, j in np.argwhere(~np.isfinite(values)):
@@ -342,7 +342,7 @@ def _is_of(program: Program, law: Law) -> bool:
 
 
 def _gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
-    """Yield the gains of what the code is given, exactly."""
+    """Yield the exact gains at the code's inputs."""
     if isinstance(program, Polynomial) and law.gains is not None:
         K = _rationals(law.gains)
         for values in given:

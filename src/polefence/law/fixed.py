@@ -46,12 +46,12 @@ class FixedGain(Law):
 
     @property
     def fixed(self) -> bool:
-        """It never looks at the parameters."""
+        """Always true: the gain does not depend on the parameters."""
         return True
 
     @property
     def in_parts(self) -> bool:
-        """It is the same on every part of a box."""
+        """Always true: the gain is the same on every part of a box."""
         return True
 
     @property
@@ -86,7 +86,7 @@ class FixedGain(Law):
         return self.K
 
     def fitted(self, plant: UncertainPlant) -> FixedGain:  # noqa: ARG002
-        """Return it: it fits every family of its shape."""
+        """Return the gain itself: it fits every family of its shape."""
         return self
 
     def domain_of(self, plant: UncertainPlant) -> Domain:
@@ -106,7 +106,7 @@ class FixedGain(Law):
         return FixedGain(more_columns(self.K, more))
 
     def late(self, n: int, more: int) -> FixedGain:
-        """Return it with zeros for them."""
+        """Return the gain with zeros for delayed inputs."""
         return FixedGain(np.insert(self.K, [n] * more, 0.0, axis=1))
 
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> FixedGain:
@@ -121,7 +121,7 @@ class FixedGain(Law):
         states: Sequence[Output],  # noqa: ARG002
         filters: Sequence[Output],  # noqa: ARG002
     ) -> FixedGain:
-        """Return it beside filters of signals, which it steps and does not use."""
+        """Return the law that also steps filters of signals, without using them."""
         (m, n), k = self.shape, len(rates)
         C = np.array([[float(x) for x in signal.C[0]] for signal in y])
         K = np.zeros((m + k, n + k))
@@ -132,7 +132,7 @@ class FixedGain(Law):
 
     @property
     def title(self) -> str:
-        """What it is."""
+        """The kind of law in words."""
         return "one gain, u = K x"
 
     def named_gains(self) -> dict[str, Array]:

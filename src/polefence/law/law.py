@@ -1,4 +1,4 @@
-"""What every kind of control law says of itself."""
+"""The interface of every kind of control law."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ class Law(Short):
 
     @property
     def fixed(self) -> bool:
-        """Whether it is one gain of what it is given, and so never looks at the parameters."""
+        """Whether it is one gain, independent of the parameters."""
         return False
 
     @property
     def in_parts(self) -> bool:
-        """Whether it is a law of its kind on every part of a box too."""
+        """Whether its restriction to a part of a box is a law of the same kind."""
         return False
 
     @property
@@ -96,7 +96,7 @@ class Law(Short):
 
     @property
     def one(self) -> dict[tuple[int, ...], float]:
-        """One as a polynomial in which those of a polynomial are: of alpha a power of its sum."""
+        """The polynomial one in the law's coordinates: of alpha a power of its sum."""
         if self.parameters:
             return {(0,) * len(self.powers[0]): 1.0}
         degree = sum(self.powers[0])
@@ -104,7 +104,7 @@ class Law(Short):
 
     @property
     def C(self) -> Array:
-        """Rows of what it is given, (N, r, n), or (1, r, n) where they are the same everywhere."""
+        """Rows C of the measured y = C x, (N, r, n), or (1, r, n) if constant."""
         return np.eye(self.shape[1])[None]
 
     @property
@@ -146,11 +146,11 @@ class Law(Short):
         return _product(self.gain(alpha, clamp), x)
 
     def own_gain(self, alpha: Any, clamp: bool = False) -> Array:
-        """Return the gain of what it is given, (..., m, r) for alpha (..., N)."""
+        """Return the gain of y, (..., m, r) for alpha (..., N)."""
         return self.gain(alpha, clamp)
 
     def told(self, alpha: Any, law: Any) -> Array:  # noqa: ARG002
-        """Return the gain of all states of a plant at alpha where the law is told another one."""
+        """Return the gain of a plant's states at alpha when the law is given another alpha."""
         return self.gain(law)
 
     def parts(self, alpha: Array) -> tuple[Array, Array]:
@@ -189,7 +189,7 @@ class Law(Short):
     # --- the law beside a plant ------------------------------------------------------------------
 
     def fitted(self, plant: UncertainPlant) -> Law:
-        """Return it as the plant has it.
+        """Return the law in the plant's parametrisation.
 
         Raises
         ------
@@ -243,7 +243,7 @@ class Law(Short):
         raise NotImplementedError
 
     def late(self, n: int, more: int) -> Self:
-        """Return it with no gain of more states, inputs on their way, which are behind n states."""
+        """Return the law with zero gain on delayed inputs, which follow its n states."""
         raise NotImplementedError
 
     def moved(self, T: Array, scale: Array, states: int, inputs: int) -> Self:
@@ -280,12 +280,12 @@ class Law(Short):
 
     @property
     def title(self) -> str:
-        """What it is, in a few words and a formula."""
+        """The kind of law in words, with its formula."""
         return "u = K(alpha) x"
 
     @property
     def formula(self) -> str:
-        """How u comes of the gains of `named_gains`; "" where their names say it."""
+        """The formula of u in terms of `named_gains`; "" where their names say it."""
         return ""
 
     @property
@@ -294,7 +294,7 @@ class Law(Short):
         return []
 
     def named_gains(self) -> dict[str, Array]:
-        """Return the gains that it is shown by, with their names."""
+        """Return the gains shown to people, with their names."""
         raise NotImplementedError
 
 

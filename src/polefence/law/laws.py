@@ -68,7 +68,7 @@ def law_or_table(plant: UncertainPlant, law: Any) -> Law | GainTable:
 
 
 def law_of(exact: proof.Law, plant: UncertainPlant, sizes: tuple[int, ...]) -> Law:
-    """Return the law of a claim in exact rationals, of the kind that says it so.
+    """Return the law of a claim in exact rationals.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ class PolynomialGain(Law):
 
     @property
     def names_signals(self) -> bool:
-        """It names what it measures, and is of the plant's parameters."""
+        """Always true: its document holds names of the plant's signals."""
         return True
 
     @cached_property
@@ -215,7 +215,7 @@ class PolynomialGain(Law):
         return replace(self, measured=tuple(padded(y, more) for y in self.measured))
 
     def late(self, n: int, more: int) -> PolynomialGain:
-        """Return it with zeros for them, in the rows of what is measured if it is given that."""
+        """Return the law with zeros for delayed inputs, in the measured rows if there are any."""
         if not self.measured:
             return replace(self, gains=np.insert(self.gains, [n] * more, 0.0, axis=2))
         none = (0,) * more
@@ -239,7 +239,7 @@ class PolynomialGain(Law):
         states: Sequence[Output],
         filters: Sequence[Output],
     ) -> PolynomialGain | None:
-        """Return it beside filters of what it measures; None where no term is constant."""
+        """Return the law that also steps filters of its signals; None where no term is constant."""
         if not self.parameters and self.degree > 1:
             return None
         (terms, m, r), k = self.gains.shape, len(rates)
@@ -254,7 +254,7 @@ class PolynomialGain(Law):
 
     @property
     def title(self) -> str:
-        """What it is, and its formula."""
+        """The kind of law in words, with its formula."""
         return f"{'one gain' if self.fixed else 'a polynomial'}, {self.formula}"
 
     @property
@@ -296,7 +296,7 @@ def _power(name: str, power: int) -> str:
 
 
 def _coordinate(p: Parameter) -> str:
-    """Say how a parameter's coordinate, from -1 to 1, is found."""
+    """Return the formula of a parameter's coordinate, from -1 to 1."""
     low, high = float(p.scheduling(p.low)), float(p.scheduling(p.high))
     middle, half = (low + high) / 2, (high - low) / 2
     variable = f"1/{p.name}" if p.inverted else p.name

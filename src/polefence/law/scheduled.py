@@ -133,7 +133,7 @@ class ScheduledGain(Law):
         return np.tensordot(basis, self.W, 1), np.tensordot(basis, self.Z, 1)
 
     def fitted(self, plant: UncertainPlant) -> ScheduledGain:
-        """Return it on the box where that is the same law, of degree 1, and what matters."""
+        """Return the law, one of degree 1 on the box of the plant's parameters."""
         super().fitted(plant)
         if plant.parameters and self.degree == 1:
             return replace(self, sizes=Domain.of("box", len(plant.vertices)).sizes)

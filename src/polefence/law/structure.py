@@ -209,7 +209,7 @@ class Structure(Short):
         return np.array([[number[entry] for entry in row] for row in self.pattern])
 
     def largest(self, plant: UncertainPlant) -> Array:
-        """Return for each entry of K (m, r) what its magnitude may be; infinity for no limit.
+        """Return the limit on the magnitude of each entry of K (m, r), infinity without one.
 
         Raises
         ------
@@ -237,7 +237,7 @@ class Structure(Short):
         return PolynomialGain(self.powers(plant), gains, measured, plant.parameters)
 
     def words(self, plant: UncertainPlant) -> str:
-        """Say what law it is, of the plant that it is a gain of."""
+        """Describe the law of a plant in words."""
         powers = self.powers(plant)
         names = [p.name for k, p in enumerate(plant.parameters) if any(e[k] for e in powers)] or [
             "alpha"

@@ -104,7 +104,7 @@ class Region(Short, ABC):
 
     @property
     def discrete(self) -> bool:
-        """Whether a part is a disk in the open unit disk, as poles in discrete time have to be."""
+        """Whether a part is a disk within the open unit disk, as discrete time requires."""
         return any(part.exact.in_unit_disk for part in self.parts)
 
     @property
@@ -138,11 +138,11 @@ class Region(Short, ABC):
 
     @property
     def growing(self) -> tuple[str, ...]:
-        """Names of the numbers of which larger ones make it larger."""
+        """Names of the numbers that enlarge the region as they grow."""
         return ()
 
     def boundary(self, view: View) -> list[Curve]:
-        """Return the boundary of a part as complex points, unbounded curves as far as asked.
+        """Return the boundary of a part as complex points, cut at the view.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Region(Short, ABC):
 
     @property
     def closed_form(self) -> tuple[Fraction, Fraction, Fraction] | None:
-        """Return a, b, e of the region a + 2 b Re z + e |z|^2 < 0; None where it is none such."""
+        """Return a, b, e of the region a + 2 b Re z + e |z|^2 < 0; None for other regions."""
         return None
 
     def pairs(self, rate: float = 1.0) -> tuple[Pair, ...]:
@@ -405,7 +405,7 @@ class Sector(Region):
 
     @property
     def wedge(self) -> Wedge:
-        """The same, without its damping."""
+        """The sector as a wedge, without its damping."""
         return Wedge(0.0, self.slope)
 
     @property
@@ -697,7 +697,7 @@ class Intersection(Region):
 
 
 def astray(region: Region) -> Region | None:
-    """Return a disk or ellipse about a point that is not in the left half-plane, if nothing helps.
+    """Return a disk or ellipse whose centre is not in the left half-plane, if no part is stable.
 
     None where there is no such part, or another part keeps the region in the left half-plane.
     """
@@ -762,7 +762,7 @@ def damping_of(slope: float) -> float:
 
 
 def bounded(region: Region | None, fastest: float) -> Region:
-    """Return the region within the disk that touches the imaginary axis and reaches so far.
+    """Return the region cut by a disk of that reach that touches the imaginary axis.
 
     A region that bounds the speed of poles itself is returned as it is.
     """

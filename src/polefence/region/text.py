@@ -115,7 +115,7 @@ def _part(word: str) -> Region:
 
 
 def _hint(word: str) -> str:
-    """Say what is probably wrong with a part that does not read as one."""
+    """Return a hint about a part that cannot be parsed."""
     if len(_PART.findall(word)) > 1:
         return "join parts by '&'"
     if "(" in word and ")" not in word:
@@ -130,6 +130,6 @@ def _number(kind: str, name: str, word: str) -> float:
 
 
 def _short(word: str) -> str:
-    """Quote a word, not more of it than a line bears."""
+    """Quote a word, shortened to fit a line."""
     word = word.strip()
     return repr(word if len(word) <= 40 else f"{word[:37]}...")

@@ -247,7 +247,7 @@ def _corners(damping: float, edges: int) -> list[complex]:
 
 
 def _marched(damping: float, excess: float, edges: int) -> list[complex] | None:
-    """Return corners between which the damping is above that asked by so much at most.
+    """Return corners whose edges exceed the damping asked by so much at most.
 
     None if that takes more edges. The last one, where poles are fast, may be as it comes.
     """
@@ -277,7 +277,7 @@ def _farthest(damping: float, excess: float, corner: complex, angle: float, last
 
 
 def _steepest(damping: float, tip: float) -> float:
-    """Return the angle up to which corners lie to the right of the tip, and off it, by enough."""
+    """Return the angle up to which corners stay far enough to the right of the tip."""
     leftmost = math.pi - math.atan(_pitch(damping))
     low, high = 0.0, min(leftmost, -math.log(LEAST) / _pitch(damping))
     for _ in range(HALVINGS):

@@ -29,7 +29,7 @@ def wanted(
     road: RoadSpectrum | None = None,
     options: tuple[str, str] = ("--minimise", "--limit"),
 ) -> tuple[Specification | None, tuple[Specification, ...]]:
-    """Return what is to be minimised, if anything, and the limits: of a spec, and of these lines.
+    """Return the requirement to minimise, if any, and the limits, of a spec and of these lines.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def wanted(
 def promised(
     plant: UncertainPlant, spec: str | Path, limits: Sequence[str], option: str
 ) -> tuple[Specification, ...]:
-    """Return what a law that is given is to keep: these lines, or else all that the spec asks for.
+    """Return the requirements on a given law: these lines, or all of the spec's.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def _of_spec(
 
 
 def _require_wheels(plant: UncertainPlant, spec: str | Path, road: RoadSpectrum) -> None:
-    """Refuse a road under wheels that there are not."""
+    """Refuse a road under unknown wheels."""
     disturbance(plant)
     for name in () if road.in_tracks else road.under:
         if name not in [w.name for w in disturbances(plant)]:
@@ -164,7 +164,7 @@ def _parsed(
 def _known(
     plant: UncertainPlant, requirement: Specification, where: str, road: RoadSpectrum | None
 ) -> None:
-    """Refuse a signal that there is not, a plant that nothing disturbs, and a road that is many."""
+    """Refuse an unknown signal, a plant without disturbances, and an ambiguous road."""
     try:
         requirement.require_fit(plant)
         if road is not None and requirement.noise_density == road.density:

@@ -68,7 +68,7 @@ class Gain(Specification):
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
-        """Return it, with what of the disturbance passes straight into the signal."""
+        """Return the condition with the direct feedthrough of the disturbance."""
         source, output = super().condition(plant, domain, unit)
         _, _, F = stacked(plant, self.outputs(plant))
         return source, replace(output, F=self.scaled(plant, F) if np.any(F) else None)

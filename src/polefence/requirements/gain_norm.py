@@ -87,7 +87,7 @@ class GainNorm(Specification):
         return replace(self, columns=(*self.columns, *(1.0,) * more))
 
     def in_units_of(self, other: Specification) -> GainNorm:
-        """Return it with the other's rows and columns."""
+        """Return the norm in the other's rows and columns."""
         units = {key: getattr(other, key) for key in self.keys}
         return replace(self, **units)
 
@@ -173,7 +173,7 @@ class GainNorm(Specification):
 
 
 def levels(plant: UncertainPlant, law: Law, norm: GainNorm) -> Iterator[tuple[float, int]]:
-    """Yield what is proved of a law in floats, with the elevation at which it is."""
+    """Yield the bounds on a law in floats, each with its elevation."""
     if law.K is not None:
         yield float(norm.norms(plant, law.K)), 0
         return
@@ -193,7 +193,7 @@ def levels(plant: UncertainPlant, law: Law, norm: GainNorm) -> Iterator[tuple[fl
 
 
 def by_multiples(plant: UncertainPlant, law: Law, norm: GainNorm) -> tuple[float, Array] | None:
-    """Return what numbers s prove of a scheduled law in floats, and these; None where they do not.
+    """Return the bound on a scheduled law by multipliers s in floats, and s; None without one.
 
     W is above s diag(columns)^2. That costs up to the root of how far W is from a multiple of it,
     and asks for no more of a W that varies much.

@@ -93,7 +93,7 @@ class InitialPeak(Specification):
 
     @property
     def _sizes(self) -> tuple[float, ...]:
-        """How large what the disturbances do is."""
+        """The sizes of the disturbances' impulses."""
         return (self.impulse,)
 
     @classmethod
@@ -126,7 +126,7 @@ class InitialPeak(Specification):
         self._require_still(plant)
 
     def _require_still(self, plant: UncertainPlant) -> None:
-        """Refuse an impulse of which parameters have moved when it has acted."""
+        """Refuse an impulse where parameters move in discrete time and E varies."""
         if not self.impulse or not plant.moving or not plant.period:
             return
         E = disturbance(plant)
@@ -253,7 +253,7 @@ class InitialPeak(Specification):
         n = A.shape[1]
 
         def moved(M: Array, one: Array) -> Array:
-            """Return e^Mt, or the power of one + step M that a time is."""
+            """Return e^Mt, or (I + step M)^(t / step)."""
             if not step:
                 return np.asarray(expm(M * time[:, None, None]))
             pairs = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
@@ -342,7 +342,7 @@ def matrix(
 
 
 def _moved_by_nothing(plant: UncertainPlant) -> UncertainPlant:
-    """Return the plant with a disturbance that does not enter: responses from states need none."""
+    """Return the plant with a zero disturbance matrix."""
     zero = tuple((Fraction(0),) for _ in range(plant.shape[0]))
     vertices = tuple(replace(vertex, exact_E=zero) for vertex in plant.vertices)
     return replace(plant, vertices=vertices, disturbances=(), outputs=(), vehicle=None)

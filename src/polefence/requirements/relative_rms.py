@@ -79,7 +79,7 @@ class RelativeRms(Rms):
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
-        """Return it with the variance without control, from below, as the unit of its square."""
+        """Return the condition with the passive variance, from below, as the unit of its square."""
         source, output = super().condition(plant, domain, unit)
         return source, replace(output, square=self.square(plant, domain, output.C))
 
@@ -164,7 +164,7 @@ class Baseline:
 
 
 def passive_states(plant: UncertainPlant, C: Array) -> tuple[int, ...]:
-    """Return the states that C x, C (N, 1, n) at the vertices, depends on without control.
+    """Return the states that C x depends on without control, C (N, 1, n) at the vertices.
 
     By structure, of what a remainder may hold too. All of them where it depends on none.
     """
@@ -178,7 +178,7 @@ def passive_states(plant: UncertainPlant, C: Array) -> tuple[int, ...]:
 
 
 def _passive(plant: UncertainPlant, states: tuple[int, ...]) -> UncertainPlant:
-    """Return the plant of some states alone; what its inputs do, which are zero, is not used."""
+    """Return the plant of some states alone, with zero inputs."""
     (n, m), vertices = plant.shape, list[System]()
     if len(states) == n:
         return plant
@@ -304,7 +304,7 @@ class _Uncontrolled:
     def of(
         cls, plant: UncertainPlant, domain: Domain, scales: Array, intensity: float, degree: int
     ) -> _Uncontrolled:
-        """Return it with the curve of its samples, if they have one."""
+        """Return the plant without control, with its interpolation curve if it is sampled."""
         E = polynomial_of(plant, domain, disturbance(plant), sum(plant.shape))
         driven = {e: coefficient * scales for e, coefficient in E.items()}
         A = polynomial_of(plant, domain, plant.A)
@@ -356,7 +356,7 @@ class _Uncontrolled:
         return all(map(_is_positive, left))
 
     def lost(self, spread: Spread | None) -> Array:
-        """Return what a remainder takes of the inequality of the covariance."""
+        """Return the loss of the covariance inequality to the remainder."""
         n = self.plant.shape[0]
         if spread is None:
             return np.zeros((n, n))
@@ -367,7 +367,7 @@ class _Uncontrolled:
         return np.asarray(times * _entering(spread) + np.array(spread.omega, dtype=float))
 
     def spread_of_decrease(self, X: Array) -> Spread | None:
-        """Return what a remainder asks for beside X."""
+        """Return the multipliers of the remainder for X."""
         if self.plant.remainder is None:
             return None
         n, m = self.plant.shape
@@ -375,7 +375,7 @@ class _Uncontrolled:
         return spread_of(self.plant, none, Evidence(_rationals(X), self.degree), driven=False)
 
     def spread_of_covariance(self, P: Array, X: Array) -> Spread | None:
-        """Return what it asks for beside P, in coordinates in which X is about one."""
+        """Return the multipliers of the remainder for P, in coordinates in which X is about one."""
         remainder, (n, m) = self.plant.remainder, self.plant.shape
         if remainder is None:
             return None

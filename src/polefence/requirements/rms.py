@@ -112,7 +112,7 @@ class Rms(Specification):
         return replace(self, signal=signals, weight=None)
 
     def of(self, output: Output) -> Rms:
-        """Return it of one other output, behind the filter that a signal of this name has."""
+        """Return the rms of another output, with the filter of the signal of its name."""
         names = [entry if isinstance(entry, str) else entry.name for entry in self.entries]
         weight = self.weight
         if not (weight is None or isinstance(weight, str)):
@@ -191,7 +191,7 @@ def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...]
 def of_one_noise(
     plant: UncertainPlant, law: Any, limits: Sequence[Rms], alpha: Array
 ) -> list[Array]:
-    """Return the values of each, by one covariance: all are of the same noise.
+    """Return the values of several rms under the same noise, from one covariance.
 
     Raises
     ------

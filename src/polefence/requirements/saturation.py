@@ -117,7 +117,7 @@ class Saturation(InitialPeak):
         level: Fraction,
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
-        """Return the claim, with what its evidence holds of the inputs."""
+        """Return the claim, with the auxiliary inputs of its evidence."""
         held, chosen = subject.evidence.held, self.cut_off(plant)
         Y = tuple(tuple(tuple(M[i]) for i in chosen) for M in held)
         degree = subject.evidence.held_degree
@@ -132,7 +132,7 @@ class Saturation(InitialPeak):
         return replace(claim, points=points, impulses=impulses, ellipsoid=X0)
 
     def tuned(self, times: float) -> tuple[Specification, ...]:
-        """Return the peaks that inputs would have otherwise, at most so many times the limit."""
+        """Return limits on the unsaturated inputs' peaks, multiples of the saturation limit."""
         level = None if self.at_most is None else times * self.at_most
         names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
         common: dict[str, Any] = {"disturbances": self.disturbances}
@@ -171,7 +171,7 @@ class Saturation(InitialPeak):
 
 
 def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: float) -> Array:
-    """Return for each loop the largest limit at which it is seen not to come to rest."""
+    """Return for each loop the largest limit at which its simulation does not settle."""
     A, B, K, poles = loops.A, loops.B, loops.K, loops.poles()
     fastest = np.abs(np.concatenate([poles, np.linalg.eigvals(A)], axis=-1)).max()
     # how fast it comes to rest, or is lost where nothing acts
@@ -184,7 +184,7 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     size = np.linalg.norm(x0, axis=-1)
 
     def run(limit: Array) -> tuple[Array, Array]:
-        """Return whether loops run away at limits (..., starts, loops), and what they ask for."""
+        """Return whether loops diverge at limits (..., starts, loops), and their largest demand."""
         x = np.broadcast_to(x0, (*limit.shape, x0.shape[2]))[..., None, :]
         most, cut = np.zeros(limit.shape), limit[..., None, None]
         before = most

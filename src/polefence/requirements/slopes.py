@@ -35,7 +35,7 @@ class Channel:
         return replace(self, **{key: getattr(self, key)[some] for key in "ABECDF"})
 
     def in_units(self, d: Array) -> Channel:
-        """Return it with states in units d (n,), those of filters in what these come to."""
+        """Return the channel with states in units d (n,), and filters in matching units."""
         d = self._with_filters(d)
         column = d[:, None]
         A, B, E = self.A / column * d, self.B / column, self.E / column

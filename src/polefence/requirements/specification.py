@@ -128,7 +128,7 @@ class Specification(Short):
 
     @classmethod
     def signal_of(cls, value: Any) -> Any:
-        """Return the signal that a table, or a list on a line, writes: by default a name, or names.
+        """Return the signal of a table or a line: a name, or a list of names.
 
         Parameters
         ----------
@@ -199,15 +199,15 @@ class Specification(Short):
         return self
 
     def extended(self, n: int, more: int) -> Specification:  # noqa: ARG002
-        """Return it for a plant with more states behind its n, which are at rest at first."""
+        """Return the requirement for a plant with more states behind its n, initially at rest."""
         return self
 
     def in_units_of(self, other: Specification) -> Specification:  # noqa: ARG002
-        """Return it in the units of another of its kind: a line has none."""
+        """Return the requirement in the units of another of its kind."""
         return self
 
     def law_norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm | None:  # noqa: ARG002
-        """Return the bound on the law that it is; None where it is one on a signal."""
+        """Return the bound on the law; None for a requirement on a signal."""
         return None
 
     def level(self, r: float) -> float:
@@ -311,7 +311,7 @@ class Specification(Short):
         self.exact_outputs(plant)
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
-        """Return what moves the signal."""
+        """Return the source of the signal's motion."""
         raise NotImplementedError
 
     def condition(
@@ -329,7 +329,7 @@ class Specification(Short):
 
     @property
     def driven_by(self) -> float:
-        """How many times the disturbances of X in its claim those of `dual` are."""
+        """The ratio of the dual's disturbances to those of X in the claim."""
         return 1.0
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:  # noqa: ARG002
@@ -388,7 +388,7 @@ class Specification(Short):
         raise NotImplementedError
 
     def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
-        """Return what the search for a law of a structure has in its place.
+        """Return the requirements that replace it in the search for a structured law.
 
         Parameters
         ----------
@@ -398,7 +398,7 @@ class Specification(Short):
         return (self,)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return what moves its signal, and the signal, at points alpha (count, N)."""
+        """Return the source and the signal as a channel at points alpha (count, N)."""
         C, D, F = stacked(plant, self.outputs(plant))
         disturbance(plant)
         E, moved = self.scaled(plant, plant.driven(alpha)), (C, D, self.scaled(plant, F))
@@ -406,7 +406,7 @@ class Specification(Short):
         return Channel(*plant.at(alpha), E, C, D, F)
 
     def slopes(self, loops: Loops) -> Slopes:
-        """Return what is bounded in closed loops of its `channel`, with slopes; they are stable."""
+        """Return the bounded quantity of stable closed loops of its `channel`, with slopes."""
         raise NotImplementedError
 
 

@@ -52,7 +52,7 @@ class Behind:
 
 
 def behind(plant: UncertainPlant, law: Any, specification: Specification) -> Behind:
-    """Return a requirement as one of the plant with its filters; as it is where it has none."""
+    """Return the requirement on the plant with its filters, unchanged if it has none."""
     if not any(specification.filters):
         return Behind(plant, law, specification)
     larger, (requirement,) = with_weights(plant, (specification,))
@@ -94,7 +94,7 @@ def with_weights(
 
 
 def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
-    """Return the filter of each entry as a claim has it, nothing where no entry has one."""
+    """Return the filter of each entry for the claim, empty where no entry has one."""
     filters = specification.filters
     if not any(filters):
         return ()

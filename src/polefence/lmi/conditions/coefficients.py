@@ -10,13 +10,13 @@ from polefence.plant.polynomial import Domain, Exponent, binomial
 
 
 def weighted(coefficients: Sequence[Linear], domain: Domain, degree: int) -> dict[Exponent, Linear]:
-    """Return Bernstein coefficients as those of monomials."""
+    """Return the coefficients of monomials for Bernstein coefficients."""
     pairs = zip(domain.monomials(degree), coefficients, strict=True)
     return {e: float(binomial(domain.sizes, e)) * coefficient for e, coefficient in pairs}
 
 
 def inside(coefficients: Sequence[Linear], box: Box, domain: Domain, degree: int) -> list[Linear]:
-    """Return the Bernstein coefficients, on a part of the box, of those on the whole."""
+    """Return the Bernstein coefficients on a part of the box, given those on the whole."""
     if not coefficients:
         return []
     whole, on_part = weighted(coefficients, domain, degree), []

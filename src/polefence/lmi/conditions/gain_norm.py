@@ -48,7 +48,7 @@ class Norm:
 
 
 def tangents(norm: Norm, W: Array) -> tuple[Array, ...]:
-    """Return what H0 may be near a law's W (count, n, n), the tightest first."""
+    """Return candidates of H0 near a law's W (count, n, n), the tightest first."""
     H = norm.C @ W
     plain = np.asarray(np.linalg.inv(norm.C).T)[None]
     return H, H.mean(axis=0, keepdims=True), plain

@@ -84,7 +84,7 @@ class Loop:
         return np.asarray(np.linalg.solve(E.T, sum_of(self.C)[: len(E)].T).T, dtype=float)
 
     def inside(self, box: Box) -> Loop:
-        """Return the loop in a part of the box of parameters, in coordinates of that."""
+        """Return the loop on a part of the box, in the part's coordinates."""
         E, C = (box.polynomial(P, self.domain) for P in (self.E, self.C))
         R = self.R and box.polynomial(self.R, self.domain)
         return replace(self, E=E, C=C, R=R)

@@ -175,7 +175,7 @@ def normal(method: Method) -> Method:
 
 
 def degree_hint(method: Method) -> str:
-    """End a remedy that has begun: what of a method may be changed, else which one to take."""
+    """Return the end of a remedy: which option of a method to change, else which method to take."""
     if method_name(method) == "quadratic":
         return ", or the method scheduled"
     return ", a higher degree or another method"
@@ -263,12 +263,12 @@ def step_work(plant: UncertainPlant, method: Method) -> float:
 
 
 def is_searchable(plant: UncertainPlant, method: Method, most: float = MOST_STEP) -> bool:
-    """Whether the search takes on as much."""
+    """Whether the search accepts a problem of this size."""
     return blocks(plant, method) <= MOST_BLOCKS and step_work(plant, method) <= most
 
 
 def fitting(plant: UncertainPlant, method: Method) -> Method:
-    """Return the method; for a plain "scheduled" one on the box where that is by far the smaller.
+    """Return the method, a plain "scheduled" one on the box where that problem is far smaller.
 
     So it is where parameters move: their rates are those of the box. With elevation 1 the box is
     never worse: each of its inequalities is a sum of Theorem 1's.
@@ -390,7 +390,7 @@ def _cut_off(
     domain: Domain,
     degree: int,
 ) -> Iterator[Form]:
-    """Yield forms with what the inputs that are cut off ask for."""
+    """Yield forms with the terms of saturated inputs."""
     (B, Z, held), formed = law, list(forms)
     total = sum(formed[0].exponent[: domain.sizes[0]])
     KX, saturated = weighted(Z, domain, degree), dict[str, dict[Exponent, Cut]]()
@@ -451,7 +451,7 @@ def _still(
 
 
 def right_hand_share(exponent: Exponent) -> float:
-    """Return what (15), (16), (17) have on their right-hand sides, of I."""
+    """Return the multiple of I on the right-hand sides of (15), (16), (17)."""
     square = max(len(exponent) - 1, 1) ** 2
     return {3: 1.0, 2: -1 / square, 1: -6 / square}[max(exponent)]
 

@@ -23,7 +23,7 @@ Terms = list[tuple[tuple[int, int], float]]  # of a form in the two coordinates 
 def halves(
     motion: Motion, X: Mapping[Exponent, Linear], domain: Domain, total: int
 ) -> dict[Exponent, tuple[Linear, ...]]:
-    """Return half of dX/dt, or of what X changes by in a sample, at every extreme of the rates.
+    """Return half of dX/dt, or of the change of X in a sample, at every extreme of the rates.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _step(motion: Motion, ends: tuple[int, ...], domain: Domain, total: int) -> 
 
 
 def _after(move: Move, end: int, pair: tuple[int, int]) -> Terms:
-    """Return what a coordinate of a simplex is a sample later: a - d, or b + d."""
+    """Return a coordinate of a simplex one sample later: a - d, or b + d."""
     low, high = move.ends
     if move.rates is None:
         shift = ((0.0, -1.0), (1.0, 0.0))[end]  # to either end

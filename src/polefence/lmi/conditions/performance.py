@@ -86,12 +86,12 @@ class Noise:
         return Noise(self.name, EE, root)
 
     def times(self, share: float) -> Noise:
-        """Return so many times its intensity."""
+        """Return noise of so many times the intensity."""
         root = None if self.root is None else np.sqrt(share) * self.root
         return Noise(self.name, {e: share * P for e, P in self.EE.items()}, root)
 
     def more(self, domain: Domain, S: Array) -> Noise:
-        """Return it with further noise, independent, of intensity S (n, n) at every alpha."""
+        """Return the noise plus independent noise of intensity S (n, n) at every alpha."""
         degree = degree_of(self.EE, domain)
         zero = np.zeros_like(S)
         EE = {
@@ -101,7 +101,7 @@ class Noise:
         return Noise(self.name, EE)
 
     def intensity(self, domain: Domain) -> Array:
-        """Return what it moves the states with, in the middle of the family, (n, n)."""
+        """Return the intensity E S E' in the middle of the family, (n, n)."""
         squares = [P / binomial(domain.sizes, e) for e, P in self.EE.items()]
         return np.asarray(np.mean(squares, axis=0))
 
@@ -152,7 +152,7 @@ Source = Noise | Points | Through
 
 
 def unit_of(source: Source, rate: float) -> float:
-    """Return what X is in the original time, of X = 1 with time in units of 1 / rate."""
+    """Return the factor from X, with time in units of 1 / rate, to X in the original time."""
     return rate if isinstance(source, Through) else 1.0
 
 
@@ -255,12 +255,12 @@ class Form:
 
     @property
     def motions(self) -> Iterator[tuple[str, Linear]]:
-        """Yield each of the moved, or nothing that moves, and what its block's name ends in."""
+        """Yield each half of dX/dt with the ending of its block's name; zero without motion."""
         yield from ((f", rates {k}" * (k > 0), H) for k, H in enumerate(self.moved or (Linear(),)))
 
 
 def split_rows(n: int, outputs: Iterable[Output]) -> list[Array]:
-    """Return what takes the n rows of the dynamics, and those of each output, from their stack."""
+    """Return the selectors of the n rows of the dynamics and of each output in their stack."""
     counts = np.cumsum([n, *(output.rows for output in outputs)])
     return np.split(np.eye(counts[-1]), counts[:-1])
 
@@ -278,7 +278,7 @@ def noise(name: str, domain: Domain, E: Array, intensity: float, degree: int = 1
 def assembled(
     pencil: Builder, forms: Iterable[Form], demands: Demands, domain: Domain, degree: int
 ) -> Pencil:
-    """Build what is demanded of polynomials X, N and Y of a degree, exponent by exponent."""
+    """Build the demands on polynomials X, N and Y of a degree, exponent by exponent."""
     sources, outputs, target = demands.sources, demands.outputs, demands.target
     t = {source.name: pencil.positive(f"t {source.name}") for source in sources}
     by_name = {source.name: source for source in sources}
@@ -343,7 +343,7 @@ At = Callable[[Callable[[Exponent], Any]], Any]
 def _in_pieces(
     forms: Iterable[Form], demands: Demands, domain: Domain, degree: int
 ) -> Iterator[tuple[Form, At]]:
-    """Yield forms on each part of the box, each with what takes other polynomials there."""
+    """Yield the forms on each part of the box, with the map of other polynomials to it."""
     if not demands.pieces:
         for form in forms:
             yield form, partial(_weighted, {form.exponent: 1.0})
@@ -356,7 +356,7 @@ def _in_pieces(
 
 
 def _weighted(shares: Mapping[Exponent, float], table: Callable[[Exponent], Any]) -> Any:
-    """Return the sum of coefficients, each so many times."""
+    """Return the weighted sum of coefficients."""
     (first, weight), *others = shares.items()
     if not others and weight == 1:
         return table(first)
@@ -369,7 +369,7 @@ def _weighted(shares: Mapping[Exponent, float], table: Callable[[Exponent], Any]
 def _mixed(
     whole: Mapping[Exponent, Form], shares: Mapping[Exponent, float], name: str, e: Exponent
 ) -> Form:
-    """Return the form whose parts are sums of those of others."""
+    """Return the weighted sum of forms."""
 
     def total(part: Callable[[Form], Linear]) -> Linear:
         linear: Linear = _weighted(shares, lambda d: part(whole[d]))
@@ -435,7 +435,7 @@ def _moved(
     data: Array,
     weight: float,
 ) -> Block:
-    """Return what a source asks of the motion; ``at`` holds X, N, a half that moves, the step."""
+    """Return the block of a source and the dynamics; ``at`` holds X, N, half of dX/dt, the step."""
     X, N, half, step = at
     n = X.terms[0].left.shape[0]
     size = 2 * n if step else n
@@ -455,7 +455,7 @@ def _moved(
 
 
 def _corner(N: Linear, half: Linear, step: float) -> Linear:
-    """Return N less half of dX/dt, or of what X changes by in a step over the step."""
+    """Return N minus half of dX/dt, or of the change of X in a step over the step."""
     return N - (1 / step if step else 1.0) * half if half.terms else N
 
 
@@ -495,13 +495,13 @@ def _bound(name: str, X: Linear, Y: Linear, t: Linear, weight: float, output: Ou
 
 
 def _added(source: Source, outputs: tuple[Output, ...], form: Form) -> tuple[Linear, ...]:
-    """Return what is added to N, for a source under which inputs are cut off for each of them."""
+    """Return the terms added to N for each part of the saturated inputs of a source."""
     added = [form.cut[o.name].added for o in outputs if o.held and o.source == source.name]
     return added[0] if added else (Linear(),)
 
 
 def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:
-    """Yield that each row of H x stays within the bound; inputs that nothing cuts off count too.
+    """Yield the bound on each row of H x, and on the inputs without saturation.
 
     Of those Y is free, and a block keeps it near K X.
     """
@@ -516,7 +516,7 @@ def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> It
 def _kept(
     name: str, form: Form, Y: Linear, t: Linear, E: Array, weight: float, source: Through
 ) -> Block:
-    """Return the block of a part of a region that is kept whatever a bounded feedback is."""
+    """Return the block of a part of a region that is kept under every bounded feedback."""
     if source.part is None:
         raise InputError("no region is to be kept")
     L, M = source.part.pairs(source.rate)[source.pair]

@@ -20,7 +20,7 @@ HELD = "Y"  # how the names of what is unknown beside X begin
 
 
 def held_name(output: str) -> str:
-    """Return how those of an output begin, of a law that is sought."""
+    """Return the prefix of the names of an output's unknowns, of a law that is sought."""
     return f"{HELD} {output}."
 
 
@@ -29,7 +29,7 @@ Forms = Mapping[Exponent, Linear]
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Coefficients of one exponent: Y, and what is added to N for every part of the inputs.
+    """Coefficients of one exponent: Y, and the terms added to N for every subset of the inputs.
 
     Nothing is added for the first, of none. Rows of inputs that nothing cuts off are free, and
     those of Y - K X here.
@@ -42,7 +42,7 @@ class Cut:
 def cuts(
     B: Polynomial, KX: Forms, Y: Forms, chosen: Sequence[int], domain: Domain, degree: int
 ) -> dict[Exponent, Cut]:
-    """Return what is cut off by the exponents of a condition of a degree.
+    """Return the saturation terms of a condition of a degree, by exponent.
 
     Parameters
     ----------

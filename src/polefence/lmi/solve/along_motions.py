@@ -42,7 +42,7 @@ class Along:
 
 
 def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Iterator[Along]:
-    """Yield polynomials of rising degree, until one proves what is near the worst sample.
+    """Yield polynomials of rising degree until one proves a level near the worst sample.
 
     There are none in discrete time, of a parameter that moves at any rate, and of laws Z W^-1.
 
@@ -158,7 +158,7 @@ class _Interpolation:
         return self._bernstein(np.tensordot(self.raised[0], X, 1))
 
     def _missed(self, X: Array) -> Array:
-        """Return by how much each coefficient misses the inequality, at each extreme."""
+        """Return the violation of the inequality by each coefficient, at each extreme."""
         basis, A, _, noise = self.raised
         half = A @ np.tensordot(basis, X, 1)
         both = self._bernstein(half + half.swapaxes(-1, -2) + noise)

@@ -78,7 +78,7 @@ class Group:
 
 @lru_cache(maxsize=64)
 def groups(domain: Domain, degree: int, extra: int) -> tuple[Group, ...]:
-    """Return the coefficients of degree + 1 + extra, by how many of the law's are in each."""
+    """Return the coefficients of degree + 1 + extra, grouped by how many of the law's they hold."""
     exponents = domain.monomials(degree + 1 + extra)
     pairs, sums = domain.pairs(degree, extra), domain.elevated(degree, 1 + extra)
     by_count: dict[int, list[int]] = {}
@@ -188,7 +188,7 @@ class _Form:
         self.X[:, :, : q * n] = np.einsum("bq,ij->biqj", group.sums, np.eye(n)).reshape(b, n, -1)
 
     def kinds(self, demands: Demands, t: dict[str, int]) -> Iterator[_Kind]:
-        """Yield the blocks of all that is demanded."""
+        """Yield the blocks of all demands."""
         sources, outputs = demands.sources, demands.outputs
         q = max([1, *(o.F.shape[2] for o in outputs if o.F is not None)])
         data = {s.name: self._data(s, q) for s in sources}
@@ -243,7 +243,7 @@ class _Form:
         return many
 
     def _weighted(self, column: Array) -> Array:
-        """Return the coefficients of one, times half a column each."""
+        """Return the coefficients of the polynomial one times half a column."""
         return self.group.binomials[:, None] / 2 * column
 
     def _moved(self, source: Noise | Points, t: int, data: Array) -> Iterator[_Kind]:

@@ -150,7 +150,7 @@ class DualProblem:
         return 0 if self.share is None else degree_of(self.share, self.domain)
 
     def shares(self, alpha: Array) -> Array:
-        """Return what a bound's square is a share of, at points."""
+        """Return the reference variance of a bound's square at points."""
         if self.share is None:
             return np.ones(len(alpha))
         return values(self.share, self.domain, alpha)[:, 0, 0]
@@ -235,7 +235,7 @@ def _hamiltonian(A: Array, S: Array, Q: Array) -> Array:
 
 
 def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4) -> Iterator[Dual]:
-    """Yield dual polynomials of rising degree, until one proves what is near the worst sample.
+    """Yield dual polynomials of rising degree until one proves a level near the worst sample.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ Known = dict[tuple[Box, int], Dual | None]  # what was found in a part, of a deg
 def in_parts(
     problem: DualProblem, level: float, most: int | None = None, known: Known | None = None
 ) -> list[Part] | None:
-    """Return parts that make up the box, on each of which a dual polynomial proves the level.
+    """Return a partition of the box with a dual polynomial that proves the level on each part.
 
     A part on which none does is halved along the parameter along which the loop changes most.
 
@@ -323,7 +323,7 @@ def in_parts(
 
 
 def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterator[Dual]:
-    """Yield dual polynomials of some degrees, in a part; of a gain at the level itself."""
+    """Yield dual polynomials of some degrees on a part, for a gain at the level itself."""
     for degree in degrees:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             dual = _Interpolation(problem, degree).proving(level)
@@ -379,20 +379,20 @@ class _Interpolation:
         return np.asarray(size[:, None] * V * np.sqrt(values))
 
     def least(self, worst: float) -> Dual | None:
-        """Return what is found, of a gain at the first level where something is."""
+        """Return the dual, for a gain at the first level that has one."""
         if not self.problem.gain:
             return self._grown(None)
         grown = (self._grown(worst * (1 + above)) for above in ABOVE)
         return next((dual for dual in grown if dual is not None), None)
 
     def proving(self, level: float) -> Dual | None:
-        """Return what is found, of a gain somewhat below the level."""
+        """Return the dual below the level, for a gain somewhat below it."""
         if self.problem.gain:
             return self._grown(level * (1 - ROOM))
         return self._even(level) if self.problem.between else self._grown(None)
 
     def _even(self, level: float) -> Dual | None:
-        """Return what is found with R that uses the room below a level evenly in all modes.
+        """Return the dual whose R spreads the room below a level evenly over all modes.
 
         R = r S, and Q = Q_0 + r Q_S, with the S of which Q_S is the sum of w w* over the left
         eigenvectors w in the middle: what is missed may be the same share of each.
@@ -403,10 +403,10 @@ class _Interpolation:
         S = even(middle.T, self.problem.step)
         if S is None:
             return None
-        found = [self.modes.observed(M) for M in (Y.swapaxes(-1, -2) @ Y, 0 * closed + S)]
-        least, more = (domain.interpolated(Q, self.degree) for Q in found)
-        square = float(np.einsum("pik,pij,pjk->p", E, found[0], E).max())
-        cost = float(np.einsum("pik,pij,pjk->p", E, found[1], E).max())
+        gramians = [self.modes.observed(M) for M in (Y.swapaxes(-1, -2) @ Y, 0 * closed + S)]
+        least, more = (domain.interpolated(Q, self.degree) for Q in gramians)
+        square = float(np.einsum("pik,pij,pjk->p", E, gramians[0], E).max())
+        cost = float(np.einsum("pik,pij,pjk->p", E, gramians[1], E).max())
         T = np.linalg.inv(np.linalg.cholesky(S))
         for share in ROOMS:
             room = share * ((level * (1 - ROOM)) ** 2 - square)
@@ -449,7 +449,7 @@ class _Interpolation:
         return None
 
     def _size(self, level: float | None) -> float:
-        """Return about what is bounded."""
+        """Return an estimate of the bound."""
         if level is not None:
             return level
         _, Y, E, _ = self.nodes
@@ -457,7 +457,7 @@ class _Interpolation:
         return float(np.sqrt(np.einsum("pik,pij,pjk->p", E, Q, E).max()))
 
     def _solutions(self, R: Array, level: float | None, least: Array, share: float) -> Array | None:
-        """Return Bernstein coefficients of solutions that tell a share more than they need."""
+        """Return Bernstein coefficients of solutions at a level a share above the least one."""
         Q: Array | None
         if level is None:
             _, Y, E, _ = self.nodes
@@ -562,7 +562,7 @@ class _Interpolation:
     def _missed(
         self, coefficients: Array, level: float | None, cover: Cover | None = None
     ) -> tuple[Array, float]:
-        """Return by how much each coefficient misses the inequality, and the bound."""
+        """Return the violation of the inequality by each coefficient, and the bound."""
         basis, (W, N, Y, E, F) = self.raised
         Q, step = np.tensordot(basis, coefficients, 1), self.problem.step
         WQ = W @ Q
@@ -599,7 +599,7 @@ class _Interpolation:
         return missed, bound
 
     def _more(self, bound: float, cover: Cover) -> float:
-        """Return the bound with what the disturbances may be off by."""
+        """Return the bound with the remainder of the disturbances added."""
         share, driving = float(SHARE), self._driving(cover)
         if not np.any(driving):
             return bound
@@ -615,7 +615,7 @@ class _Interpolation:
         border: Array | None,
         cover: Cover | None,
     ) -> Array:
-        """Return what each coefficient of a delta form's lemma misses; see `proof.Gain`."""
+        """Return the violation of the delta form's lemma by each coefficient; see `proof.Gain`."""
         _, (_, _, Y, E, F) = self.raised
         q = E.shape[-1]
         corner = level * np.eye(q) - E.swapaxes(-1, -2) @ QE
@@ -653,7 +653,7 @@ class _Interpolation:
         return np.asarray(both + left @ np.linalg.solve(middle, left.swapaxes(-1, -2)))
 
     def _ratios(self, Q: Array) -> Array:
-        """Return the coefficients of tr E'QE over those of what the bound's square is a share of.
+        """Return the ratios of the coefficients of tr E'QE to those of the reference variance.
 
         Infinite where the latter are not all positive.
         """

@@ -27,7 +27,7 @@ def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
 
 
 def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
-    """Return a loop with how its inputs enter, and what they are: they are cut off."""
+    """Return the loop with its input matrix and its law, for saturated inputs."""
     n, domain = plant.shape[0], loop.domain
     K = bernstein(domain, law.form[:, n:], law.degree)
     return replace(loop, B=polynomial_of(plant, domain, plant.B, n), K=K)

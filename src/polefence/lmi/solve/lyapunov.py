@@ -112,7 +112,7 @@ def least(
 def points_inside(
     loop: Loop, region: Region, form: tuple[int, int]
 ) -> Iterator[LyapunovPolynomial]:
-    """Yield Lyapunov polynomials of a form for a region: well inside it, then as far as it goes."""
+    """Yield Lyapunov polynomials for a region: one well inside it, then the smallest r."""
     for enough in INSIDE:
         with suppress(SolverError):
             reached = least(loop, Around(region), *form, enough=enough)
@@ -175,7 +175,7 @@ def points_given(
     near: LyapunovPolynomial | None = None,
     margin: float = 0.0,
 ) -> list[LyapunovPolynomial]:
-    """Return where searches in several coordinates ended, the least r first.
+    """Return the results of searches in several coordinates, the least r first.
 
     One that is not the least may still be the one whose exact proof survives rounding. The first to
     converge is the last that is tried.
@@ -231,7 +231,7 @@ def kept_whatever(
     near: LyapunovPolynomial,
     form: tuple[int, int],
 ) -> LyapunovPolynomial:
-    """Find the Lyapunov polynomial that keeps a part of a region for the largest feedbacks.
+    """Find the Lyapunov polynomial that keeps a part of a region under the largest feedback.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def kept_whatever(
 def _coordinates(
     middle: Array, loop: Loop, source: Source, near: LyapunovPolynomial | None, step: float
 ) -> Iterator[Array]:
-    """Yield Lyapunov matrices, each to be tried as the identity where the last is not enough."""
+    """Yield Lyapunov matrices as coordinates for the search, in the order to be tried."""
     if loop.R is not None:
         yield sum_of(loop.R)
     elif near is not None:

@@ -58,7 +58,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Even monomials of n variables up to a degree; bases whose products they are."""
+    """Even monomials of n variables up to a degree, and the bases whose products they are."""
 
     n: int
     degree: int

@@ -152,7 +152,7 @@ def least(
 
 
 def _within(problem: Problem, begin: Reached, scaling: Scaling, tolerance: float) -> Reached:
-    """Return a point that keeps the fixed bounds: they grow with r, until they are as asked.
+    """Return a point that keeps the fixed bounds, by shrinking them with r to their values.
 
     What is to be minimised must not run away meanwhile: at first it grows with them.
     """
@@ -177,7 +177,7 @@ def _watched(
     outputs: tuple[Output, ...],
     norms: tuple[Norm, ...],
 ) -> Iterator[Bounds]:
-    """Yield the bounds with one on what is minimised, some way above where the search begins."""
+    """Yield the bounds plus one on the minimised output, some way above its start."""
     more = tuple(o for o in problem.outputs if not o.fixed)
     if not more:
         return
@@ -212,7 +212,7 @@ def _share_of(
     bounds: Bounds,
     more: tuple[Output, ...],
 ) -> float:
-    """Return at how large an r what is minimised begins, over that of the limits; else zero."""
+    """Return the initial r of the minimised output over that of the limits; else zero."""
     try:
         refined = scaling.refined(lyapunov_mean(begin.values))
     except SolverError:
@@ -227,7 +227,7 @@ def _share_of(
 
 
 def _with_held(values: dict[str, Array], variables: tuple[Variable, ...]) -> dict[str, Array]:
-    """Return values with what inputs that are cut off begin with: they act as they are."""
+    """Return values with starts of the saturated inputs: they begin unsaturated."""
     held = (v.name for v in variables if v.name[0] == HELD and v.name not in values)
     return values | {name: values[f"Z{name.rpartition('.')[2]}"] for name in held}
 

@@ -30,7 +30,7 @@ def spread_of(
     driven: bool = True,
     cut: Sequence[int] = (),
 ) -> Spread:
-    """Return what a plant's remainder asks for beside a Lyapunov polynomial.
+    """Return the multipliers of a plant's remainder for a Lyapunov polynomial.
 
     Rows and columns follow the sizes that the Lyapunov matrix gives to states and inputs; Omega is
     little more than all coefficients of V'V.

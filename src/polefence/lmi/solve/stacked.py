@@ -139,7 +139,7 @@ class Stacked:
         return np.asarray(np.bincount(entries, np.concatenate(values), self.unknowns), dtype=float)
 
     def residual(self, x: Array, r: float, Y: Blocks) -> float:
-        """Return by how much duals miss A_r* Y = nu t, t'x fixed, at x, relative to r."""
+        """Return the residual of A_r* Y = nu t, t'x fixed, at x, relative to r."""
         missed, t = self.gradient(Y, r, -1.0), self.gradient(self.identity(), 1.0, 0.0)
         missed -= (missed @ t) / (t @ t) * t
         return float(np.abs(missed * x).sum() / r)

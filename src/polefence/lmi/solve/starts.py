@@ -141,7 +141,7 @@ def _balanced(
     plant: tuple[Array, Array, float],
     moved: dict[str, Array],
 ) -> Array | None:
-    """Return the gain that weighs what is minimised as much as the limits allow.
+    """Return the gain with the largest weight on the minimised output that keeps the limits.
 
     ``plant`` holds A, B and the step.
     """
@@ -195,7 +195,7 @@ def _bounds_kept(
 def _small(
     norms: Sequence[Norm], scaling: Scaling, A: Array, B: Array, step: float, shift: float
 ) -> Array | None:
-    """Return a gain of little effort that mirrors what decays more slowly at that decay."""
+    """Return a gain of little effort that mirrors slow modes at that decay rate."""
     n, m = B.shape
     R = sum(((norm.R @ scaling.S).T @ (norm.R @ scaling.S) for norm in norms), np.zeros((m, m)))
     whole = np.zeros((n + m, n + m))
@@ -241,7 +241,7 @@ def least_cost(
 
 
 def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float, step: float) -> Array | None:
-    """Return the covariance of the loop with less decay, what of it the region leaves over."""
+    """Return the covariance of the loop with its decay reduced by the region's."""
     loop = A + B @ K
     rate = -float(growth(np.linalg.eigvals(loop), step).max())
     plain = _lyapunov(loop, M, step)

@@ -199,10 +199,10 @@ class PolynomialGain(Law):
 
     def inside(self, plant: UncertainPlant, low: Point, high: Point) -> PolynomialGain:
         """Return the same law on a part of the box, to rounding."""
-        own = self.exact.inside(low, high)
+        part = self.exact.inside(low, high)
         measured = tuple(plant.signal(y.name) for y in self.measured)
-        gains = np.array(own.K, dtype=float)
-        return PolynomialGain(own.powers, gains, measured, plant.parameters)
+        gains = np.array(part.K, dtype=float)
+        return PolynomialGain(part.powers, gains, measured, plant.parameters)
 
     def negated(self) -> PolynomialGain:
         """Return it with the other sign."""

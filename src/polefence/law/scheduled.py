@@ -145,8 +145,8 @@ class ScheduledGain(Law):
 
     def inside(self, plant: UncertainPlant, low: Point, high: Point) -> ScheduledGain:
         """Return the same law on a part of the box, to rounding."""
-        own = self.exact.inside(low, high)
-        W, Z = (np.array(M, dtype=float) for M in (own.W, own.Z))
+        part = self.exact.inside(low, high)
+        W, Z = (np.array(M, dtype=float) for M in (part.W, part.Z))
         return replace(self, W=W, Z=Z, parameters=plant.parameters)
 
     def negated(self) -> ScheduledGain:

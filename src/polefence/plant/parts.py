@@ -35,10 +35,15 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
     low, high : tuple of Fraction
         Weights of each parameter's upper end, from 0 to 1.
     """
-    found = [node(plant, at) for at in corners(low, high)]
+    nodes = [node(plant, at) for at in corners(low, high)]
     vertices = tuple(
-        System(_exact(own.A), _exact(own.B), _exact(own.E) if own.E else None, f"vertex {k + 1}")
-        for k, own in enumerate(found)
+        System(
+            _exact(vertex.A),
+            _exact(vertex.B),
+            _exact(vertex.E) if vertex.E else None,
+            f"vertex {k + 1}",
+        )
+        for k, vertex in enumerate(nodes)
     )
     remainder = plant.remainder and replace(
         plant.remainder.inside(low, high), rounding=(), bends=()
@@ -47,7 +52,7 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
         plant,
         vertices=vertices,
         parameters=tuple(map(_narrowed, plant.parameters, low, high)),
-        outputs=tuple(_inside(plant, own, low, high) for own in plant.every_output),
+        outputs=tuple(_inside(plant, output, low, high) for output in plant.every_output),
         vehicle=None,
         remainder=remainder,
         sampling=None,
@@ -92,65 +97,65 @@ def node(plant: UncertainPlant, at: Point) -> Node:
         else []
         for key in ("exact_A", "exact_B", "exact_E")
     )
-    own = plant.sampling
-    if own is None or not plant.bent:
+    sampling = plant.sampling
+    if sampling is None or not plant.bent:
         return Node(at, A, B, E)
-    if at not in own.known:
-        own.known[at] = _sampled(own, plant.sample_time or plant.step, weights)
-    F, (n, m) = own.known[at], own.plant.shape
+    if at not in sampling.known:
+        sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, weights)
+    F, (n, m) = sampling.known[at], sampling.plant.shape
     T = plant.step or Fraction(1)
-    first = n + (own.delay - 1) * m
+    first = n + (sampling.delay - 1) * m
     for i, row in enumerate(F):
         for j in range(n):
             A[i][j] = (row[j] - (i == j)) / T if plant.step else row[j]
-        acting = A[i][first : first + m] if own.delay else B[i]
+        acting = A[i][first : first + m] if sampling.delay else B[i]
         acting[:m] = [x / T for x in row[n : n + m]]
-        if own.delay:
+        if sampling.delay:
             A[i][first : first + m] = acting
         if E:
             E[i] = [x / T for x in row[n + m :]]
     return Node(at, A, B, E)
 
 
-def _sampled(own: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
+def _sampled(sampling: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
     """Return [F, G, H] at a point, rounded to doubles of the units."""
-    n, plant = own.plant.shape[0], own.plant
+    n, plant = sampling.plant.shape[0], sampling.plant
     none: Exact = ((),) * n
     rows = [
         [[*a, *b, *e] for a, b, e in zip(v.exact_A, v.exact_B, v.exact_E or none, strict=True)]
         for v in plant.vertices
     ]
-    units = own.units
+    units = sampling.units
     M = [
         [x * T * u / unit for x, u in zip(row, units, strict=True)]
         for row, unit in zip(mix(weights, rows), units, strict=False)
     ]
     return [
         [Fraction((x + (i == j) * ONE) / ONE) * units[i] / units[j] for j, x in enumerate(row)]
-        for i, row in enumerate(sample(M, own.terms))
+        for i, row in enumerate(sample(M, sampling.terms))
     ]
 
 
 def _weights(at: Sequence[Fraction]) -> list[Fraction]:
     pairs = ((1 - t, t) for t in at)
-    return [math.prod(own, start=Fraction(1)) for own in product(*pairs)]
+    return [math.prod(pair, start=Fraction(1)) for pair in product(*pairs)]
 
 
-def _narrowed(own: Parameter, low: Fraction, high: Fraction) -> Parameter:
+def _narrowed(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:
     """Return a parameter on a part of its interval; weights are of p, or of 1/p."""
-    first, last = own.scheduling(own.low), own.scheduling(own.high)
-    ends = (own.scheduling(first + (last - first) * t) for t in (low, high))
+    first, last = parameter.scheduling(parameter.low), parameter.scheduling(parameter.high)
+    ends = (parameter.scheduling(first + (last - first) * t) for t in (low, high))
     start, end = ends
-    return replace(own, low=start, high=end, rate=None)
+    return replace(parameter, low=start, high=end, rate=None)
 
 
-def _inside(plant: UncertainPlant, own: Output, low: Point, high: Point) -> Output:
+def _inside(plant: UncertainPlant, output: Output, low: Point, high: Point) -> Output:
     """Return an output whose rows are those at the corners of a part."""
     C, D, F = (
         tuple(tuple(row) for (row,) in on_corners([[list(row)] for row in rows], low, high))
-        for rows in own.exact(plant)
+        for rows in output.exact(plant)
     )
-    return replace(own, C=C, D=D, F=F if plant.disturbance_count else ())
+    return replace(output, C=C, D=D, F=F if plant.disturbance_count else ())
 
 
 def _exact(M: Rationals) -> Exact:

@@ -1,0 +1,177 @@
+"""Samples between nodes: how far the exponential is from its interpolation, against SciPy's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from polefence import Disk, FixedGain, System, UncertainPlant, analyse, at_sample_time
+from polefence.plant.family import Parameter
+from polefence.plant.samples import claim_of_samples
+from polefence.proof.claims.base import prove
+from polefence.proof.interpolation import ONE, bends, sample
+from polefence.proof.work import FormatError
+from polefence.response import samples
+
+WIDTH = 2  # columns of B and E
+
+
+def rationals(M):
+    return [[Fraction(x) for x in row] for row in M.tolist()]
+
+
+def family(rng, n, count, size):
+    """[A, B, E] T at the corners of a box, affine in each coordinate."""
+    middle = rng.normal(size=(n, n + WIDTH))
+    slopes = rng.normal(size=(count, n, n + WIDTH)) * rng.random(count)[:, None, None]
+    corners = [middle + np.tensordot(t, slopes, 1) for t in product((-0.5, 0.5), repeat=count)]
+    scale = size / max(np.abs(M).sum(axis=1).max() for M in corners)
+    return np.array(corners) * scale
+
+
+def between(corners, t):
+    """The multi-affine combination of the corners of a box."""
+    weights = np.ones(1)
+    for x in t:
+        weights = np.outer(weights, (1 - x, x)).ravel()
+    return np.tensordot(weights, corners, 1)
+
+
+def held(M):
+    """The rows of exp M of the states."""
+    n, width = M.shape
+    return expm(np.vstack([M, np.zeros((width - n, width))]))[:n]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 3), st.floats(0.05, 3))
+def test_no_sample_is_farther_off_than_its_bound(seed, n, count, size):
+    rng = np.random.default_rng(seed)
+    corners = family(rng, n, count, size)
+    terms = int(np.ceil(4 * size)) + 6
+    found = bends([rationals(M) for M in corners], terms)
+    along = np.array([[[float(x) for x in row] for row in C] for C in found.along])
+    low = rng.random(count) * 0.9
+    side = (1 - low) * rng.random(count)
+    part = np.array([held(between(corners, low + side * t)) for t in product((0, 1), repeat=count)])
+    allowed = np.tensordot(side**2, along, 1) / 8 + float(found.missing) + 1e-13
+    for t in rng.random((20, count)):
+        apart = held(between(corners, low + side * t)) - between(part, t)
+        assert np.all(np.abs(apart) <= allowed)
+
+
+def test_the_bound_is_nearly_attained_where_nothing_is_lost_in_it():
+    # x' = a x, 0 <= a T <= 0.1: e^aT bends by (0.1)^2 e^aT
+    found = bends([[[Fraction(0)]], [[Fraction(1, 10)]]], 12)
+    assert float(found.along[0][0][0]) == pytest.approx(0.01 * np.exp(0.1), rel=1e-12)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 5), st.floats(0.01, 8))
+def test_a_sample_is_that_of_the_exponential(seed, n, size):
+    (M,) = family(np.random.default_rng(seed), n, 0, size)
+    terms = int(np.ceil(4 * size)) + 10
+    found = np.array(sample(rationals(M), terms), dtype=object) / ONE
+    missing = float(bends([rationals(M)], terms).missing)
+    off = np.abs(found.astype(float) + np.eye(n, n + WIDTH) - held(M))
+    assert off.max() <= missing + 1e-12 * np.exp(size)
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    """A family of three parameters with samples between nodes, and its continuous one."""
+    rng = np.random.default_rng(4)
+    names = ("a", "b", "c")
+    corners = family(rng, 4, 3, 4.0)
+    A = corners[:, :, :4] - 3 * np.eye(4)
+    vertices = tuple(
+        System(M, one[:, 4:5], one[:, 5:], f"vertex {k + 1}")
+        for k, (M, one) in enumerate(zip(A, corners, strict=True))
+    )
+    parameters = tuple(Parameter(name, 0, 1) for name in names)
+    plant = UncertainPlant(vertices, parameters=parameters, name="three")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "_with_remainder", _refused)
+        return plant, at_sample_time(plant, 0.05, 1)
+
+
+def _refused(*_):
+    raise FormatError("the series has too many terms")
+
+
+def test_samples_between_nodes_are_proved_and_hold(sampled):
+    plant, found = sampled
+    assert found.bent
+    assert prove(claim_of_samples(found)).proved
+    remainder = np.array(found.remainder.entries, dtype=float)
+    for t in np.random.default_rng(5).random((30, 3)):
+        alpha = between(np.eye(8), t)
+        A, B = plant.at(alpha)
+        exact = held(np.hstack([A, B, plant.driven(alpha)]) * 0.05)
+        A, B = found.at(alpha)
+        off = np.abs(exact[:, :4] - A[:4, :4])
+        assert np.all(off <= remainder[:4, :4] + 1e-15)
+
+
+def test_a_loop_is_proved_in_parts_and_no_further_than_its_samples(sampled):
+    _, found = sampled
+    law = FixedGain(np.zeros((1, 5)))
+    alpha = found.domain.nodes(6)
+    radius = np.abs(np.linalg.eigvals(found.at(alpha)[0])).max()
+    kept = analyse(found, law, Disk(0, radius * (1 + 1e-3)))
+    assert kept.proved
+    assert kept.certificate.in_parts
+    assert not analyse(found, law, Disk(0, radius * (1 - 1e-3))).proved
+
+
+@pytest.mark.parametrize("fault", ["node", "vertex", "bend", "rounding", "terms", "place"])
+def test_one_fault_in_samples_between_nodes_is_seen(sampled, fault):
+    _, found = sampled
+    law = FixedGain(np.zeros((1, 5)))
+    radius = np.abs(np.linalg.eigvals(found.at(found.domain.nodes(6))[0])).max()
+    document = analyse(found, law, Disk(0, radius * (1 + 1e-3))).certificate.file()
+    claim = next(own for own in document.claims if own.kind == "samples")
+    assert claim.plant.nodes
+    assert prove(claim).proved
+    assert not _proved(_with_fault(claim, fault))
+
+
+def _with_fault(claim, fault):
+    plant, remainder = claim.plant, claim.plant.remainder
+    if fault == "terms":
+        return replace(claim, terms=3)
+    if fault == "bend":
+        C = [list(map(list, M)) for M in remainder.bends]
+        C[1][2][1] /= 2
+        bends = tuple(tuple(map(tuple, M)) for M in C)
+        changed = type(remainder).between(remainder.rounding, bends)
+        return replace(claim, plant=replace(plant, remainder=changed))
+    if fault == "rounding":
+        none = tuple(tuple(x / 2**30 for x in row) for row in remainder.rounding)
+        changed = type(remainder).between(none, remainder.bends)
+        return replace(claim, plant=replace(plant, remainder=changed))
+    if fault == "vertex":
+        A = [list(map(list, M)) for M in plant.A]
+        A[3][1][2] += Fraction(1, 2**40)
+        return replace(claim, plant=replace(plant, A=A))
+    first, *rest = plant.nodes
+    if fault == "node":
+        A = list(map(list, first.A))
+        A[0][1] += Fraction(1, 2**40)
+        return replace(claim, plant=replace(plant, nodes=(replace(first, A=A), *rest)))
+    at = tuple(x / 2 if x else x + Fraction(1, 8) for x in first.at)
+    return replace(claim, plant=replace(plant, nodes=(replace(first, at=at), *rest)))
+
+
+def _proved(claim):
+    try:
+        return prove(claim).proved
+    except FormatError:
+        return False

@@ -21,6 +21,7 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.examples import family
 from support.every_file import write_every_file
+from support.lmi_alone import lmi_alone
 from support.slow import SLOW
 
 for _own in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):  # of a make that runs the tests, not of theirs
@@ -88,11 +89,18 @@ def small_designs() -> dict[str, Design]:
     }
 
 
+@pytest.fixture(name="lmi_alone")
+def methods_without_tuned_laws():
+    with lmi_alone():
+        yield
+
+
 @pytest.fixture(scope="session")
 def every_file(tmp_path_factory):
     """A folder with one file of every kind that the commands write, each proved; not to change."""
     made = tmp_path_factory.mktemp("every_file")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(made)
-        write_every_file(made)
+        with lmi_alone():
+            write_every_file(made)
     return made

@@ -346,7 +346,7 @@ def test_a_signal_that_free_inputs_keep_small_is_not_refuted(car):
         assert refute_limits(car, [Rms(name, 1e-5, DENSITY)]) is None
 
 
-def test_optimise_says_refuted_only_with_the_proof(one):
+def test_optimise_says_refuted_only_with_the_proof(one, lmi_alone):
     asked = [Rms("x", 0.1, 2.0), Gain("x", 50.0), Rms("force", 5.0, 2.0)]
     with pytest.raises(NotProvedError, match=r"^refuted: at vertex 2 \(a = 2\)") as answer:
         optimise(one, Rms("x", density=2.0), asked, method="scheduled")

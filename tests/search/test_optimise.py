@@ -135,7 +135,7 @@ def test_limits_are_bracketed(one, share, reached):
     assert named == "rms of x <= 0.1; rms of force <= 5.19948"
 
 
-def test_a_conflict_names_no_more_than_it_takes(one):
+def test_a_conflict_names_no_more_than_it_takes(one, lmi_alone):
     limits = [rms("x", 0.1), Gain("x", 50.0), rms("force", 1.9), EnergyPeak("x", 9.0)]
     with pytest.raises(NotProvedError) as answer:
         optimise(one, rms("x"), limits, HalfPlane(0.1), method="scheduled")
@@ -266,7 +266,7 @@ def test_a_signal_may_be_minimised_and_limited(two):
 
 
 @pytest.mark.parametrize("method", ["quadratic", Scheduled(2, 0, "box"), Scheduled(1, 1)])
-def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path):
+def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path, lmi_alone):
     third = Output("a third", C=[1 / 3], D=[0.1])
     limits = [
         InitialPeak("x", 2.0, ((0.1,),), 1.0),
@@ -369,8 +369,7 @@ def test_a_method_names_the_freedom_of_a_law_that_may_be_tuned(two, method, law)
         assert done.bounds[0].level < one.bounds[0].level
 
 
-def test_a_law_that_no_search_tunes_is_that_of_the_method(one, monkeypatch):
-    monkeypatch.setattr("polefence.search.optimise._best_tuned", lambda *_: None)
+def test_a_law_that_no_search_tunes_is_that_of_the_method(one, monkeypatch, lmi_alone):
     asked = one, rms("force"), [rms("x", 0.4)], HalfPlane(0.1), "quadratic"
     whole = optimise(*asked)
     monkeypatch.setattr("polefence.search.optimise.together", lambda *_: None)

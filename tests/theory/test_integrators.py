@@ -83,7 +83,7 @@ def test_the_gain_of_a_plant_with_integrators_is_that_of_its_riccati_equation(ki
 
 
 @pytest.mark.parametrize("sampled", [True, False])
-def test_a_refusal_names_what_was_asked_and_no_region_that_was_not(sampled):
+def test_a_refusal_names_what_was_asked_and_no_region_that_was_not(sampled, lmi_alone):
     plant, own, T = described("two integrators")
     if sampled:
         plant = at_sample_time(plant, T, 0)
@@ -97,7 +97,7 @@ def test_a_refusal_names_what_was_asked_and_no_region_that_was_not(sampled):
         assert word not in said
 
 
-def test_a_refusal_names_the_region_as_it_was_asked():
+def test_a_refusal_names_the_region_as_it_was_asked(lmi_alone):
     plant, _, T = described("two integrators")
     sampled = at_sample_time(plant, T, 0)
     with pytest.raises(NotProvedError) as answer:

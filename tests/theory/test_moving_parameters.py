@@ -370,7 +370,7 @@ def test_decay_of_a_design_along_motions():
         x = x + dt * np.einsum("cij,cj->ci", A[k], x + dt / 2 * step)
 
 
-def test_a_ride_costs_more_the_faster_the_load_moves():
+def test_a_ride_costs_more_the_faster_the_load_moves(lmi_alone):
     asked, limit = Rms("x", density=2.0), Rms("f", 1.0, density=2.0)
     levels = [
         optimise(mass(rate), asked, [limit], method=SCHEDULED).bounds[0].level

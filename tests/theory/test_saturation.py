@@ -196,7 +196,7 @@ def test_along_motions_of_the_mass():
     assert levels[0] <= levels[1] * (1 + 1e-6) <= levels[2] * (1 + 1e-5)
 
 
-def test_a_law_that_may_be_cut_off_is_better_than_one_that_may_not():
+def test_a_law_that_may_be_cut_off_is_better_than_one_that_may_not(lmi_alone):
     plant, region = pendulum(), Disk(-6, 6)
     least = Rms("x", density=2.0)
     cut, linear = (

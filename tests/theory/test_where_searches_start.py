@@ -211,7 +211,7 @@ def test_no_answer_hangs_on_the_clock(ride, loose, monkeypatch):
     assert all(prove(claim).proved for claim in claims)
 
 
-def test_limits_alone_find_what_minimising_finds():
+def test_limits_alone_find_what_minimising_finds(lmi_alone):
     satellite = loads(SATELLITE)
     start = ((1.0, 1.0, 0.0, 0.0),)
     least = optimise(
@@ -223,7 +223,7 @@ def test_limits_alone_find_what_minimising_finds():
     assert kept.bound("torque").level == level
 
 
-def test_a_law_that_is_not_found_is_no_contradiction(integrator):
+def test_a_law_that_is_not_found_is_no_contradiction(integrator, lmi_alone):
     """Scheduled or not, two poles at the edge take a gain of sqrt(5): less has none."""
     with pytest.raises(NotProvedError, match="no law was found|finds no law") as answer:
         optimise(integrator, None, [GainNorm(2.0)], HalfPlane(1), "quadratic")

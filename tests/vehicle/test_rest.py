@@ -68,7 +68,7 @@ def test_a_plant_that_nothing_disturbs_is_refused(make_random):
         rests(make_random(1, 3, 1, 2), None, np.eye(2))
 
 
-def test_optimise_and_report_warn_of_it(tmp_path, monkeypatch, capsys):
+def test_optimise_and_report_warn_of_it(tmp_path, monkeypatch, capsys, lmi_alone):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ride.toml").write_text(spec_text("quarter-car-ride"))
     assert main(["optimise", "ride.toml", "--method", "quadratic", "-o", "ride"]) == 0

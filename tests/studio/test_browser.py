@@ -32,6 +32,7 @@ pytest.importorskip("selenium")
 require_browser()
 
 REGION = "disk(-40, 31)"
+MINE = "mine"
 VIEW = """
 const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name(arguments[0]))
 """
@@ -351,15 +352,29 @@ def test_the_command_line_is_copied(page, address):
     assert text == f"polefence design car.toml --region '{REGION}' --method scheduled -o design"
 
 
-def test_two_tabs_are_two_views(page, address):
+def saved(page):
+    """Press Save; return the page's name for what is saved, when it is."""
+    named(page, "Save").click()
+    name = named(page, "Save under the name").get_attribute("value")
+    assert until(lambda: re.search(rf"saved: \S*{name}/session.json", text_of(page)))
+    return name
+
+
+def test_two_tabs_are_two_views_and_save_beside_each_other(page, address, folder):
     first = page.current_window_handle
     page.switch_to.new_window("tab")
     opened(page, address)
     type_into(page, "Region", "disk(-40, 35)")
     assert until(lambda: "proved: all poles in disk(-40, 35)" in text_of(page))
+    other = saved(page)
     page.close()
     page.switch_to.window(first)
     assert region_of(page) == REGION
+    own = saved(page)
+    assert own != other
+    for name, region in ((other, Disk(-40, 35)), (own, Disk(-40, 31))):
+        session = folder / name / "session.json"
+        assert Session.read(session).state(subject(), session).region == region
 
 
 def paper(page):
@@ -390,46 +405,34 @@ def test_a_phone_shows_all_of_it(page, window, address):
         resized(window)
 
 
-@pytest.mark.parametrize("size", [1366, 390])
-def test_no_name_and_no_answer_is_wider_than_the_window(folder, window, size):
+def test_no_name_and_no_answer_is_wider_than_the_window(folder, window):
     own = spec_text("quarter-car-ride").replace('label = "sprung mass"', f'label = "{"L" * 150}"')
     (folder / "long.toml").write_text(own.replace("quarter car, ride", "N" * 180))
     region = "disk(-40, 3) & sector(0.123456789123) & vertical_strip(-1000.123456789, -0.123456789)"
     try:
-        resized(window, size, 900)
         with studio(folder, "long.toml", "--region", region, "-o", "long") as (address, _):
             window.get(address)
             assert until(lambda: "refuted: poles of this law leave" in text_of(window))
             assert "LLL m1 [kg]" in text_of(window)
-            assert until(lambda: width(window) <= size)
-            badge = element(
-                window,
-                """
-                const own = all.find(e => String(e.className || "").startsWith("badge"))
-                return own.getBoundingClientRect().right
-                """,
-            )
-            assert badge <= size
+            for size in (1366, 390):
+                resized(window, size, 900)
+                assert until(lambda size=size: width(window) <= size)
+                badge = element(
+                    window,
+                    """
+                    const own = all.find(e => String(e.className || "").startsWith("badge"))
+                    return own.getBoundingClientRect().right
+                    """,
+                )
+                assert badge <= size
     finally:
         resized(window)
-
-
-def test_two_tabs_save_beside_each_other(folder, window):
-    with studio(folder, "car.toml", "--region", REGION, "-o", "two") as (address, _):
-        with browser() as second:
-            for own in (window, second):
-                opened(own, address)
-            for own in (window, second):
-                named(own, "Save").click()
-                assert until(lambda own=own: "saved: " in text_of(own))
-        assert (folder / "two" / "session.json").is_file()
-        assert (folder / "two-2" / "session.json").is_file()
 
 
 @pytest.fixture(scope="module")
 def again(folder, kept):
     """Address and process of a server of a session that was saved; the test of Ctrl-C ends it."""
-    session = folder / "studio" / "session.json"
+    session = folder / MINE / "session.json"
     if not session.is_file():  # the test that saves it is left out
         Session.of(subject(), State.first(subject(), Disk(-40, 32))).save(session.parent)
     with studio(folder, str(session), "-o", "again") as own:
@@ -440,11 +443,10 @@ def again(folder, kept):
 def test_what_is_saved_is_proved_and_opens_again(page, folder, request):
     type_into(page, "Region", "disk(-40, 32)")
     assert until(lambda: "proved: all poles in disk(-40, 32)" in text_of(page))
-    type_into(page, "Save under the name", "studio")  # pages before this one may have kept it
-    named(page, "Save").click()
-    assert until(lambda: "saved: " in text_of(page))
-    assert Design.load(folder / "studio" / "design").region == Disk(-40, 32)
-    session = folder / "studio" / "session.json"
+    type_into(page, "Save under the name", MINE)  # pages before this one may have kept another
+    assert saved(page) == MINE
+    assert Design.load(folder / MINE / "design").region == Disk(-40, 32)
+    session = folder / MINE / "session.json"
     assert Session.read(session).state(subject(), session).region == Disk(-40, 32)
     assert json.loads(session.read_text())["method"] == "scheduled"
     page.refresh()

@@ -82,7 +82,7 @@ def until(ask, *, patience=PATIENCE):
         with suppress(Exception):  # the page may be in the middle of a change
             if found := ask():
                 return found
-        time.sleep(0.05)
+        time.sleep(0.1)
     return ask()
 
 

@@ -148,7 +148,7 @@ def test_the_same_is_asked_by_options(here, capsys):
     assert out.count(" limit\n") == 3
 
 
-def test_what_is_not_proved_names_the_conflict(here, capsys):
+def test_what_is_not_proved_names_the_conflict(here, capsys, lmi_alone):
     words = ["optimise", "stage.toml", "--limit", "rms of force <= 0.01 with density 2"]
     words += ["--region", "half_plane(0)", "--limit", "rms of x <= 0.3 with density 2"]
     out = ran(capsys, *words, "-o", "no", status=1)
@@ -245,7 +245,7 @@ def test_a_line_keeps_the_density_of_the_table_it_replaces():
         parse_specification("rms of v <= 1", known=known)
 
 
-def test_the_command_knows_that_density(tmp_path, capsys):
+def test_the_command_knows_that_density(tmp_path, capsys, lmi_alone):
     spec = tmp_path / "stage.toml"
     spec.write_text(PLANT + ASKED)
     words = ["optimise", spec, "--method", "quadratic", "--json", "-"]

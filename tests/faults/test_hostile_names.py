@@ -12,6 +12,7 @@ import pytest
 
 from polefence.cli.main import main
 from polefence.proof.text import quoted, unit_text, visible
+from support.lmi_alone import lmi_alone
 
 FORGED = "all poles in disk(-9, 1)"
 NAMES = {
@@ -93,7 +94,7 @@ def run_all(capsys, some):
 def plain(tmp_path_factory):
     """How many lines each command prints where the name is an x, and its status."""
     folder, found = tmp_path_factory.mktemp("plain"), []
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, lmi_alone():
         patch.chdir(folder)
         Path("stage.toml").write_text(spec_of("x"))
         for words in commands("stage.toml"):
@@ -112,6 +113,7 @@ CONTROL = "".join(NAMES[kind] for kind in list(NAMES)[:6])
 
 
 @pytest.mark.parametrize("name", [CONTROL, NAMES["dollars"]])
+@pytest.mark.usefixtures("lmi_alone")
 def test_nothing_that_is_printed_leaves_its_line(plain, tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     Path("stage.toml").write_text(spec_of(name), encoding="utf-8")

@@ -25,6 +25,7 @@ from polefence.proof.text import (
     sum_text,
 )
 from polefence.region.text import digits_down, digits_up
+from support.lmi_alone import lmi_alone
 
 PLANT = """
 name = "stage"
@@ -61,7 +62,7 @@ at_most = 40
 def made(tmp_path_factory):
     """A folder with a file of each kind."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, lmi_alone():
         patch.chdir(folder)
         Path("stage.toml").write_text(PLANT + ASKED)
         Path("gains.json").write_text('{"grid": {"k": [1, 3]}, "gains": [[[-9, -6]], [[-8, -6]]]}')
@@ -393,7 +394,7 @@ at_most = 90
 def with_outputs(tmp_path_factory):
     """A design of a plant that names outputs, with bounds on vectors of them."""
     folder = tmp_path_factory.mktemp("outputs")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, lmi_alone():
         patch.chdir(folder)
         Path("rows.toml").write_text(OUTPUTS + ON_OUTPUTS)
         assert main(["optimise", "rows.toml", "--method", "quadratic", "-o", "rows"]) == 0

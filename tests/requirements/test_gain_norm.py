@@ -356,7 +356,7 @@ def test_one_state_has_its_closed_form(one, method, limit):
 
 
 @pytest.mark.parametrize("method", ["quadratic", "scheduled"])
-def test_the_least_gain_that_is_stable_is_bracketed(one, method):
+def test_the_least_gain_that_is_stable_is_bracketed(one, method, lmi_alone):
     found = optimise(one, None, [GainNorm(2.002)], method=method)
     assert found.bounds[0].level == 2.002
     with pytest.raises(NotProvedError, match=r"gain norm of the law <= 1.998"):

@@ -211,7 +211,7 @@ def test_no_answer_hangs_on_the_clock(ride, loose, monkeypatch):
     assert all(prove(claim).proved for claim in claims)
 
 
-def test_limits_alone_find_what_minimising_finds(lmi_alone):
+def test_limits_alone_find_what_minimising_finds():
     satellite = loads(SATELLITE)
     start = ((1.0, 1.0, 0.0, 0.0),)
     least = optimise(

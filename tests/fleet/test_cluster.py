@@ -97,7 +97,7 @@ def test_rows_are_those_of_processes(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")
 def test_workers_that_are_killed_lose_no_row(tmp_path, port, small_groups, capsys):
-    study, out = load_study(write(tmp_path, 16)), tmp_path / "out"
+    study, out = load_study(write(tmp_path, 12)), tmp_path / "out"
     with scheduler(port) as address:
         workers = dask(address)
         for k, _ in enumerate(run(study, Store(out), workers)):
@@ -105,9 +105,9 @@ def test_workers_that_are_killed_lose_no_row(tmp_path, port, small_groups, capsy
                 with distributed.Client(address, set_as_default=False) as client:
                     pids = list(client.run(os.getpid).values())
                 os.kill(pids[0], signal.SIGKILL)
-        assert keys(out) == every(16)
+        assert keys(out) == every(12)
         assert main(["study", str(out), "--check", "--cluster", address]) == 0
-    assert "32 rows, 32 with proofs; 0 faults" in capsys.readouterr().out
+    assert "24 rows, 24 with proofs; 0 faults" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills by POSIX signals")

@@ -7,6 +7,7 @@ import math
 import re
 import shutil
 from contextlib import redirect_stdout, suppress
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -28,6 +29,7 @@ from polefence.response.discrete import Sampling
 from support.once import proved_once  # noqa: F401
 
 FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
+TIMED = FILES | {"sampled.json"}
 
 
 @cache
@@ -252,25 +254,67 @@ def test_a_sample_time_is_proved_with_the_rounding(ran, timed, capsys):
     assert status == 0
     assert "proved to decay" in said
     assert main(["check", str(timed)]) == 0
-    assert "run every 2 ms, u one step late" in capsys.readouterr().out
-    whole = json.loads((timed / "guarantee.json").read_text())
-    assert whole["claims"][1]["off"]["error"] > 0.04  # the code's rounding is in the same proof
+    said = capsys.readouterr().out
+    assert "poles in disk(0, 0.98" in said
+    assert "samples every 2 ms of x' = A x + B u" in said
+    assert "u 1 sample late" in said
 
-    def answer(**changes):
-        rounding, table = whole["claims"]
-        table = {k: v for k, v in (table | changes).items() if v is not None}
-        text = json.dumps(whole | {"claims": [rounding, table]})
-        (timed / "guarantee.json").write_text(text)
-        return check_guarantee(timed)
 
-    assert answer().proved
-    assert not answer(off=None).proved
-    less = whole["claims"][1]["off"] | {"error": 0.01}
-    assert not answer(off=less).proved
-    assert not answer(decay=12.0).proved
-    assert not answer(sample_time=0.004).proved
-    with pytest.raises(DesignFileError, match="6 x 6, not 5 x 5"):
-        answer(delay=0)
+def rounding(whole):
+    return next(table for table in whole["claims"] if table["kind"] == "rounding")
+
+
+def samples(whole):
+    return next(table for table in whole["claims"] if table["kind"] == "samples")
+
+
+def scaled(table, *keys, by=1.01):
+    """Multiply one number of a table."""
+    for key in keys[:-1]:
+        table = table[key]
+    assert table[keys[-1]] not in (0, None)
+    table[keys[-1]] = float(Fraction(table[keys[-1]])) * by
+
+
+FAULTS = {
+    "the law": lambda whole: scaled(whole["law"], "Z", 0, 0, 0),
+    "the code": lambda whole: scaled(rounding(whole), "code", "Z", 0, 0, 0, by=1.5),
+    "a gain of what is late": lambda whole: rounding(whole)["code"]["Z"][0][0].__setitem__(5, 1.0),
+    "the number of bits": lambda whole: rounding(whole)["code"].update(bits=64),
+    "the sample time": lambda whole: whole["plant"].update(sample_time=0.004),
+    "the delay": lambda whole: samples(whole).update(delay=0),
+    "the plant that is sampled": lambda whole: scaled(samples(whole), "vertices", 0, "A", 3, 0),
+    "the samples": lambda whole: scaled(whole["plant"]["vertices"][0], "A", 0, 0),
+    "the remainder": lambda whole: whole["plant"].pop("remainder"),
+    "a range": lambda whole: whole["plant"]["parameters"][0].update(range=[240, 340]),
+    "less rounding": lambda whole: scaled(rounding(whole), "gain", "error", by=0.01),
+    "a smaller disk": lambda whole: scaled(rounding(whole), "gain", "region", "radius", by=0.99),
+    "no rounding": lambda whole: whole["claims"].remove(rounding(whole)),
+    "no samples": lambda whole: whole["claims"].remove(samples(whole)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_changed_file_of_the_sampled_loop_is_refused(timed, fault):
+    path = timed / "sampled.json"
+    whole = json.loads(path.read_text())
+    assert check_guarantee(timed).proved
+    FAULTS[fault](whole)
+    path.write_text(json.dumps(whole))
+    with suppress(DesignFileError):
+        assert not check_guarantee(timed).proved
+
+
+def test_the_file_of_another_loop_is_refused(timed):
+    """It is proved, but of another law than the code's, or of another plant."""
+    path = timed / "sampled.json"
+    for other in (place(family("quarter-car-physical"), Disk(-40, 35), "quadratic"),):
+        path.write_bytes(export_c99(other, 32, sampling=Sampling(0.002)).files["sampled.json"])
+        with pytest.raises(DesignFileError, match="its law is not the code's"):
+            check_guarantee(timed)
+    path.unlink()
+    with pytest.raises(DesignFileError, match=r"sampled\.json"):
+        check_guarantee(timed)
 
 
 WORDS = {
@@ -334,17 +378,6 @@ def test_a_wider_region_kept_is_what_the_head_says(tmp_path):
     assert "law.h" in answer.reason
 
 
-def test_sampling_of_a_discrete_time_plant_is_not_read(timed):
-    """Its matrices would be taken for those of continuous time."""
-    path = timed / "guarantee.json"
-    whole = json.loads(path.read_text())
-    assert check_guarantee(timed).proved
-    whole["plant"]["sample_time"] = 0.002
-    path.write_text(json.dumps(whole))
-    with pytest.raises(DesignFileError, match="continuous"):
-        check_guarantee(timed)
-
-
 def test_too_long_a_sample_time_is_refused_and_leaves_nothing_to_check(saved, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(saved, "--sample-time", 0.01, "-o", out) == 1
@@ -374,7 +407,7 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     assert run(*arguments) == 2
     assert "--sample-time" in capsys.readouterr().err
     assert run(*arguments, "--sample-time", 0.002) == 0
-    assert {path.name for path in out.iterdir()} == FILES | {"law_observer.c", "law_observer.h"}
+    assert {path.name for path in out.iterdir()} == TIMED | {"law_observer.c", "law_observer.h"}
     assert "Observer: proved" in (out / "README.md").read_text()
     capsys.readouterr()
     assert main(["check", str(out)]) == 0
@@ -414,7 +447,7 @@ def observer_is_proved(out):
     assert "law_observer.h" in answer(digest, told).reason
     narrower = answer(lambda whole: whole["claims"][-1]["region"].update(radius=20.0))
     assert narrower.answer == "refuted"
-    assert narrower.reason.startswith("claim 3, observer: at alpha = ")
+    assert narrower.reason.startswith("claim 2, observer: at alpha = ")
     for change in (
         lambda whole: whole["claims"].pop(),
         lambda whole: whole["claims"][-1].update(law=whole["law"]),

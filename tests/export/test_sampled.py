@@ -1,6 +1,5 @@
 """Sampled loops: poles by other means, analytic limits, simulation, the document."""
 
-import json
 import math
 from dataclasses import replace
 from functools import cache
@@ -13,18 +12,16 @@ from polefence import Disk, FixedGain, HalfPlane, Sector, UncertainPlant, analys
 from polefence.base.errors import InputError
 from polefence.certify.at_samples import at_samples
 from polefence.examples import family
-from polefence.export.guarantee import guarantee
+from polefence.export.decay import prove_decay
 from polefence.export.program import number, program
 from polefence.export.sampled import (
     largest_sample_time,
-    off_by_rounding,
-    prove_decay,
     sampled_poles,
     sampling_effect,
 )
 from polefence.proof.claims.base import prove
-from polefence.proof.work import FormatError
-from support.files import only_claim_in
+from polefence.proof.claims.rounding import Rounded, rounding_error
+from polefence.proof.document import loads
 
 TIME = 0.002
 
@@ -131,16 +128,30 @@ def test_the_largest_sample_time_of_the_car_holds_and_hardly_more():
 def test_the_proved_decay_is_below_the_sampled_one_and_near():
     found = proof()
     assert found.proved
-    assert 0.95 * found.sampled < found.decay < found.sampled
+    assert 0.998 * found.sampled < found.decay < found.sampled
     assert found.reason == ""
     assert found.sampled == pytest.approx(sampling_effect(car(), TIME).decay, rel=1e-9)
 
 
 def test_the_samples_and_their_law_are_proved_to_decay_no_slower():
     for delay in (0, 1):
-        decay = (proof() if delay else prove_decay(car(), TIME, 0)).decay
+        found = proof() if delay else prove_decay(car(), TIME, 0)
+        held = found.rounded.design
+        assert held.certificate.prove().proved
+        assert held.region.radius <= math.exp(-found.decay * TIME)
         seen, law = at_samples(car().plant, car().law, TIME, delay)
-        assert analyse(seen, law, Disk(0, math.exp(-decay * TIME))).proved
+        assert analyse(seen, law, Disk(0, math.exp(-0.99 * found.decay * TIME))).proved
+
+
+def test_long_samples_of_a_fast_aircraft_are_proved_nearly_to_the_end():
+    """A fifth of what keeps it stable: between the vertices its samples are far from affine."""
+    region = HalfPlane(6) & Sector(0.7) & Disk(-13, 11)
+    aircraft = place(family("f16"), region, "scheduled")
+    for time, share in ((0.02, 0.998), (0.0455, 0.9)):
+        found = prove_decay(
+            aircraft, time, 1, program(aircraft.law, aircraft.plant.parameters, number(32))
+        )
+        assert share * found.sampled < found.decay < found.sampled
 
 
 def test_a_simulation_decays_as_proved():
@@ -161,21 +172,21 @@ def test_a_simulation_decays_as_proved():
 
 
 def test_rounding_and_sampling_are_proved_together():
-    design, program_of = car(), program(car().law, car().plant.parameters, number(32))
-    rounded = guarantee(design, program_of).claim
-    found = prove_decay(design, TIME, 1, off_by_rounding(rounded))
+    made = program(car().law, car().plant.parameters, number(32))
+    found = prove_decay(car(), TIME, 1, made)
     assert found.proved
-    assert 0.9 * found.sampled < found.decay < found.sampled
-    assert found.claim.covers(rounded)
-    assert not proof().claim.covers(rounded)
-    less = replace(found.claim, off=replace(found.claim.off, error=found.claim.off.error / 2))
-    assert not less.covers(rounded)
-    other = replace(found.claim, off=replace(found.claim.off, rows=(found.claim.off.rows[0] * 2,)))
-    assert not other.covers(rounded)
-    law = replace(found.claim.design.law, Z=found.claim.design.law.W)
-    other = replace(found.claim, design=replace(found.claim.design, law=law))
-    assert not other.covers(rounded)
-    assert again(found.claim, design) == same(found.claim)
+    assert 0.99 * found.sampled < found.decay <= proof().decay
+    claim = found.rounded.claim
+    assert prove(claim).proved
+    assert prove(only_claim_of_code(found.file().dumps())).proved
+    less = replace(claim, gain=replace(claim.gain, error=rounding_error(claim) / 2))
+    assert not prove(less).proved
+    with pytest.raises(InputError, match="not stable"):
+        prove_decay(car(), 5e-3).file()
+
+
+def only_claim_of_code(text):
+    return loads(text).first(Rounded)
 
 
 def test_an_unstable_loop_is_not_proved_and_said_so():
@@ -193,50 +204,6 @@ def test_the_proof_reaches_near_to_the_limit_of_stability():
     assert found.proved
     assert 0 < found.decay <= found.sampled
     assert not prove_decay(integrator(), 1.05 / k, 1).proved
-
-
-def document_of(claim, design=None):
-    certificate = (design or car()).certificate
-    return json.loads(certificate.file([claim]).dumps())
-
-
-def again(claim, design=None):
-    """The claim of its own file."""
-    return only_claim_in(json.dumps(document_of(claim, design)))
-
-
-def same(claim):
-    """The claim as a file has it: of plant and law, no region."""
-    design = replace(claim.design, method="lyapunov", region=(), evidence=())
-    return replace(claim, design=design)
-
-
-def test_the_document_reads_back_the_same():
-    claim = proof().claim
-    assert again(claim) == same(claim)
-    assert prove(again(claim)).proved
-    off = replace(claim, delay=0, smallest=claim.mu, energy=claim.error)
-    assert off.write()["energy"] == float(claim.error)
-
-
-@pytest.mark.parametrize("key", ["sample_time", "decay", "T", "steps", "evidence", "mu"])
-def test_a_document_that_is_cut_short_is_refused(key):
-    document = document_of(proof().claim)
-    (table,) = document["claims"]
-    for changed in ({**table, "more": 1}, {k: v for k, v in table.items() if k != key}, [], None):
-        with pytest.raises(FormatError):
-            only_claim_in(json.dumps(document | {"claims": [changed]}))
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("delay", "1"), ("terms", 1.5), ("T", [[1]]), ("steps", [[[1]]]), ("evidence", {"X": []})],
-)
-def test_a_malformed_document_is_refused(key, value):
-    document = document_of(proof().claim)
-    (table,) = document["claims"]
-    with pytest.raises(FormatError):
-        only_claim_in(json.dumps(document | {"claims": [{**table, key: value}]}))
 
 
 @pytest.mark.parametrize("time", [0, -1.0, math.nan, math.inf, "fast", None])

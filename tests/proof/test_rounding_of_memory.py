@@ -5,20 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from polefence.export.guarantee import _guarantee, guarantee, scales
+from polefence.export.guarantee import guarantee, roundings
 from polefence.export.memory import kept, with_rates
 from polefence.export.program import number, program
 from polefence.export.program import with_memory as with_memory_of
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.rounding import UNITS, gain_errors, rounding_error
+from polefence.proof.claims.rounding import UNITS, Rounded, gain_errors, rounding_error
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.document import check, loads
 from polefence.proof.work import FormatError
 from support.memories import TIME, design, exactly, exported
+
+EXPORTED = Path(__file__).parent / "format2" / "export" / "guarantee.json"
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +31,7 @@ def rounded():
 
 @pytest.fixture(scope="module")
 def sampled():
-    return exported("affine", 32).timing.proof.claim
+    return loads(EXPORTED.read_text()).first(Sampled)
 
 
 def with_memory(claim, **changes):
@@ -82,7 +85,7 @@ def test_scales_of_the_steps_prove_what_those_of_the_gain_do_not():
     """Of short samples u / T is the error, of no size that an entry of the gain has."""
     own = with_rates(design("pid"))
     code = with_memory_of(program(own.law, own.plant.parameters, number(32)), kept(own), 5e-6)
-    plain = _guarantee(own, code, scales(code, own.law))
+    plain = roundings(own, code)[0].guarantee(own)
     assert not plain.proved
     assert plain.rounding > plain.tolerated > 0
     found = guarantee(own, code)
@@ -163,20 +166,17 @@ def test_a_fault_of_the_sampled_loop_is_found(sampled, fault):
         assert fault != "faster"
 
 
-def test_a_loop_covers_the_code_with_its_own_time_and_states_alone(rounded, sampled):
+def test_a_loop_covers_the_code_with_its_own_time_and_states_alone(sampled):
+    rounded = loads(EXPORTED.read_text()).first(Rounded)
     assert sampled.covers(rounded)
     without = replace(rounded, code=replace(rounded.code, memory=None))
     other = with_memory(rounded, sample_time=rounded.code.memory.sample_time * 2)
     assert not any(sampled.covers(claim) for claim in (without, other))
     assert not replace(sampled, prompt=0).covers(rounded)
-    prompt = exported("affine", 32, False).timing.proof.claim
-    assert prompt.prompt == 0
-    assert prompt.covers(rounded)
 
 
 def test_files_have_the_fields_of_a_memory_where_there_is_one():
-    text = exported("affine", 32).files["guarantee.json"].decode()
-    found = loads(text)
+    found = loads(EXPORTED.read_text())
     assert check(found).proved
     loop = found.first(Sampled)
     assert (loop.prompt, loop.late) == (1, 1)

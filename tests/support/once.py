@@ -71,5 +71,5 @@ def proved_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("polefence.export.documents.check_document", remembered)
-        patch.setattr("polefence.export.guarantee.largest_sample_time", sought)
+        patch.setattr("polefence.export.timing.largest_sample_time", sought)
         yield

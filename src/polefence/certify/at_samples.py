@@ -16,12 +16,12 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import Output
 from polefence.plant.system import System
-from polefence.response.samples import at_sample_time
+from polefence.response.samples import ENOUGH, at_sample_time
 
 
 @explained
 def at_samples(
-    plant: UncertainPlant, law: Any, sample_time: Any, delay: int = 1
+    plant: UncertainPlant, law: Any, sample_time: Any, delay: int = 1, remainder: float = ENOUGH
 ) -> tuple[UncertainPlant, Law]:
     """Return a plant's samples, and the same law of their states: what is computed is unchanged.
 
@@ -38,6 +38,8 @@ def at_samples(
         [s]; the inputs are held between samples.
     delay : int
         How many samples late they act: 1 where the law is computed during a step.
+    remainder : float
+        As `polefence.at_sample_time` has it.
 
     Returns
     -------
@@ -53,9 +55,13 @@ def at_samples(
     """
     law = given_law(plant, law)
     kept = 0 if law.W is not None else own_states(plant)  # a quotient keeps no states
-    held = at_sample_time(_without(plant, kept), sample_time, delay)
+    held = at_sample_time(_without(plant, kept), sample_time, delay, remainder=remainder)
     late = held.shape[0] - (plant.shape[0] - kept)
     found = with_states(held, kept) if kept else held
+    if kept and plant.states:  # a PID's have names of their own
+        states = (*found.states[:-kept], *plant.states[-kept:])
+        inputs = (*found.inputs[:-kept], *plant.inputs[-kept:])
+        found = replace(found, states=states, inputs=inputs)
     return found, given_law(found, law.late(plant.shape[0] - kept, late) if late else law)
 
 

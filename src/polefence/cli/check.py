@@ -22,6 +22,7 @@ from polefence.cli.options import result_arguments
 from polefence.cli.output import NOT_PROVED, PROVED, write_json
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
+from polefence.export.documents import FILE_NAME
 from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import (
@@ -38,7 +39,6 @@ from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.refutation import RmsRefutation
-from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.dampers import SemiActive
@@ -120,6 +120,8 @@ def _files(path: Path) -> list[Path]:
     """Return a file, or those of claims in a folder."""
     if not path.is_dir():
         return [path]
+    if is_proof_file(path / FILE_NAME):
+        return [path / FILE_NAME]  # of an export, which names what else is there
     claims = [file for file in sorted(path.glob("*.json")) if is_proof_file(file)]
     if not claims:
         others = sorted(other.name for other in path.glob("*.json"))[:3]
@@ -134,7 +136,7 @@ def _row(
     name: Path, path: Path, document: Document, plant: UncertainPlant | None, spec: str | None
 ) -> dict[str, Any]:
     """Prove one file, and compare it with the plant of a spec."""
-    exported = document.first(Rounded) is not None
+    exported = path.name == FILE_NAME or document.export is not None
     answer = check_guarantee(path) if exported else check_document(document, path)
     return {
         "file": str(name),

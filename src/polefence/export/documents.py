@@ -21,7 +21,6 @@ from polefence.base.explained import explained
 from polefence.certify.certificate import Certificate, Check, plant_of
 from polefence.certify.design import Design, check_document, read_document
 from polefence.certify.measured import DUAL
-from polefence.export.guarantee import Timing, milliseconds
 from polefence.export.memory import kept
 from polefence.export.observer import observer_sources
 from polefence.export.program import (
@@ -35,7 +34,8 @@ from polefence.export.program import (
     number,
 )
 from polefence.export.sources import Texts, context, environment, sources
-from polefence.law.laws import FixedGain, Law, PolynomialGain
+from polefence.export.timing import Timing, decay_in, milliseconds
+from polefence.law.laws import PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
@@ -51,6 +51,7 @@ from polefence.region.text import digits_down, digits_up, short_text
 from polefence.search.observer import Observer
 
 FILE_NAME = "guarantee.json"
+SAMPLED = "sampled.json"  # beside it, where there is a sample time: see `timing`
 LONGEST = 100  # characters of a file's name
 
 WIDTH, NO_BREAK = 88, "\u00a0"
@@ -63,7 +64,6 @@ def guarantee_text(
     claim: Rounded,
     texts: Texts,
     files: Mapping[str, bytes],
-    sampled: Sampled | None = None,
     seen: Seen | None = None,
     observer: tuple[Design, bool] | None = None,
 ) -> str:
@@ -77,15 +77,12 @@ def guarantee_text(
         What, with the constants, the law's sources are made of.
     files : mapping
         What else runs; their digests are kept.
-    sampled : Sampled, optional
-        What is proved of the sampled loop.
     seen : Seen, optional
-        What was found of it besides.
+        What was found of the sampled loop.
     observer : (Design, bool), optional
         The observer's design, and whether its code is given the plant's parameters.
     """
     claims: list[Claim] = [claim]
-    claims += [] if sampled is None else [sampled]
     export: dict[str, Any] = {"text": text_document(texts, seen)}
     if observer is not None:
         dual, export["by_parameters"] = observer
@@ -107,11 +104,18 @@ def check_guarantee(path: str | Path) -> Check:
     """
     where = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
     document = read_document(where)
-    answer = check_document(document, where)
+    answer, held = check_document(document, where), _held(where, document)
     if not answer.proved:
         return answer
+    if held is not None:
+        more = check_document(held, where.with_name(SAMPLED))
+        reason = answer.reason if more.proved else f"{SAMPLED}: {more.reason}"
+        both = {key: getattr(answer, key) + getattr(more, key) for key in ("claims", "verdicts")}
+        answer = replace(more, reason=reason, **both)
+        if not answer.proved:
+            return answer
     try:
-        changed = _other(where, document)
+        changed = _other(where, document, held)
     except (FormatError, InputError) as error:
         raise DesignFileError(f"{where}: {error}") from error
     return replace(answer, answer="undecided", reason=changed) if changed else answer
@@ -125,10 +129,33 @@ def _observer(document: Document, claim: ObserverClaim | None) -> Observer | Non
     return Observer(plant_of(document.plant), design)
 
 
-def _other(path: Path, document: Document) -> str:
+def _held(path: Path, document: Document) -> Document | None:
+    """Return the file about the sampled loop, where there is one; older ones have it in a claim."""
+    text = (document.export or {}).get("text")
+    asked = isinstance(text, dict) and "sampled" in text
+    if not asked or document.first(Sampled) is not None:
+        return None
+    return read_document(path.with_name(SAMPLED))
+
+
+def _loop(document: Document, held: Document | None, claim: Rounded, seen: Seen) -> Loop:
+    """Return what is proved of the sampled loop of this code."""
+    loop: Sampled | None = document.first(Sampled)
+    if loop is not None:
+        return Loop(float(loop.sample_time), loop.delay, float(loop.decay), seen)
+    if held is None:
+        raise InputError(f"{SAMPLED} is missing")
+    try:
+        samples, decay = decay_in(held, claim)
+    except InputError as error:
+        raise InputError(f"{SAMPLED}: {error}") from error
+    return Loop(float(held.plant.step), samples.delay, decay, seen)
+
+
+def _other(path: Path, document: Document, held: Document | None) -> str:
     """Return the fault of the first file that does not match the document, else ""."""
     claim: Rounded | None = document.first(Rounded)
-    loop: Sampled | None = document.first(Sampled)
+    timed = held is not None or document.first(Sampled) is not None
     if claim is None or document.export is None:
         raise InputError("export: the description of the code is missing; export it again")
     observer = _observer(document, document.first(ObserverClaim))
@@ -145,13 +172,12 @@ def _other(path: Path, document: Document) -> str:
     samples = document.first(Samples)
     late = 0 if samples is None else samples.delay
     facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer, late=late)
-    if loop is not None:
+    if timed:
         seen = read_seen(table, observer is not None)
-        held = Loop(float(loop.sample_time), loop.delay, loop.decay, seen)
-        facts = replace(facts, loop=held)
+        facts = replace(facts, loop=_loop(document, held, claim, seen))
     program = rebuilt_program(claim.code, certificate)
     memory = memory_of(program)
-    if memory and loop is None and own_time is None:
+    if memory and not timed and own_time is None:
         raise InputError("claims: code with a memory needs a claim about its sampled loop")
     texts = rebuilt_texts(table, certificate, facts, memory.states if memory else 0)
     written = sources(program, texts)
@@ -221,13 +247,6 @@ def of_signals(design: Design) -> Design:
         return design
     evidence = {key: value for key, value in certificate.evidence.items() if key != "on"}
     return replace(design, certificate=replace(certificate, law=gain, evidence=evidence))
-
-
-def code_law(law: Law) -> Law:
-    """Return the law as code computes it: that of one vertex is one gain."""
-    if law.W is not None and law.domain.corners == 1:
-        return FixedGain(law.gain([1.0]))
-    return law
 
 
 def names(
@@ -371,7 +390,7 @@ class Loop:
 
     sample_time: float
     delay: int
-    decay: Fraction | None
+    decay: float | None
     seen: Seen
     reason: str = ""
 
@@ -427,7 +446,7 @@ def loop_of(timed: Timing) -> Loop:
         None if beside is None else (beside.points, min(beside.decay, MOST)),
     )
     proof = timed.proof
-    decay = None if proof.claim is None else proof.claim.decay
+    decay = proof.decay if proof.proved else None
     return Loop(sampled.sample_time, sampled.delay, decay, seen, proof.reason)
 
 

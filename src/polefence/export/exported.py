@@ -11,11 +11,12 @@ from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.certify.design import Design, check
+from polefence.export.decay import code_law
 from polefence.export.documents import (
     FILE_NAME,
     README,
+    SAMPLED,
     Facts,
-    code_law,
     guarantee_text,
     loop_of,
     names,
@@ -25,11 +26,12 @@ from polefence.export.documents import (
     statement,
 )
 from polefence.export.fmu import fmu
-from polefence.export.guarantee import Guarantee, Timing, guarantee, timing
+from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.memory import kept, with_rates
 from polefence.export.observer import observer_sources
 from polefence.export.program import Program, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
+from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
@@ -159,7 +161,7 @@ def export_c99(
     proof = guarantee(design, made)
     if not proof.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {proof.reason}")
-    timed = None if sampling is None else timing(design, sampling, proof, observer)
+    timed = None if sampling is None else timing(design, sampling, made, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
     facts = _facts(design, proof, bool(cuts), timed, observer)
@@ -279,7 +281,6 @@ def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
     name = exported.texts.name
     code_files = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
     beside = {key: files[key] for key in sorted(files.keys() - code_files) if key.endswith(BESIDE)}
-    proof = None if exported.timing is None else exported.timing.proof.claim
     seen = None if exported.timing is None else loop_of(exported.timing).seen
     observer = (
         None if exported.observer is None else (exported.observer.design, exported.by_parameters)
@@ -289,11 +290,13 @@ def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
         exported.guarantee.claim,
         exported.texts,
         beside,
-        proof,
         seen,
         observer,
     )
-    return files | {FILE_NAME: text.encode()}
+    files = files | {FILE_NAME: text.encode()}
+    if exported.timing is not None:
+        files[SAMPLED] = exported.timing.proof.file().dumps().encode()
+    return files
 
 
 def marks(name: str) -> dict[str, bytes]:
@@ -301,7 +304,9 @@ def marks(name: str) -> dict[str, bytes]:
     texts = [f"{name}{end}" for end in (".c", ".h", "_test.c", "_observer.c", "_observer.h")]
     texts += ["Makefile", "README.md"]
     units = [_fmu_name(name, version) for version in ("2.0", "3.0")]
-    text_marks = dict.fromkeys(texts, MARKER.encode()) | {FILE_NAME: FORMAT.encode()}
+    text_marks = dict.fromkeys(texts, MARKER.encode()) | dict.fromkeys(
+        (FILE_NAME, SAMPLED), FORMAT.encode()
+    )
     return text_marks | dict.fromkeys(units, b"modelDescription.xml")
 
 

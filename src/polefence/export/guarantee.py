@@ -1,7 +1,9 @@
-"""Guarantee of the region with the gain as the code computes it, and at its sample time."""
+"""Guarantee of the region with the gain as the code computes it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
@@ -13,19 +15,9 @@ from polefence.base.progress import stage
 from polefence.certify.certificate import Check
 from polefence.certify.design import Design
 from polefence.certify.margins.claims import claimed_design
-from polefence.certify.margins.gain_scales import gain_claim
-from polefence.export.observer import SampledLoop, judge_sampled_loop
+from polefence.certify.margins.gain_scales import gain_claim, gain_question
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept
-from polefence.export.sampled import (
-    LargestSampleTime,
-    SampledProof,
-    SamplingEffect,
-    largest_sample_time,
-    off_by_rounding,
-    prove_decay,
-    sampling_effect,
-)
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law
 from polefence.plant.exact import ranges_of
@@ -44,11 +36,8 @@ from polefence.proof.claims.rounding import (
     rounding_error,
 )
 from polefence.proof.short import Short
-from polefence.proof.text import milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
-from polefence.response.discrete import Sampling
-from polefence.search.observer import Observer
 
 Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 
@@ -59,6 +48,7 @@ SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
 NO_COLUMN = 2.0**-20  # scale of a column of zeros, beside the least: it takes no room
+ROOM = 1.01  # of what floats must leave over what is needed
 BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 
@@ -116,42 +106,87 @@ class Guarantee(Short):
 
 
 def guarantee(design: Design, program: Program) -> Guarantee:
-    """Prove that the region holds with the gain as the code computes it, or say why not.
-
-    Where the code keeps states, its gain's errors may be of other sizes than its entries: then
-    other scales are tried too.
-    """
-    direct = _guarantee(design, program, scales(program, design.law))
-    memory = memory_of(program)
-    if direct.proved or memory is None or isinstance(program, Scheduled):
-        return direct
-    sizes = balanced(program.sizes, memory)
-    other = _guarantee(design, program, scales(program, design.law, sizes))
-    return other if other.proved else direct
-
-
-@stage("rounding of the code")
-def _guarantee(design: Design, program: Program, measures: tuple[Array, Columns]) -> Guarantee:
-    rows, columns = measures
+    """Prove that the region holds with the gain as the code computes it, or say why not."""
     claimed = claimed_design(design)
     if claimed is None:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
         return Guarantee(design, inf, -1.0, None, reason)
-    claim = Rounded(_blank(claimed, rows, columns), code_of(program, design.plant))
     try:
-        claim = _with_bounds(claimed, program, claim)
-        needed = float(rounding_error(claim))
+        return best_guarantee(roundings(claimed, program), claimed)
     except FormatError as problem:
         return Guarantee(claimed, inf, -1.0, None, str(problem))
-    tolerated, gain = gain_claim(claimed, rows, np.array(columns, dtype=float), needed)
-    if gain is None:
-        reason = _refusal(claim, needed, tolerated, design.method == "lyapunov")
-        return Guarantee(claimed, needed, tolerated, None, reason)
-    claim = replace(claim, gain=replace(gain, columns=columns))
-    verdict = prove(claim)
-    if not verdict.proved:
-        return Guarantee(claimed, needed, tolerated, None, verdict.reason)
-    return Guarantee(claimed, needed, tolerated, claim)
+
+
+def best_guarantee(scaled: Sequence[Rounding], design: Design) -> Guarantee:
+    """Return the proof in the first scales that have one, else the reason of the first."""
+    first, *others = scaled
+    direct = first.guarantee(design)
+    if direct.proved or not others:
+        return direct
+    other = best_guarantee(others, design)
+    return other if other.proved else direct
+
+
+@dataclass(frozen=True, eq=False)
+class Rounding(Short):
+    """The error of a law's gain by the rounding of its code, whatever is proved of its loop.
+
+    Attributes
+    ----------
+    blank : Rounded
+        The claim of the code, without an error of the gain.
+    rows, columns
+        Scales of the gain's errors.
+    needed : float
+        The largest error, in these.
+    """
+
+    blank: Rounded
+    rows: Array
+    columns: Columns
+    needed: float
+
+    def is_borne(self, design: Design) -> bool:
+        """Whether the design's matrices tolerate more than is needed, in floats."""
+        with suppress(InputError, np.linalg.LinAlgError):  # not even a Lyapunov matrix in floats
+            question = gain_question(design, self.rows, np.array(self.columns, dtype=float))
+            return question.bears(self.needed * ROOM)
+        return False
+
+    @stage("rounding of the code")
+    def guarantee(self, design: Design) -> Guarantee:
+        """Prove that a design's region holds with it, by the design's own matrices."""
+        needed, columns = self.needed, np.array(self.columns, dtype=float)
+        tolerated, gain = gain_claim(design, self.rows, columns, needed)
+        if gain is None:
+            reason = _refusal(self.blank, needed, tolerated, design.method == "lyapunov")
+            return Guarantee(design, needed, tolerated, None, reason)
+        claim = replace(self.blank, gain=replace(gain, columns=self.columns))
+        verdict = prove(claim)
+        if not verdict.proved:
+            return Guarantee(design, needed, tolerated, None, verdict.reason)
+        return Guarantee(design, needed, tolerated, claim)
+
+
+def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:
+    """Return the error of a design's gain by rounding, in the scales to be tried.
+
+    Where the code keeps states, the gain's errors may be of other sizes than its entries: then
+    other scales are tried too.
+
+    Raises
+    ------
+    FormatError
+        If rounding may make the code fail.
+    """
+    measures, memory = [scales(program, design.law)], memory_of(program)
+    if memory is not None and not isinstance(program, Scheduled):
+        measures.append(scales(program, design.law, balanced(program.sizes, memory)))
+    code, errors = code_of(program, design.plant), list[Rounding]()
+    for rows, columns in measures:
+        blank = _with_bounds(design, program, Rounded(_blank(design, rows, columns), code))
+        errors.append(Rounding(blank, rows, columns, float(rounding_error(blank))))
+    return tuple(errors)
 
 
 def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> str:
@@ -289,73 +324,3 @@ def _raised(domain: Domain, P: Polynomial, degree: int, times: int) -> Array:
     return np.array(
         [higher[e] / binomial(domain.sizes, e) for e in domain.monomials(degree + times)]
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Timing(Short):
-    """The loop as a computer closes it, sampled over the family and proved.
-
-    Attributes
-    ----------
-    sampling : SamplingEffect
-        Where its poles lie, at sampled parameters.
-    proof : SampledProof
-        How fast it decays at least, for all parameters.
-    largest : LargestSampleTime
-        Up to which sample times region and stability hold, found by trial.
-    with_observer : SampledLoop, optional
-        The loop that an observer closes, at sampled parameters.
-    """
-
-    sampling: SamplingEffect
-    proof: SampledProof
-    largest: LargestSampleTime
-    with_observer: SampledLoop | None = None
-
-    @property
-    def proved(self) -> bool:
-        """Whether a decay rate is proved, and a loop with an observer was found stable."""
-        return self.proof.proved and (self.with_observer is None or self.with_observer.stable)
-
-    @property
-    def reason(self) -> str:
-        """Why it is not proved."""
-        time = f"run every {milliseconds_text(Fraction(self.sampling.sample_time))} ms{self.late}"
-        if not self.proof.proved:
-            longest = milliseconds(self.largest.stable)
-            return f"{time}: {self.proof.reason}; it was found stable up to {longest}"
-        return f"{time}, the loop with the observer is not stable; choose a shorter --sample-time"
-
-    @property
-    def late(self) -> str:
-        """Say in words how late u is."""
-        return ", u one step late" if self.sampling.delay else ""
-
-
-def milliseconds(time: float) -> str:
-    """Return a time found by trial, rounded down."""
-    return f"{digits_down(1e3 * time, 3)} ms" if time > 0 else "no sample time tried"
-
-
-def timing(
-    design: Design, sampling: Sampling, rounded: Guarantee, observer: Observer | None
-) -> Timing:
-    """Judge the loop that a computer closes at its samples, rounding included.
-
-    Raises
-    ------
-    InputError
-        If the plant is in discrete time, or the sample time cannot be used.
-    """
-    if design.plant.sample_time is not None:
-        raise InputError(
-            "the plant is in discrete time: its own sample time holds; leave the sample time out"
-        )
-    sample_time, delay = sampling.period, int(sampling.delayed)
-    beside = (
-        None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
-    )
-    off = None if rounded.claim is None else off_by_rounding(rounded.claim)
-    proof = prove_decay(design, sample_time, delay, off)
-    seen, largest = sampling_effect(design, sample_time, delay), largest_sample_time(design, delay)
-    return Timing(seen, proof, largest, beside)

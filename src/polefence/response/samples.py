@@ -39,7 +39,11 @@ TERMS, ROUNDING, ROUNDED = (20, 40, 60, 80, 100, 120), 2.0**-60, 2.0**-51
 
 @explained
 def at_sample_time(
-    plant: UncertainPlant, sample_time: Any, delay: int = 0, degree: int | None = None
+    plant: UncertainPlant,
+    sample_time: Any,
+    delay: int = 0,
+    degree: int | None = None,
+    remainder: float = ENOUGH,
 ) -> UncertainPlant:
     """Return a plant's samples as a plant in discrete time, for designs at the sample time.
 
@@ -57,7 +61,9 @@ def at_sample_time(
     degree : int, optional
         Of the samples as a polynomial of the parameters, 1 to 8: the higher, the smaller is the
         remainder, and the more is to be proved. By default, the lowest of which the remainder is
-        small beside what a sample changes.
+        small.
+    remainder : float
+        What is small beside what a sample changes, where no degree is given.
 
     Returns
     -------
@@ -87,7 +93,7 @@ def at_sample_time(
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
     tried = _degrees(plant) if degree is None else [degree]
-    curve, about = _chosen(plant, bare, units, delay, tried, ENOUGH * _change(held, units))
+    curve, about = _chosen(plant, bare, units, delay, tried, remainder * _change(held, units))
     try:
         samples = _with_remainder(plant, bare, units, delay, curve, about)
     except FormatError as problem:

@@ -35,6 +35,8 @@ from polefence.proof.claims.bordered import Bordered
 from polefence.proof.claims.margins import Subject
 
 COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)  # times Omega
+# Of these where an error is given, and of the multipliers that are then tried.
+TRIED, SHARES = 4, (1.0, 0.1, 10.0, 0.01, 100.0, 1e-3, 1e3, 1e-4, 1e4)
 ROUNDS = 30  # of the golden section for each mu
 WIDTH = 9.0  # decades of mu that it looks at
 
@@ -98,6 +100,32 @@ class GainQuestion:
         covers = COVERS if any(loop.spread is not None for loop in self.loops) else (1.0,)
         reached = (self._reach(every, pieces, elevation, cover) for cover in covers)
         return max(rising(reached, lambda at: at.value, GAIN), key=lambda at: at.value)
+
+    def bears(self, error: float) -> bool:
+        """Whether an error is proved in floats, at the first fineness, by one of some multipliers.
+
+        Those near the one of which both sides of the border take the same.
+        """
+        every = [self._coefficients(loop, 1, 0) for loop in self.loops]
+        covers = COVERS if any(loop.spread is not None for loop in self.loops) else (1.0,)
+        return any(self._bears(every, error, cover) for cover in covers[:TRIED])
+
+    def _bears(self, every: Sequence[Coefficients], error: float, cover: float) -> bool:
+        for loop, (X, N, B, Y) in zip(self.loops, every, strict=True):
+            if not loop.disks and not are_positive(X):
+                return False
+            for k, (L, M) in enumerate(loop.pairs):
+                left, right = self.errors.border(k)
+                (M1, M2), F = factors(M), region_block((L, M), X, N) - loop.lost(M, cover)
+                E, H = kron(M1, B * left), error * kron(M2.T, Y @ right)
+                mu = np.linalg.norm(H) / max(float(np.linalg.norm(E)), np.finfo(float).tiny)
+                one, other = E @ E.swapaxes(-1, -2), H @ H.swapaxes(-1, -2)
+                each = (mu * share for share in SHARES)
+                if not any(are_positive(F - mu * one - other / mu) for mu in each):
+                    return False
+            if loop.spread is not None and error > self._covered(loop, loop.elevation or 0, cover):
+                return False
+        return True
 
     def claim(self, subject: Subject, reached: Reached) -> Bordered:
         """Return the claim of an error, or a little less."""

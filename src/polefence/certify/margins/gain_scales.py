@@ -99,14 +99,12 @@ def gain_claim(
         If rows and columns are not positive numbers, one an input and one a state, nor columns a
         matrix; or ``needed`` is no number of zero or more.
     """
-    n, m = design.plant.shape
-    scales = Scales(_positive(rows, m, "rows"), _columns(columns, n))
     if not 0 <= needed < math.inf:
         raise InputError(f"needed = {needed!r} must be a number of zero or more")
     claimed = claimed_design(design)
     if claimed is None:
         return 0.0, None
-    question = GainQuestion(balanced(claimed, claimed.region), scales, FINEST)
+    question = gain_question(claimed, rows, columns)
     finer = [reached for reached in climb(question) if reached.value > 0]
     largest = finer[-1].value if finer else 0.0
     for reached in finer:
@@ -118,6 +116,13 @@ def gain_claim(
             if isinstance(claim, GainError) and holds(claim):
                 return largest, claim
     return largest, None
+
+
+def gain_question(design: Design, rows: Array, columns: Array) -> GainQuestion:
+    """Return the search for the largest error in these rows and columns, see `gain_claim`."""
+    n, m = design.plant.shape
+    scales = Scales(_positive(rows, m, "rows"), _columns(columns, n))
+    return GainQuestion(balanced(design, design.region), scales, FINEST)
 
 
 def _positive(values: Any, count: int, what: str) -> Array:

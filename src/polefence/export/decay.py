@@ -1,0 +1,287 @@
+"""The code's law in the loop that a computer closes: its decay proved, rounding included.
+
+The plant at its samples is a plant in discrete time, and the law one of its states: see
+`polefence.certify.at_samples`. What is proved of both is the ordinary claim about the rounding of
+code, of a disk around zero. Inputs on their way are states there whose gain is zero: the code that
+the claim is about reads them, and is otherwise the one exported. Zeros that it adds are exact.
+
+No disk is kept that a sample of the family leaves. So disks a little larger than its are tried, by
+shares of its decay: in floats first, of Lyapunov polynomials of growing degree, then exactly.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, SolverError
+from polefence.base.explained import explained
+from polefence.base.progress import stage
+from polefence.certify.at_samples import at_samples
+from polefence.certify.certificate import Check
+from polefence.certify.design import Design
+from polefence.certify.evidence import certificate_of, forms, placeholder, whole_evidence
+from polefence.export.guarantee import Guarantee, Rounding, best_guarantee, roundings
+from polefence.export.memory import kept
+from polefence.export.program import (
+    Fixed,
+    Polynomial,
+    Program,
+    number,
+    with_memory,
+)
+from polefence.export.program import program as program_of
+from polefence.export.sampled import require_usable, sampling_effect
+from polefence.law.laws import FixedGain, Law
+from polefence.lmi.conditions.target import Disks
+from polefence.lmi.solve.loops import loop_of
+from polefence.lmi.solve.lyapunov import least
+from polefence.plant.family import UncertainPlant
+from polefence.proof.document import Document
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError
+from polefence.region.regions import Disk
+
+# Shares of the decay found at many parameter values that a proof may fall short by; the largest
+# that ends the search, and the one that ends it before the higher degrees, of which the searches
+# take ten times as long. With the rounding of float32 laws of nine plants fell short by 0.1 %.
+SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 0.8)
+ENOUGH, NEAR = 1e-3, 0.03
+AIM, INSIDE = 5e-4, 2.0  # shares at which Lyapunov polynomials are looked for, times the least
+FINE = 1e-5  # of the remainder
+BELOW = 1 - 1e-12  # of a rate in floats: it is no larger than the one proved
+
+
+@dataclass(frozen=True, eq=False)
+class SampledProof(Short):
+    """Proof of the decay of a loop closed by samples.
+
+    Attributes
+    ----------
+    sample_time : float
+        [s]
+    delay : int
+        In samples.
+    decay : float
+        For every parameter value all poles of the sampled loop have |z| < exp(-decay sample_time):
+        every motion dies out at least as fast as exp(-decay t) [1/s]; zero where nothing is proved.
+    sampled : float
+        The slowest decay found at many parameter values, an upper bound on what can be proved
+        [1/s]; not positive where the loop is not stable.
+    rounded : Guarantee, optional
+        What is proved of the code: its design is the plant at its samples, the law of their states
+        and the disk. None where nothing is.
+    reason : str
+        Why not; empty where it is proved.
+    seconds : float
+        Taken to find and prove it [s].
+    """
+
+    sample_time: float
+    delay: int
+    decay: float
+    sampled: float
+    rounded: Guarantee | None
+    reason: str
+    seconds: float
+
+    @property
+    def proved(self) -> bool:
+        """Whether a positive decay rate is proved."""
+        return self.rounded is not None
+
+    def check(self) -> Check:
+        """Prove the claim afresh, in exact arithmetic."""
+        return Check("undecided", self.reason) if self.rounded is None else self.rounded.check()
+
+    def file(self) -> Document:
+        """Return what is proved, as a file of claims.
+
+        Raises
+        ------
+        InputError
+            If nothing is.
+        """
+        if self.rounded is None:
+            raise InputError(f"nothing is proved of the sampled loop: {self.reason}")
+        return file_of(self.rounded)
+
+
+def file_of(rounded: Guarantee) -> Document:
+    """Return what is proved of the code in a sampled loop as a file of claims."""
+    claims = [] if rounded.claim is None else [rounded.claim]
+    return rounded.design.certificate.file(claims)
+
+
+@explained
+@stage("decay of the sampled loop")
+def prove_decay(
+    design: Design, sample_time: float, delay: int = 1, program: Program | None = None
+) -> SampledProof:
+    """Prove how fast the loop decays that a computer closes every ``sample_time``.
+
+    The input is held between samples; with ``delay`` = 1 it is u[k] = K x[k-1]. The proof is exact,
+    for every parameter value, or every alpha of a plant without parameters; the rate is the largest
+    that was found, not the largest there is.
+
+    Parameters
+    ----------
+    design : Design
+        Of a plant in continuous time.
+    sample_time : float
+        [s]
+    delay : int
+        0 or 1 samples.
+    program : Program, optional
+        The law as code computes it, whose rounding is in the proof; by default in doubles.
+
+    Raises
+    ------
+    InputError
+        If the plant is a discrete-time one, or the sample time not positive.
+    """
+    start = time.perf_counter()
+    seconds = require_usable(design, sample_time, delay)
+    slowest = sampling_effect(design, seconds, delay).decay
+    if program is None:
+        order, parameters = kept(design), design.plant.parameters
+        program = program_of(code_law(design.law), parameters, number(64))
+        program = with_memory(program, order, seconds)
+    rounded, reason = None, "the sampled loop is not stable for all parameter values"
+    if slowest > 0:
+        rounded, reason = _proved(design, seconds, delay, slowest, program)
+    decay = 0.0 if rounded is None else _decay(rounded.design)
+    return SampledProof(
+        seconds, delay, decay, slowest, rounded, reason, time.perf_counter() - start
+    )
+
+
+def _proved(
+    design: Design, sample_time: float, delay: int, slowest: float, program: Program
+) -> tuple[Guarantee | None, str]:
+    """Return what is proved of the least disk; or None, and why not."""
+    try:
+        plant, law = at_samples(
+            design.plant.at_rest, code_law(design.law), sample_time, delay, FINE
+        )
+        wide = _wider(program, law, design, plant.shape[0])
+        unit = Design(certificate_of(plant, law, Disk(0.0, 1.0), [placeholder(plant, law)]))
+        own, tried = roundings(unit, wide), tuple(forms(plant, law))
+    except (InputError, FormatError) as problem:
+        return None, f"no proof was found: {problem}"
+    return _Search(plant, law, slowest * sample_time, own, tried).run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """For the least disk of which a sampled loop, whose decay in a sample is known, is proved."""
+
+    plant: UncertainPlant
+    law: Law
+    decay: float
+    roundings: tuple[Rounding, ...]
+    forms: tuple[tuple[int, int], ...]
+
+    def run(self) -> tuple[Guarantee | None, str]:
+        """Return what is proved; or None, and why not."""
+        best: tuple[int, dict[str, Any]] | None = None
+        for degree, evidence in self._candidates():
+            short = 1.0 if best is None else SHORT_BY[best[0]]
+            if short <= ENOUGH or (short <= NEAR and degree > 1):
+                break
+            place = self._borne(evidence, best[0] if best else len(SHORT_BY))
+            best = best if place is None else (place, evidence)
+        if best is None:
+            return None, "no Lyapunov polynomial was found that leaves room for the code's rounding"
+        reason = ""
+        for place in range(best[0], len(SHORT_BY)):
+            found = best_guarantee(self.roundings, self._design(best[1], SHORT_BY[place]))
+            reason = found.reason or _unchecked(found)
+            if not reason:
+                return found, ""
+        return None, f"not proved: {reason}"
+
+    def _candidates(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield Lyapunov polynomials of growing degree, at their end and inside of it."""
+        loop = loop_of(self.plant, self.law)
+        for form in self.forms:
+            short = AIM
+            for times in (1.0, INSIDE):
+                with suppress(SolverError, np.linalg.LinAlgError):
+                    found = least(loop, Disks(0.0), *form, enough=self._radius(short * times))
+                    yield form[0], whole_evidence(self.plant, self.law, found, form)
+                    short = 1 + math.log(found.r) / self.decay
+                    if short <= AIM:
+                        break
+
+    def _borne(self, evidence: dict[str, Any], below: int) -> int | None:
+        """Return the least place below in `SHORT_BY` that floats bear, None without."""
+        low, high = 0, below
+        while low < high:
+            middle = (low + high) // 2
+            design = self._design(evidence, SHORT_BY[middle])
+            borne = any(own.is_borne(design) for own in self.roundings)
+            low, high = (low, middle) if borne else (middle + 1, high)
+        return low if low < below else None
+
+    def _design(self, evidence: dict[str, Any], short: float) -> Design:
+        region = Disk(0.0, self._radius(short))
+        return Design(certificate_of(self.plant, self.law, region, [evidence]))
+
+    def _radius(self, short: float) -> float:
+        return math.exp(-(1 - min(short, 1.0)) * self.decay)
+
+
+def _unchecked(found: Guarantee) -> str:
+    """Say why `check` would not prove a claim in its file, "" where it would."""
+    claims = [] if found.claim is None else [found.claim]
+    try:
+        file_of(found).require_checkable(claims)
+    except FormatError as problem:
+        return str(problem)
+    return ""
+
+
+def code_law(law: Law) -> Law:
+    """Return the law as code computes it: that of one vertex is one gain."""
+    if law.W is not None and law.domain.corners == 1:
+        return FixedGain(law.gain([1.0]))
+    return law
+
+
+def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
+    """Return code that reads the inputs on their way too, with gains of zero."""
+    n, late = design.plant.shape[0] - kept(design), width - design.plant.shape[0]
+    if not late:
+        return program
+    if isinstance(program, Fixed | Polynomial) and program.measured:
+        return program
+    if isinstance(program, Fixed):
+        return replace(program, K=np.insert(program.K, [n] * late, 0.0, axis=1))
+    if isinstance(program, Polynomial):
+        return replace(program, gains=np.insert(program.gains, [n] * late, 0.0, axis=2))
+    own, width = np.arange(n, n + late), n + late
+    T, W = np.zeros((width, width)), np.zeros((len(program.W), width, width))
+    T[:n, :n], W[:, :n, :n] = program.T, program.W
+    energy = law.form[0][own, own]  # powers of two, the same at all coefficients: see `at_samples`
+    scale = 2.0 ** -np.floor(np.log2(energy) / 2)
+    T[own, own], W[:, own, own] = scale, energy * scale**2
+    return replace(program, T=T, W=W, Z=np.insert(program.Z, [n] * late, 0.0, axis=2))
+
+
+def decay_of(radius: Fraction, sample_time: Fraction) -> float:
+    """Return a little less than -log(radius) / sample_time [1/s]."""
+    return -math.log1p(-float(1 - radius)) / float(sample_time) * BELOW
+
+
+def _decay(held: Design) -> float:
+    """Return the decay rate of a disk at samples [1/s]."""
+    (disk,) = held.certificate.claim().region
+    return decay_of(disk.numbers[1], Fraction(held.plant.sample_time or 0))

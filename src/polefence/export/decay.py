@@ -53,7 +53,7 @@ from polefence.region.regions import Disk
 # that ends the search, and the one that ends it before the higher degrees, of which the searches
 # take ten times as long. With the rounding of float32 laws of nine plants fell short by 0.1 %.
 SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 0.8)
-ENOUGH, NEAR = 1e-3, 0.03
+ENOUGH, NEAR, LAST_CHEAP = 1e-3, 0.03, (1, 1)
 AIM, INSIDE = 5e-4, 2.0  # shares at which Lyapunov polynomials are looked for, times the least
 FINE = 1e-5  # of the remainder
 BELOW = 1 - 1e-12  # of a rate in floats: it is no larger than the one proved
@@ -173,15 +173,15 @@ def _proved(
         )
         wide = _wider(program, law, design, plant.shape[0])
         unit = Design(certificate_of(plant, law, Disk(0.0, 1.0), [placeholder(plant, law)]))
-        own, tried = roundings(unit, wide), tuple(forms(plant, law))
+        errors, tried = roundings(unit, wide), tuple(forms(plant, law))
     except (InputError, FormatError) as problem:
         return None, f"no proof was found: {problem}"
-    return _Search(plant, law, slowest * sample_time, own, tried).run()
+    return _Search(plant, law, slowest * sample_time, errors, tried).run()
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """For the least disk of which a sampled loop, whose decay in a sample is known, is proved."""
+    """The search for the least disk that is proved of a loop whose decay in a sample is known."""
 
     plant: UncertainPlant
     law: Law
@@ -191,45 +191,51 @@ class _Search:
 
     def run(self) -> tuple[Guarantee | None, str]:
         """Return what is proved; or None, and why not."""
-        best: tuple[int, dict[str, Any]] | None = None
-        for degree, evidence in self._candidates():
-            short = 1.0 if best is None else SHORT_BY[best[0]]
-            if short <= ENOUGH or (short <= NEAR and degree > 1):
-                break
-            place = self._borne(evidence, best[0] if best else len(SHORT_BY))
-            best = best if place is None else (place, evidence)
-        if best is None:
+        place, evidence = self._best()
+        if evidence is None:
             return None, "no Lyapunov polynomial was found that leaves room for the code's rounding"
         reason = ""
-        for place in range(best[0], len(SHORT_BY)):
-            found = best_guarantee(self.roundings, self._design(best[1], SHORT_BY[place]))
-            reason = found.reason or _unchecked(found)
+        for short in SHORT_BY[place:]:
+            rounded = best_guarantee(self.roundings, self._design(evidence, short))
+            reason = rounded.reason or _unchecked(rounded)
             if not reason:
-                return found, ""
+                return rounded, ""
         return None, f"not proved: {reason}"
 
-    def _candidates(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield Lyapunov polynomials of growing degree, at their end and inside of it."""
-        loop = loop_of(self.plant, self.law)
+    def _best(self) -> tuple[int, dict[str, Any] | None]:
+        """Return the least place in `SHORT_BY` that floats bear, and by which polynomial."""
+        place, best = len(SHORT_BY), None
         for form in self.forms:
-            short = AIM
-            for times in (1.0, INSIDE):
-                with suppress(SolverError, np.linalg.LinAlgError):
-                    found = least(loop, Disks(0.0), *form, enough=self._radius(short * times))
-                    yield form[0], whole_evidence(self.plant, self.law, found, form)
-                    short = 1 + math.log(found.r) / self.decay
-                    if short <= AIM:
-                        break
+            for evidence in self._candidates(form):
+                better = self._borne(evidence, place)
+                if better < place:
+                    place, best = better, evidence
+                if place < len(SHORT_BY) and SHORT_BY[place] <= ENOUGH:
+                    return place, best
+            if form == LAST_CHEAP and place < len(SHORT_BY) and SHORT_BY[place] <= NEAR:
+                break
+        return place, best
 
-    def _borne(self, evidence: dict[str, Any], below: int) -> int | None:
-        """Return the least place below in `SHORT_BY` that floats bear, None without."""
+    def _candidates(self, form: tuple[int, int]) -> Iterator[dict[str, Any]]:
+        """Yield Lyapunov polynomials of one degree: as far as it reaches, and inside of that."""
+        loop, short = loop_of(self.plant, self.law), AIM
+        for times in (1.0, INSIDE):
+            with suppress(SolverError, np.linalg.LinAlgError):
+                polynomial = least(loop, Disks(0.0), *form, enough=self._radius(short * times))
+                yield whole_evidence(self.plant, self.law, polynomial, form)
+                short = 1 + math.log(polynomial.r) / self.decay
+                if short <= AIM:
+                    return
+
+    def _borne(self, evidence: dict[str, Any], below: int) -> int:
+        """Return the least place in `SHORT_BY` that floats bear, up to this one, by bisection."""
         low, high = 0, below
         while low < high:
             middle = (low + high) // 2
             design = self._design(evidence, SHORT_BY[middle])
-            borne = any(own.is_borne(design) for own in self.roundings)
+            borne = any(rounding.is_borne(design) for rounding in self.roundings)
             low, high = (low, middle) if borne else (middle + 1, high)
-        return low if low < below else None
+        return low
 
     def _design(self, evidence: dict[str, Any], short: float) -> Design:
         region = Disk(0.0, self._radius(short))
@@ -239,11 +245,11 @@ class _Search:
         return math.exp(-(1 - min(short, 1.0)) * self.decay)
 
 
-def _unchecked(found: Guarantee) -> str:
+def _unchecked(rounded: Guarantee) -> str:
     """Say why `check` would not prove a claim in its file, "" where it would."""
-    claims = [] if found.claim is None else [found.claim]
+    claims = [] if rounded.claim is None else [rounded.claim]
     try:
-        file_of(found).require_checkable(claims)
+        file_of(rounded).require_checkable(claims)
     except FormatError as problem:
         return str(problem)
     return ""
@@ -267,12 +273,14 @@ def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
         return replace(program, K=np.insert(program.K, [n] * late, 0.0, axis=1))
     if isinstance(program, Polynomial):
         return replace(program, gains=np.insert(program.gains, [n] * late, 0.0, axis=2))
-    own, width = np.arange(n, n + late), n + late
+    added, width = np.arange(n, n + late), n + late
     T, W = np.zeros((width, width)), np.zeros((len(program.W), width, width))
     T[:n, :n], W[:, :n, :n] = program.T, program.W
-    energy = law.form[0][own, own]  # powers of two, the same at all coefficients: see `at_samples`
+    energy = law.form[0][
+        added, added
+    ]  # powers of two, the same at all coefficients: see `at_samples`
     scale = 2.0 ** -np.floor(np.log2(energy) / 2)
-    T[own, own], W[:, own, own] = scale, energy * scale**2
+    T[added, added], W[:, added, added] = scale, energy * scale**2
     return replace(program, T=T, W=W, Z=np.insert(program.Z, [n] * late, 0.0, axis=2))
 
 

@@ -27,12 +27,21 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 from polefence.requirements.specification import Specification
-from polefence.search.tune.descent import EARLY, FULL, PATIENT, QUICK, Effort, descend
+from polefence.search.tune.descent import (
+    EARLY,
+    FEASIBLE,
+    FULL,
+    PATIENT,
+    QUICK,
+    ROUGH,
+    Effort,
+    descend,
+)
 from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
 from polefence.search.tune.meeting import met
 from polefence.search.tune.starts import regulators, typical
 from polefence.search.tune.unknowns import Unknowns
-from polefence.search.tune.worth import NEAR, taken
+from polefence.search.tune.worth import NEAR, SMALLER, taken
 
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
@@ -54,7 +63,6 @@ FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
 REPAIRS = 4  # of a small law, at points where it is worse
-FEASIBLE = 1e-6
 APART, DIGITS = 1e-6, 12  # of points
 AT_SPEED = 0.5  # of the bound on poles' speed: a law so fast is bounded by it
 SAME = 1e-6  # of gains
@@ -452,15 +460,20 @@ class _Search:
             own = self._improved(own.theta, more or own.points, effort, smooth=SMOOTH[-1:])
         if own.excess > FEASIBLE or self.task.minimise is None:
             return own
-        smaller, level = own, own.level + (WIDE - 1) * abs(own.level)
+        smaller, most = own, own.level + (WIDE - 1) * abs(own.level)
+        law = self.task.unknowns.law
+        unit = self._size(law(own.theta)) or 1.0
         for _ in range(REPAIRS):
             points = smaller.points
-            found = descend(partial(points.rows, phase=SMALL, unit=level), smaller.theta)
+            evaluate = partial(points.rows, phase=SMALL, unit=unit, most=most)
+            found = descend(evaluate, smaller.theta, effort=ROUGH)
             if found is None or found[1].excess > FEASIBLE:
                 return own
             smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
             more = self._more(smaller)
             if more is None:
+                if self._size(law(found[0])) > SMALLER * unit:
+                    break
                 return replace(smaller, larger=(own.theta, own.level))
             smaller = replace(smaller, points=more)
         return own

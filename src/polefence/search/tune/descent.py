@@ -59,7 +59,7 @@ class Effort:
     rest: float = np.inf
 
 
-FULL, EARLY, QUICK = Effort(1000, 1e-6, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
+FULL, EARLY, QUICK = Effort(300, 1e-6, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
 ROUGH = Effort(100, 1e-3, 1e-2)  # for what is only to be small
 PATIENT = Effort(200, 1e-6)  # for smooth functions of which the very end matters
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from polefence.cli.main import main
 from polefence.examples import family, spec_text
+from polefence.plant.cars import Car
 from support.commands import refused
 from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
@@ -44,6 +47,25 @@ def test_a_half_car_rides_within_its_limits(half, tmp_path, capsys):
     assert sampled <= proved < 0.9 * max(passive)
     capsys.readouterr()
     assert main(["check", str(tmp_path / "d" / "design.json")]) == 0
+
+
+@pytest.mark.parametrize("sampled", [[], ["--sample-time", "0.005", "--delay", "1"]])
+def test_a_design_drives_as_its_spec_does_with_it(half, sampled, tmp_path, capsys):
+    design = str(tmp_path / "d")
+    words = ["--region", "half_plane(0.5)", "--method", "quadratic", *sampled, "-o", design]
+    assert main(["design", str(half), *words]) == 0
+    road = ["--road", "C", "--speed", "20", "--duration", "1", "-o"]
+    alone, both = (str(tmp_path / name) for name in ("alone.csv", "both.csv"))
+    assert main(["simulate", design, *road, alone]) == 0
+    assert "vibration total value" in capsys.readouterr().out
+    assert main(["simulate", str(half), "--law", design, *road, both]) == 0
+    assert Path(alone).read_bytes() == Path(both).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["half-car", "full-car"])
+def test_a_car_is_read_from_a_file_as_it_was_written(name):
+    car = family(name).car
+    assert Car.of(json.loads(json.dumps(car.document()))) == car
 
 
 @pytest.mark.parametrize(("name", "wheels"), [("half-car", 2), ("full-car", 4)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -18,6 +18,7 @@ from polefence.certify.counterexample import counterexample
 from polefence.certify.exact import holds
 from polefence.certify.measured import dual_plant
 from polefence.law.laws import Law, law_of
+from polefence.plant.cars import Car
 from polefence.plant.exact import bare_plant
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
@@ -265,7 +266,7 @@ class Certificate(Short):
         plant, observed = plant_of(document.plant), None
         samples: Samples | None = document.first(Samples)
         if samples is not None:
-            plant = replace(plant, sampling=sampling_of(samples, plant))
+            plant = replace(plant, sampling=sampling_of(samples, plant, document.plant.vehicle))
         if claim is None and observer is not None:
             claim, observed = observer.dual, plant
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
@@ -382,7 +383,11 @@ def in_floats(matrices: Any) -> Array:
 
 
 def file_plant(plant: UncertainPlant) -> files.Plant:
-    """Return a plant as files have it, with its names."""
+    """Return a plant as files have it, with its names; of samples, the car that is sampled."""
+    vehicle = plant.vehicle if plant.sampling is None else plant.sampling.plant.vehicle
+    described = None if vehicle is None else asdict(vehicle)
+    if plant.car is not None:
+        described = plant.car.document()
     return replace(
         bare_plant(plant),
         name=plant.name,
@@ -390,7 +395,7 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
         inputs=tuple(plant.inputs),
         disturbances=tuple(plant.disturbances),
         outputs=tuple(_file_output(plant, own) for own in plant.every_output),
-        vehicle=None if plant.vehicle is None else asdict(plant.vehicle),
+        vehicle=described,
         noise=plant.noise,
     )
 
@@ -401,8 +406,21 @@ def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
     return files.Output(C, D, own.name, driven, own.unit)
 
 
-def sampling_of(claim: Samples, plant: UncertainPlant) -> SamplesOf:
-    """Return what a plant of a file is the samples of; outputs are not kept."""
+def sampling_of(
+    claim: Samples, plant: UncertainPlant, vehicle: dict[str, Any] | None = None
+) -> SamplesOf:
+    """Return what a plant of a file is the samples of.
+
+    Parameters
+    ----------
+    vehicle : dict, optional
+        Its description in the file, where it is a car.
+
+    Raises
+    ------
+    DesignFileError
+        If it is not that car.
+    """
     n = claim.n
     bare = UncertainPlant.from_vertices(
         claim.A,
@@ -413,8 +431,44 @@ def sampling_of(claim: Samples, plant: UncertainPlant) -> SamplesOf:
         inputs=plant.inputs[: claim.m],
         disturbances=plant.disturbances,
     )
-    bare = replace(bare, parameters=plant.parameters)
+    try:
+        bare = replace(
+            bare,
+            parameters=plant.parameters,
+            outputs=tuple(_not_late(plant, claim)),
+            vehicle=_quarter_car(vehicle),
+            car=plant.car,
+        )
+    except InputError as error:
+        raise DesignFileError(f"plant is malformed: {error}") from error
     return SamplesOf(bare, claim.delay, claim.terms, claim.units)
+
+
+def _not_late(plant: UncertainPlant, claim: Samples) -> Iterator[Output]:
+    """Yield the outputs of what is sampled: their inputs are late in those of the samples."""
+    n, m, width = claim.n, claim.m, claim.width
+    for output in plant.every_output:
+        C, D, F = output.exact(plant)
+        if any(any(row[width:]) or any(row[n : width - m]) for row in C if claim.delay):
+            continue
+        if not claim.delay and any(any(row[n:]) for row in C):
+            continue
+        acting = [row[width - m : width] for row in C] if claim.delay else [row[:m] for row in D]
+        rows = {"C": [row[:n] for row in C], "D": acting}
+        yield Output(output.name, output.unit, **rows, F=F if claim.E else ())
+
+
+WHEELS = "wheels"  # what a car on two or four wheels has, and a quarter car has not
+
+
+def _quarter_car(described: Any) -> Vehicle | None:
+    """Return the quarter car that a file describes, None of others."""
+    return None if described is None or WHEELS in described else Vehicle(**described)
+
+
+def _car(described: Any) -> Car | None:
+    """Return the car on two or four wheels that a file describes, None of others."""
+    return Car.of(described) if described is not None and WHEELS in described else None
 
 
 def plant_of(plant: files.Plant) -> UncertainPlant:
@@ -442,7 +496,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             disturbances=plant.disturbances,
             sample_time=plant.sample_time,
             outputs=outputs,
-            vehicle=None if plant.vehicle is None else Vehicle(**plant.vehicle),
+            vehicle=_quarter_car(plant.vehicle if plant.sample_time is None else None),
             noise=plant.noise,
             remainder=plant.remainder,
         )
@@ -458,6 +512,6 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             )
             for p in plant.ranges
         )
-        return replace(found, parameters=parameters)
+        return replace(found, parameters=parameters, car=_car(plant.vehicle))
     except (TypeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error

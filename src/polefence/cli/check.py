@@ -274,7 +274,7 @@ def _with_law(plant: UncertainPlant, claimed: UncertainPlant, spec: str) -> Unce
 
 def _other_samples(samples: Samples, claimed: UncertainPlant, plant: UncertainPlant) -> str | None:
     """Say how the continuous plant behind a file's sampled one differs from a spec's."""
-    sampled = sampling_of(samples, claimed).plant
+    sampled = replace(sampling_of(samples, claimed).plant, outputs=())
     bare = replace(plant, outputs=(), vehicle=None, noise=())
     return _difference(sampled, bare, "ABE" if samples.E else "AB")
 

@@ -90,8 +90,8 @@ def simulate_command(options: Any) -> int:
         check_format(options.output)
     check_results(options)
     subject, sampling = read_subject(options.subject), None
-    designed = law_of(subject)
-    sampled = None if designed else _at_samples(subject, options)
+    sampled = _at_samples(subject, options)
+    designed = None if sampled else law_of(subject)
     if sampled is not None:
         subject, law, sampling = sampled
         options = argparse.Namespace(**{**vars(options), "sampling": sampling.period})
@@ -112,9 +112,9 @@ def simulate_command(options: Any) -> int:
 
 
 def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Sampling] | None:
-    """Return plant, law and sampling where --law is a design at a sample time; else None.
+    """Return plant, law and sampling of a design at a sample time, subject or --law; else None.
 
-    The plant then has the states that the law's computer keeps.
+    The plant is in continuous time then, with the states that the law's computer keeps.
 
     Raises
     ------
@@ -123,17 +123,20 @@ def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Samplin
     """
     from polefence.certify.running import running
 
-    plant = subject.plant
+    plant, own = subject.plant, subject.design
+    words = [*([] if own is None else [options.subject]), *options.law]
     designs = [at_samples_of(plant, word) for word in options.law]
+    if own is not None and own.plant.sampling is not None:
+        plant, designs = own.plant.sampling.plant, [own, *designs]
     design = next(filter(None, designs), None)
     if design is None:
         return None
-    if len(designs) > 1:
+    if len(words) > 1:
         raise InputError(
             "--law: a design at a sample time is simulated alone, with the states that its "
             "computer keeps; leave out the other laws"
         )
-    run, named = running(plant, design), of_design(plant, design, Path(options.law[0]))
+    run, named = running(plant, design), of_design(plant, design, Path(words[0]))
     period = run.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design has {period:g} s; leave it out")

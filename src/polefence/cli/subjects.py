@@ -10,7 +10,7 @@ from polefence.certify.design import FILE_NAME, Design, is_proof_file
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
-from polefence.plant.spec import load, load_car, load_dampers
+from polefence.plant.spec import load, load_dampers
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,6 @@ class Subject:
     plant : UncertainPlant
     design : Design, optional
         Proved or not, where the path names one.
-    car : Car, optional
-        Of the spec's table [car]; a plant that is a quarter car has none.
     dampers : tuple of Damper
         The controllable ones of the spec.
     """
@@ -33,8 +31,12 @@ class Subject:
     source: str
     plant: UncertainPlant
     design: Design | None = None
-    car: Car | None = None
     dampers: tuple[Damper, ...] = ()
+
+    @property
+    def car(self) -> Car | None:
+        """The car on two or four wheels that the plant is; a quarter car is none."""
+        return self.plant.car
 
     def require_road(self, remedy: str) -> None:
         """Refuse a plant that no road moves.
@@ -92,8 +94,7 @@ def read_spec(source: str) -> Subject:
         If it cannot be read.
     """
     plant = load(source)
-    car = None if plant.vehicle is not None else load_car(source)
-    return Subject(source, plant, None, car, load_dampers(source))
+    return Subject(source, plant, None, load_dampers(source))
 
 
 def read_subject(source: str) -> Subject:

@@ -19,8 +19,9 @@ times acceleration times height, which the springs take up, for links without an
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from itertools import product as combined
 from numbers import Rational
@@ -31,6 +32,7 @@ from polefence.base.explained import explained, explained_fields
 from polefence.plant.family import MAX_VERTICES, UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.proof.matrices import identity, product, right_divide, transposed
+from polefence.proof.reading import plain
 from polefence.proof.short import Short
 from polefence.proof.text import plural
 
@@ -38,6 +40,7 @@ Rows = list[list[Any]]
 MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
 MANOEUVRES = {"pitch": "braking [m/s2]", "roll": "cornering [m/s2]"}
 MAX_WHEELS = 8
+QUOTIENT = re.compile(r"-?[0-9]{1,300}/[0-9]{1,300}")
 
 
 @dataclass(frozen=True)
@@ -259,6 +262,32 @@ class Car(Short):
                 raise PlantError(f"car: wheels have {axis}, and the body no inertia in {motion}")
         _ = self.plane
 
+    def document(self) -> dict[str, Any]:
+        """Return it as plain data, for a file: numbers, or "p/q" where no double holds one."""
+        parts = {"wheels": self.wheels, "bars": self.bars}
+        return {
+            "body": _plain(self.body),
+            **{key: [_plain(part) for part in each] for key, each in parts.items()},
+            "seats": {name: plain(list(place)) for name, place in self.seats.items()},
+        }
+
+    @classmethod
+    def of(cls, document: Any) -> Car:
+        """Return the car of a file.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the data are of another form; as a `PlantError` where a number is wrong.
+        """
+        body, wheels, bars, seats = (document[key] for key in ("body", "wheels", "bars", "seats"))
+        return cls(
+            Body(**_exact(body)),
+            [Wheel(**_exact(each)) for each in wheels],
+            {name: tuple(map(Fraction, place)) for name, place in seats.items()},
+            [Bar(**_exact(each)) for each in bars],
+        )
+
     @property
     def G(self) -> Rows:
         """A row for each wheel: how the body above it moves up."""
@@ -431,6 +460,22 @@ def car_family(
         return A, B, E, outputs | others
 
     return UncertainPlant.from_function(matrices, parameters, **(cars[0].signals | names))
+
+
+def _plain(part: Any) -> dict[str, Any]:
+    """Return the fields of a part of a car that are given."""
+    each = ((own.name, getattr(part, own.name)) for own in fields(part))
+    return {name: plain(value) for name, value in each if value is not None}
+
+
+def _exact(value: Any) -> Any:
+    """Return what `plain` wrote, with "p/q" as rationals."""
+    if isinstance(value, dict):
+        return {name: _exact(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_exact(each) for each in value]
+    quotient = isinstance(value, str) and QUOTIENT.fullmatch(value)
+    return Fraction(value) if quotient else value
 
 
 def _set(part: Any, key: str, what: str, may_vanish: bool = False) -> None:

@@ -6,10 +6,10 @@ import hashlib
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,9 @@ from polefence.proof.matrices import common_denominator
 from polefence.proof.remainder import Remainder
 from polefence.proof.short import Short
 from polefence.proof.text import plural
+
+if TYPE_CHECKING:
+    from polefence.plant.cars import Car
 
 MAX_VERTICES = 256
 MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
@@ -99,6 +102,8 @@ class UncertainPlant(Short):
         Where the plant is only near combinations of its vertices: by how much.
     sampling : SamplesOf, optional
         What it is the samples of.
+    car : Car, optional
+        Of a table [car], at its parameters' low ends; a quarter car has a ``vehicle``.
 
     Raises
     ------
@@ -119,6 +124,7 @@ class UncertainPlant(Short):
     step: Fraction = Fraction(0)
     remainder: Remainder | None = None
     sampling: SamplesOf | None = None
+    car: Car | None = field(default=None, compare=False)  # dumps writes its matrices alone
 
     @explained_fields
     def __post_init__(self) -> None:

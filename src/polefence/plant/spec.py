@@ -457,11 +457,10 @@ def _car(
 def _from_car(data: Mapping[str, Any], names: dict[str, Any]) -> UncertainPlant:
     make, parameters, more = _car(data)
     plant, tracks = car_family(make, parameters, more, **names), _tracks(data)
-    if tracks is None:
-        return plant
-    return tracks.under(
-        plant, make(**{parameter.name: parameter.low for parameter in parameters}).places
-    )
+    car = make(**{parameter.name: parameter.low for parameter in parameters})
+    if tracks is not None:
+        plant = tracks.under(plant, car.places)
+    return replace(plant, car=car)
 
 
 def _between(table: Mapping[str, Any], name: str) -> tuple[str, ...]:

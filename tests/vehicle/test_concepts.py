@@ -244,7 +244,10 @@ range = [300, 2000]
     assert "ask semi-active, optimise and simulate" in said
 
 
-def test_without_a_bound_of_dampers_the_table_is_printed_with_the_reason(tmp_path, capsys):
+def test_without_a_bound_of_dampers_the_table_is_printed_with_the_reason(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(import_module("polefence.vehicle.concepts"), "ROADS", 2)
     spec = tmp_path / "own.toml"
     spec.write_text(spec_text("semi-active").replace("range = [300, 3000]", "range = [0, 3000]"))
     assert main(["concepts", str(spec), "--json", str(tmp_path / "rows.json")]) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,10 +25,16 @@ def plant():
     return loads(TWO_STATES)
 
 
+@cache
+def started(structure):
+    """Filters that several tests look at, of the plant of `plant`."""
+    return filtered(loads(TWO_STATES), structure, rms("x"), (), REGION)
+
+
 @pytest.mark.parametrize(("order", "schedule"), [(1, ()), (2, ("m",))])
 def test_a_law_of_the_order_keeps_everything_and_is_better_than_one_without(plant, order, schedule):
     own = Structure(("x",), schedule, order=order, largest_gain=2.0)
-    law = filtered(plant, own, rms("x"), (), REGION)[0]
+    law = started(own)[0]
     larger, gain = own.extended(plant)
     assert law.powers == gain.powers(larger)
     alpha = np.random.default_rng(2).dirichlet(np.ones(2), (20, 2))
@@ -46,7 +53,7 @@ def test_a_law_of_the_order_keeps_everything_and_is_better_than_one_without(plan
 
 def test_it_is_where_a_search_begins_that_is_no_worse(plant):
     own = Structure(("x",), (), order=1, largest_gain=2.0)
-    laws = filtered(plant, own, rms("x"), (), REGION)
+    laws = started(own)
     larger, gain = own.extended(plant)
     found = tune(larger, gain, rms("x"), (), REGION, laws)[0]
     assert found.kept
@@ -70,13 +77,11 @@ def test_in_the_delta_form_they_are_near_those_of_continuous_time(plant, order):
     """The same starts, of a step that is short beside all rates."""
     own, step = Structure(("x",), (), order=order, largest_gain=2.0), Fraction(1, 10**5)
     delta = replace(plant, step=step)
-    each = ((filtered, (own, rms("x"), (), REGION)), (observers, (own, (), REGION)))
-    for make, asked in each:
-        laws, near = make(plant, *asked), make(delta, *asked)
-        assert len(laws) == len(near) > 0
-        if make is observers:
-            each_loop = (np.poly(loops(plant, own, [law])[0][0]) for law in (near[0], laws[0]))
-            assert np.allclose(*each_loop, rtol=0.01)
+    assert len(started(own)) == len(filtered(delta, own, rms("x"), (), REGION)) > 0
+    laws, near = (observers(each, own, (), REGION) for each in (plant, delta))
+    assert len(laws) == len(near) > 0
+    each_loop = (np.poly(loops(plant, own, [law])[0][0]) for law in (near[0], laws[0]))
+    assert np.allclose(*each_loop, rtol=0.01)
     larger, gain = own.extended(delta)
     best = filtered(delta, own, rms("x"), (), Disk(-1 / float(step), 1 / float(step) - 0.1))[0]
     found = tune(larger, gain, rms("x"), (), REGION, [best])[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 
+EARLIER = Path(__file__).parents[1] / "proof" / "format2" / "one-gain-1.json"
 SPEC = """name = "mass"
 states = ["x [m]", "v [m/s]"]
 inputs = ["u [N]"]
@@ -109,7 +111,8 @@ FILES = (
     "performance/design.json", "signals/design.json", "vectors/design.json", "code/guarantee.json",
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
-    "discrete/design.json", "moving/design.json", "whole/gain.json",
+    "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
+    "earlier/sampled.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -209,6 +212,8 @@ def write_every_file(made: Path) -> None:
         assert quiet(words)[0] == 0, words
     _write_polynomial(made)
     _write_gain_error(made)
+    (made / "earlier").mkdir()  # of a claim that no command writes any more
+    shutil.copy(EARLIER, made / "earlier" / "sampled.json")
 
 
 def _write_polynomial(made: Path) -> None:

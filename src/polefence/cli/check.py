@@ -68,7 +68,6 @@ from polefence.proof.__main__ import main
 
 sys.exit(main(sys.argv[1:]))
 """
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is written
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -391,7 +390,8 @@ def archive() -> bytes:
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archived:
         for name in sorted(files):
-            entry = zipfile.ZipInfo(name, EPOCH)
+            # the same bytes whenever it is written
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.create_system = 3  # wherever it is written
             entry.external_attr = 0o644 << 16
             archived.writestr(entry, files[name].encode())

@@ -19,7 +19,6 @@ from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 
-DISK = (-40.0, 36.0)  # that all three methods reach for the cars of the package
 NOTHING_ASKED = (
     "note: {} asks for no law of its own; write [[specification]] tables or a region in it, name "
     "laws by --law, or give --disk for quadratic, slack and scheduled"
@@ -100,4 +99,5 @@ def _law(plant: UncertainPlant, word: str, options: Any) -> Named:
 
     if word in WORDS:
         return read_law(plant, word)
-    return Named(word, standard_laws(plant, tuple(options.disk or DISK), (word,))[word])
+    # a disk that all three methods reach for the cars of the package
+    return Named(word, standard_laws(plant, tuple(options.disk or (-40.0, 36.0)), (word,))[word])

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from polefence.studio import State, Subject
 
 MOST_PORT = 65535
-PATIENCE = 0.5  # [s] that searches have to end after Ctrl-C
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +66,7 @@ def studio_command(options: Any) -> int:
     require_region(subject.plant, state.region)
     more = options.port, not options.no_browser, _ready
     serve(subject, state, options.output, *more, opened=opened)
-    if not settled(PATIENCE):  # what is in the kernel hears of nothing
+    if not settled(0.5):  # what is in the kernel hears of nothing
         sys.stdout.flush()
         os._exit(PROVED)
     return PROVED

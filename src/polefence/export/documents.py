@@ -52,10 +52,8 @@ from polefence.search.observer import Observer
 
 FILE_NAME = "guarantee.json"
 SAMPLED = "sampled.json"  # beside it, where there is a sample time: see `timing`
-LONGEST = 100  # characters of a file's name
 
 WIDTH, NO_BREAK = 88, "\u00a0"
-MOST = 1e29  # a decay without bound [1/s]
 README = "README.md"
 
 
@@ -189,7 +187,7 @@ def _other(path: Path, document: Document, held: Document | None) -> str:
         raise InputError("files must be a table of names and digests, the observer's among them")
     units = {f"{texts.name}_fmi{version}.fmu" for version in "23"}
     for name in files.keys() - beside - units:
-        raise InputError(f"files: {str(name)[:LONGEST]!r} is not a file of this export")
+        raise InputError(f"files: {str(name)[:100]!r} is not a file of this export")
     readme = own_readme(program, texts, certificate, observer is not None)
     if (path.parent / README).exists():
         written |= {README: readme}
@@ -437,13 +435,14 @@ class Facts:
 def loop_of(timed: Timing) -> Loop:
     """Return the proved and the sampled findings about the sampled loop."""
     sampled, beside = timed.sampling, timed.with_observer
+    # a decay without bound [1/s]
     seen = Seen(
         sampled.points,
         sampled.inside,
         sampled.decay,
         timed.largest.region,
         timed.largest.stable,
-        None if beside is None else (beside.points, min(beside.decay, MOST)),
+        None if beside is None else (beside.points, min(beside.decay, 1e29)),
     )
     proof = timed.proof
     decay = proof.decay if proof.proved else None

@@ -40,9 +40,6 @@ from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
 GIVEN = ("parameters", "alpha")
-BESIDE = (".c", ".h", ".fmu")  # what runs beside the law
-
-BUILD = "build"  # what the Makefile makes
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +277,11 @@ def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
         return files
     name = exported.texts.name
     code_files = {f"{name}{ending}" for ending in (".c", ".h", "_test.c")}
-    beside = {key: files[key] for key in sorted(files.keys() - code_files) if key.endswith(BESIDE)}
+    beside = {
+        key: files[key]
+        for key in sorted(files.keys() - code_files)
+        if key.endswith((".c", ".h", ".fmu"))
+    }
     seen = None if exported.timing is None else loop_of(exported.timing).seen
     observer = (
         None if exported.observer is None else (exported.observer.design, exported.by_parameters)
@@ -363,7 +364,8 @@ def check_folder(directory: Path, marks: Mapping[str, bytes]) -> None:
     if not directory.is_dir():
         raise OutputError(f"{directory}: is a file; name a folder")
     for entry in sorted(directory.iterdir()):
-        if entry.name == BUILD and entry.is_dir():
+        # what the Makefile makes
+        if entry.name == "build" and entry.is_dir():
             continue
         if not (_is_leftover(entry, marks) or _is_ours(entry, marks)):
             raise OutputError(

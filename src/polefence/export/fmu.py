@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 VERSIONS = ("2.0", "3.0")
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that a zip file can say
 # "suspension deflection [m]", where the unit is no more than letters, digits and signs
 UNIT = re.compile(r"(.*?)\s*\[([A-Za-z0-9 ./*^()%°µμΩ·²³-]{1,30})\]\s*", re.DOTALL)
 
@@ -145,7 +144,8 @@ def _zipped(files: dict[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            info = zipfile.ZipInfo(name, EPOCH)
+            # the first time that a zip file can say
+            info = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             info.create_system = 3  # or it would tell where it was made
             info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             info.compress_type = zipfile.ZIP_DEFLATED

@@ -41,15 +41,10 @@ from polefence.region.text import digits_down, digits_up
 
 Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 
-ELEVATIONS = 8
-ENOUGH = 0.95  # a higher elevation must gain so much
-MOST_COEFFICIENTS = 3000
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
-NO_COLUMN = 2.0**-20  # scale of a column of zeros, beside the least: it takes no room
 ROOM = 1.01  # of what floats must leave over what is needed
-BALANCED = 30  # steps towards sizes that are a product of rows' and columns'
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +229,7 @@ def balanced(sizes: Array, memory: Kept) -> Array:
     steps = np.arange(-memory.states, 0)
     sizes[steps, steps] += 1 / (r * memory.sample_time)
     columns = np.ones(r)
-    for _ in range(BALANCED):
+    for _ in range(30):  # steps towards products of rows' and columns' sizes
         rows = (sizes / columns).max(axis=1)
         columns = (sizes / rows[:, None]).max(axis=0)
     return np.outer(rows, columns)
@@ -262,7 +257,8 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
 
 def _filled(columns: Array) -> tuple[Fraction, ...]:
     """Return positive scales; that of a column of zeros is small, for its products are exact."""
-    least = columns[columns > 0].min(initial=columns.max() or 1.0) * NO_COLUMN
+    # a column of zeros takes no room
+    least = columns[columns > 0].min(initial=columns.max() or 1.0) * 2.0**-20
     return _exact(_short(np.where(columns > 0, columns, least)))
 
 
@@ -299,8 +295,8 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     W = bernstein(domain, coordinates.forms(left), degree)
     Z = bernstein(domain, coordinates.gains(right) / rows, degree)
     square, best = times(W, W), (inf, 0.0, 0.0, 0)
-    for elevation in range(ELEVATIONS + 1):
-        if domain.count(2 * degree + elevation) > MOST_COEFFICIENTS:
+    for elevation in range(9):
+        if domain.count(2 * degree + elevation) > 3000:
             break
         smallest = float(np.linalg.eigvalsh(_raised(domain, W, degree, elevation)).min())
         s = _raised(domain, square, 2 * degree, elevation)
@@ -309,7 +305,8 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
         z = _raised(domain, Z, degree, degree + elevation)
         energy = np.linalg.eigvalsh(z @ np.linalg.solve(s, z.swapaxes(-1, -2))).max()
         size = float(np.sqrt(max(energy, 0.0)))
-        if size / smallest < ENOUGH * best[0]:
+        # a higher elevation must gain 5 %
+        if size / smallest < 0.95 * best[0]:
             best = size / smallest, smallest, size, elevation
     if not best[1]:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")

@@ -30,12 +30,8 @@ from polefence.proof.short import Short
 from polefence.response.discrete import zero_order_hold
 
 POINTS = 10_000  # random ones
-SCANNED = 300  # of the scan over sample times
 SHORTEST, LONGEST, PER_DECADE = 1e-5, 1e2, 16  # sample times tried, over the fastest pole's time
-TIME_HALVINGS = 10
-SHORTER = 0.99
 TINY = 1e-300
-SOONEST = 1e-9  # of the loop's fastest time: no sample time is shorter
 
 Test = Callable[[float, Array], bool]
 
@@ -103,7 +99,8 @@ def require_usable(design: Design, sample_time: Any, delay: int) -> float:
     if not 0 < value < math.inf:
         raise InputError(f"sample_time = {sample_time!r} must be a positive number of seconds")
     fastest = float(np.abs(design.poles(np.eye(len(design.plant.vertices)))).max())
-    if value * fastest < SOONEST:
+    # no sample time is shorter than 1e-9 of the loop's fastest time
+    if value * fastest < 1e-9:
         raise InputError(
             f"sample_time = {value:g} s is too short for floating point: the "
             f"loop's fastest pole is at {fastest:.3g} 1/s"
@@ -270,7 +267,7 @@ def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
         If the plant is a discrete-time one, or the delay neither 0 nor 1.
     """
     require_continuous(design, delay)
-    few, many = cloud(design, SCANNED), cloud(design, POINTS)
+    few, many = cloud(design, 300), cloud(design, POINTS)
     fastest = float(np.abs(design.poles(few)).max())
     unit = 1 / fastest if fastest else 1.0
     decades = np.log10(LONGEST / SHORTEST)
@@ -288,9 +285,9 @@ def _largest(holds: Test, grid: Array, few: Array, many: Array) -> float:
     low = float(grid[fails - 1])
     if fails < len(grid):
         high = float(grid[fails])
-        low, _ = edge(lambda time: holds(time, few), low, high, TIME_HALVINGS, geometric=True)
+        low, _ = edge(lambda time: holds(time, few), low, high, 10, geometric=True)  # halvings
     while low >= grid[0] and not holds(low, many):  # more points may fail earlier
-        low *= SHORTER
+        low *= 0.99
     return low if low >= grid[0] else 0.0
 
 

@@ -36,11 +36,9 @@ Flags = np.ndarray[Any, np.dtype[np.int64]]
 OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED, RESTARTED = 0, 1, 2, 4, 8, 16
 # Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
 ALLOWED = {32: 1e-5, 64: 1e-12}
-USUAL = 1 / 16  # of a bound on rounding, which is a worst case: errors are some hundredths of it
 SUM = 1e-3  # alpha whose sum is off by more is no rounding of a point of the simplex
 Rationals = Any  # an array of Fractions, which numpy does not type
 Whole = tuple[Any, int]  # numerators, and their denominator
-CORRECTIONS = 4  # each leaves a part of 1e-6 or less, of any law worth exporting
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +265,8 @@ def _rows(program: Program, table: Vectors, bound: Bound | None) -> list[dict[st
         off, memory = bound(np.where(np.isfinite(table.x), table.x, 0.0)), memory_of(program)
         if memory:
             off[:, -memory.states :] *= memory.sample_time  # of rates
-        allowed = np.maximum(allowed, USUAL * off)
+        # a bound on rounding is a worst case: errors are some hundredths of it
+        allowed = np.maximum(allowed, off / 16)
     return [_row(program, table, allowed, k) for k in range(len(table.x))]
 
 
@@ -386,7 +385,8 @@ def _solved(W: Whole, x: Rationals) -> Rationals:
     size = np.sqrt(np.diagonal(plain))
     inverse = np.linalg.inv(plain / np.outer(size, size)) / np.outer(size, size)
     v = np.full(len(x), Fraction(0))
-    for _ in range(CORRECTIONS):
+    # each leaves a part of 1e-6 or less, of any law worth exporting
+    for _ in range(4):
         v = v + _rationals(inverse @ _float(x - _times(W, v)))
     return v
 

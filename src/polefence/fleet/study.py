@@ -22,7 +22,6 @@ from polefence.plant.varied import numbers_of, varied
 from polefence.proof.short import Short
 
 KEYS = ("name", "base", "variants", "question")
-MOST = 10_000_000  # rows
 
 
 @dataclass(frozen=True)
@@ -148,6 +147,6 @@ def _study(data: dict[str, Any], folder: Path) -> Study:
     known = numbers_of(base, str(path))
     variants = read_variants(data.get("variants"), folder, known)
     questions = read_questions(data.get("question"))
-    if len(variants) * len(questions) > MOST:
+    if len(variants) * len(questions) > 10_000_000:
         raise SpecError(f"{len(variants)} variants of {len(questions)} questions: too many rows")
     return Study(name, base, variants, questions)

@@ -18,9 +18,6 @@ import numpy as np
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 
-DIGITS = 80  # of the factor: condition numbers up to 1e60
-DOUBLES = 4  # that hold an entry of T^-1 together
-
 Decimals = list[list[Decimal]]
 
 
@@ -60,7 +57,8 @@ class Coordinates(Short):
         with _precise():
             left = _inverse(_decimals(self.T))
             parts = []
-            for _ in range(DOUBLES):
+            # four doubles hold an entry of T^-1 together
+            for _ in range(4):
                 part = np.array([[float(e) for e in row] for row in left])
                 parts.append(_Whole.of(part))
                 left = [
@@ -145,7 +143,7 @@ class _Whole:
 
 
 def _precise() -> Any:
-    return localcontext(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN)
+    return localcontext(prec=80, Emax=MAX_EMAX, Emin=MIN_EMIN)  # condition numbers up to 1e60
 
 
 def _decimals(matrix: Array) -> Decimals:

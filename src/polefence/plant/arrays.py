@@ -27,7 +27,6 @@ from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 2_000_000  # numbers in a file
-MAX_FILES = 2_000  # in a folder
 KINDS = (".mat", ".npz", ".npy", ".json", ".csv")
 WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
 _NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
@@ -171,7 +170,7 @@ def read_arrays(path: str | Path, names: Mapping[str, str] = NO_NAMES) -> Arrays
 def _read_arrays(path: Path) -> Arrays:
     if path.is_dir():
         files = sorted(path.glob("*.csv"))
-        if not files or len(files) > MAX_FILES:
+        if not files or len(files) > 2_000:
             raise InputError(f"{path}: a folder of {len(files)} .csv files; {WANTED}")
         tables = {file.stem: [_csv(file, _read(file))] for file in files}
         return _with_series(Arrays(str(path), tables))

@@ -15,8 +15,6 @@ from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, 
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
 
-DAMPING = Fraction("0.7071")  # default damping ratio of an actuator of order 2
-DIGITS = 12  # significant digits of 2 pi f and other irrational entries
 MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
@@ -88,7 +86,7 @@ def with_actuator(
     if order == 1 and damping is not None:
         raise InputError(f"{where}: damping belongs to order = 2; leave it out")
     order = int(order)
-    ratio = DAMPING if damping is None else _positive(damping, f"{where}: damping")
+    ratio = Fraction("0.7071") if damping is None else _positive(damping, f"{where}: damping")
     a: Exact = ((-w,),)
     labels = [actuated.label]
     if order == 2:
@@ -422,7 +420,7 @@ def _positive(value: Any, what: str) -> Fraction:
 
 
 def _rounded(value: float) -> Fraction:
-    return Fraction(f"{value:.{DIGITS}g}")
+    return Fraction(f"{value:.12g}")
 
 
 def _labelled(name: str, unit: str) -> str:

@@ -25,9 +25,6 @@ from polefence.plant.system import Array
 MAX_INFLATED = 64_000_000  # bytes of a file once it is unpacked
 MAX_DEPTH, MAX_ELEMENTS = 20, 200_000  # of elements in elements
 MAX_ENTRIES = 2_000_000  # of a matrix
-MAX_NAME = 63  # letters, as MATLAB has them
-HEADER = 128  # bytes before the first element
-HDF = b"MATLAB 7.3"
 MI_INT8, MI_MATRIX, MI_COMPRESSED = 1, 14, 15  # types of elements: text, nested, packed
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8"}
 NUMBERS |= {13: "u8"}
@@ -37,7 +34,6 @@ CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13:
 CLASSES |= {14: "i8", 15: "u8"}
 COMPLEX = 0x800  # among the flags of a matrix
 OLDER = ("f8", "f4", "i4", "i2", "u2", "u1")  # numbers of version 4
-DAMAGED = "no MATLAB file, or a damaged one"
 
 
 @dataclass(frozen=True)
@@ -75,7 +71,7 @@ def variables(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     InputError
         If it is no such file, or unpacks to more, or nests deeper, than is read here.
     """
-    if raw.startswith(HDF):
+    if raw.startswith(b"MATLAB 7.3"):
         raise InputError(
             f"{path}: MATLAB 7.3 files (HDF5) are not read; in MATLAB save({path.name!r}, 'A', "
             "'B', 'K', '-v7') writes one that is, in Python h5py and numpy.savez an .npz"
@@ -87,10 +83,10 @@ def variables(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             return
         if raw[126:128] not in (b"IM", b"MI"):
             raise _DamagedError("it has no header")
-        for kind, content in reader.elements(memoryview(raw)[HEADER:]):
+        for kind, content in reader.elements(memoryview(raw)[128:]):  # behind the header
             yield from reader.variable(kind, content)
     except _DamagedError as problem:
-        raise InputError(f"{path}: {DAMAGED}: {problem}") from problem
+        raise InputError(f"{path}: no MATLAB file, or a damaged one: {problem}") from problem
 
 
 class _Reader:
@@ -299,7 +295,7 @@ def _text(inside: Iterator[tuple[int, memoryview]]) -> str:
 
 
 def _object_of(kind: str) -> str:
-    return f"an object of class {shown(kind[:MAX_NAME])}"
+    return f"an object of class {shown(kind[:63])}"  # letters, as MATLAB has them
 
 
 def _older(raw: bytes) -> Iterator[tuple[str, Any]]:

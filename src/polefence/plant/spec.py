@@ -29,7 +29,6 @@ from polefence.plant.vehicle import Vehicle
 from polefence.proof.plant import ANY
 
 MAX_BYTES = 1_000_000
-LINE = 80  # characters of a matrix that is written on one
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
 DEEPEST, MOST_QUOTED = 16, 200
 DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
@@ -751,7 +750,7 @@ def _matrix_text(texts: list[list[str]]) -> str:
     """Return rows of entries on one line, or on a line each where that is too long."""
     rows = [_row_text(row) for row in texts]
     line = _row_text(rows)
-    return line if len(line) <= LINE else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+    return line if len(line) <= 80 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
 
 
 def _row_text(texts: Iterable[str]) -> str:

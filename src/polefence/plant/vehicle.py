@@ -22,7 +22,6 @@ UNSPRUNG = "unsprung-mass acceleration"
 TYRE_FORCE = "tyre force variation"
 OF_A_CAR = (ACCELERATION, UNSPRUNG, TYRE_FORCE)
 SENSES = {"compression": 1, "extension": -1}
-NEARLY = Fraction(1, 100)  # of the forces on both masses, where digits of matrices are rounded
 
 
 @dataclass(frozen=True)
@@ -204,7 +203,8 @@ def _check_forces(vertex: System, places: Sequence[int], push: tuple[str, int]) 
             )
     for i, j, k, n, sign in ((x3, x1, x4, x1, 1), (x3, x3, x4, x3, 1), (x3, x3, x3, x4, -1)):
         one, other = A[i][j] / B[i][force], sign * A[k][n] / B[k][force]
-        if abs(one - other) > NEARLY * max(abs(one), abs(other)):
+        # digits of matrices are rounded
+        if abs(one - other) > Fraction(1, 100) * max(abs(one), abs(other)):
             minus = "-" if sign < 0 else ""
             raise PlantError(
                 f"vehicle: {vertex.name}: spring and damper push both masses alike, but "

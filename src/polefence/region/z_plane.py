@@ -40,11 +40,8 @@ MOST_DAMPING = 0.999  # beyond it the image is too thin for corners that floats 
 INSIDE = 1e-11  # corners are moved inwards by so much, relative to their modulus
 SAFE = 1e-13  # and stay inside by so much, which floats cannot mistake
 EXACT = 1e-15  # relative error of an exponential, times one more than its exponent
-STEEPEST = 1e-2  # so far right of the tip, relative to 1 - tip, lies the last corner before it
-LEAST = 1e-2  # modulus of that corner: nearer to zero floats leave nothing of what is SAFE
 NEAR = 1e-2  # corners are no nearer to the last one than this, relative to its angle
 HALVINGS = 50
-ALONG = np.linspace(0.0, 1.0, 65)[1:-1]  # points of an edge at which its damping is looked at
 UPRIGHT = 100.0  # slope of the wedge that stands for a half-plane to the right of its apex
 KNOWN = (
     "half_plane, sector, vertical_strip and horizontal_strip, or disk and wedge, which are of the "
@@ -279,10 +276,12 @@ def _farthest(damping: float, excess: float, corner: complex, angle: float, last
 def _steepest(damping: float, tip: float) -> float:
     """Return the angle up to which corners stay far enough to the right of the tip."""
     leftmost = math.pi - math.atan(_pitch(damping))
-    low, high = 0.0, min(leftmost, -math.log(LEAST) / _pitch(damping))
+    # nearer to zero floats leave nothing of what is SAFE
+    low, high = 0.0, min(leftmost, -math.log(1e-2) / _pitch(damping))
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        if _spiral(damping, middle).real > tip + STEEPEST * (1 - tip):
+        # the last corner before the tip lies 1 % of 1 - tip to the right of it
+        if _spiral(damping, middle).real > tip + 1e-2 * (1 - tip):
             low = middle
         else:
             high = middle
@@ -293,7 +292,8 @@ def _excess(damping: float, one: complex, other: complex) -> float:
     """Return by how much the largest damping ratio on an edge is above that asked."""
     if abs(other - one) < 1e-15:
         return 0.0
-    s = np.log(one + ALONG * (other - one))
+    # points of an edge at which its damping is looked at
+    s = np.log(one + np.linspace(0.0, 1.0, 65)[1:-1] * (other - one))
     ratios = -s.real / np.abs(s)
     at_one = (one - other).real / abs(one - other) if one == 1 else 0.0
     return float(max(ratios.max(), at_one) - damping)

@@ -25,8 +25,6 @@ from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
 
 UNIT = 2.0  # one-sided density of noise of intensity one
-NEAR = 0.7  # singular values that have slopes, of the largest at a peak
-FEW = 20  # points, the worst of a grid, at which peaks are found
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class Gain(Specification):
         channel, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step))
         values = on_grid(loops.modes, loops.E, loops.C, loops.F)
-        worst = np.argsort(-values)[:FEW]
+        worst = np.argsort(-values)[:20]  # points of the grid
         modes = Modes(loops.A[worst], closed.step)
         points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst])
         np.maximum.at(values, worst[points], height)
@@ -94,7 +92,8 @@ class Gain(Specification):
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, s[:, None])[:, 0]
         u, values, vt = np.linalg.svd(G, full_matrices=False)
-        some, which = np.nonzero(values >= NEAR * values[:, :1])
+        # slopes of the singular values within 30 % of the largest at a peak
+        some, which = np.nonzero(values >= 0.7 * values[:, :1])
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
         points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
         s = s[:, None, None] * np.eye(A.shape[-1]) - A

@@ -25,10 +25,6 @@ from polefence.response.closed import gains
 
 # Of the proof's polynomials, one after the other, and how many coefficients they may have.
 ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
-# The design keeps this share of the limit, so that its proof has something to spare.
-KEPT = 1 - 1e-4
-ABOVE = 1e-3  # of a multiple that W is above: room for the proof
-NEAR = 0.8  # singular values that have slopes, of the largest
 
 
 @dataclass(frozen=True)
@@ -133,7 +129,8 @@ class GainNorm(Specification):
         C, R = (np.diag(1 / np.array(scales)) for scales in (columns, rows))
         if unit is not None:
             return Norm(self.kind, C, R, unit, False)
-        return Norm(self.kind, C, R, (self.at_most or 1.0) * KEPT)
+        # 1e-4 of the limit is left to the proof
+        return Norm(self.kind, C, R, (self.at_most or 1.0) * (1 - 1e-4))
 
     def claim(
         self,
@@ -166,7 +163,8 @@ class GainNorm(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return the norm with its slopes: all singular values near the largest."""
         u, values, vt = np.linalg.svd(loops.C @ loops.E, full_matrices=False)
-        points, some = np.nonzero(values >= NEAR * values[:, :1])
+        # slopes of the singular values within 20 % of the largest
+        points, some = np.nonzero(values >= 0.8 * values[:, :1])
         left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
         dC = left[:, :, None] * right[:, None, :]
         return Slopes(values[points, some], points, np.zeros_like(loops.A[points]), dC)
@@ -202,7 +200,7 @@ def by_multiples(plant: UncertainPlant, law: Law, norm: GainNorm) -> tuple[float
         return None
     rows, columns = (np.array(scales) for scales in norm.units(plant))
     W, V = law.W / columns[:, None] / columns, law.form[:, len(columns) :] / rows[:, None] / columns
-    s = (1 - ABOVE) * np.linalg.eigvalsh(W).min(axis=1)
+    s = (1 - 1e-3) * np.linalg.eigvalsh(W).min(axis=1)  # room for the proof that W is above s
     if not s.min() > 0:
         return None
     square = V @ np.linalg.solve(W, np.swapaxes(V, 1, 2))

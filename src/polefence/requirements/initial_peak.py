@@ -32,7 +32,6 @@ from polefence.response.stationary import STABLE, growth, stationary
 
 # Time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
-GROUP = 2_000_000  # samples at once
 # For slopes: time constants followed, steps a radian and a mode; peaks that count, so many a loop.
 LASTING, A_RADIAN, MOST_STEPS = 14.0, 4, 800
 NEAR, MOST = 0.8, 3
@@ -210,7 +209,7 @@ class InitialPeak(Specification):
         slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
         step = loops.step or STEP / fastest
         steps = max(2, int(min(FOLLOWED / slowest / step + 1, MOST_CHOSEN)))
-        time, size = step * np.arange(steps), max(1, GROUP // steps)
+        time, size = step * np.arange(steps), max(1, 2_000_000 // steps)  # samples at once
 
         def squares(start: Array, part: slice) -> Array:
             one = simulate(plant, law, alpha[part], None, time, [signal], "held", start[part])

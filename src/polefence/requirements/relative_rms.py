@@ -40,10 +40,6 @@ from polefence.response.discrete import balancing
 from polefence.response.stationary import growth, lyapunov, needed
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
-CLOSE = 2e-4  # of X taken off: closer is not worth a higher degree
-# How much of X is taken off P.
-SHARES = tuple(10.0**k for k in np.arange(-7, 0.1, 0.5))
-MARGIN = 1e-9
 FREE, ABOVE = 1e-6, 1.01  # of a cost, what counts as none; kappa over what it has to exceed
 
 
@@ -229,7 +225,8 @@ def baseline(
             best, least = covariance, share
         elif best is not None and plant.remainder is not None:
             break  # it takes its share whatever the degree
-        if least <= CLOSE:
+        # closer is not worth a higher degree
+        if least <= 2e-4:
             break
     if best is None:
         raise InputError(
@@ -263,7 +260,8 @@ def _at_degree(
     falling = loop.spread_of_decrease(X)
     if not loop.falls(X, falling):
         return np.inf, None
-    for share in SHARES:
+    # how much of X is taken off P
+    for share in (10.0**k for k in np.arange(-7, 0.1, 0.5)):
         P = fit - 1.5 * share * X  # half of it for the rounding
         below = loop.spread_of_covariance(P, X)
         if loop.holds(fit - share * X, below):
@@ -407,7 +405,7 @@ def _is_positive(block: Array) -> bool:
     if np.diag(block).min() <= 0:
         return False
     scale = 1 / np.sqrt(np.diag(block))
-    return bool(np.linalg.eigvalsh(block * np.outer(scale, scale))[0] > MARGIN)
+    return bool(np.linalg.eigvalsh(block * np.outer(scale, scale))[0] > 1e-9)
 
 
 def _rationals(matrices: Array) -> list[list[list[Fraction]]]:

@@ -34,8 +34,6 @@ from polefence.response.closed import close
 # and points of the family at most.
 LEVELS, TURNS, MOST_POINTS = 10, 3, 300
 STEP, MOST_STEPS = 0.1, 1500  # of the fastest pole's time constant
-LASTING = 6.0  # time constants of the slowest
-GROWN = 10.0  # a state that has grown by so much, and grows on, does not come to rest
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,7 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     rates = np.concatenate([-poles.real, np.abs(np.linalg.eigvals(A).real)], axis=-1)
     slowest = float(rates[rates > 1e-6 * float(fastest)].min(initial=float(fastest)))
     dt = step or STEP / float(fastest)
-    steps = int(min(LASTING / slowest / dt + 1, MOST_STEPS))
+    steps = int(min(6.0 / slowest / dt + 1, MOST_STEPS))  # six time constants of the slowest pole
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
     A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
     size = np.linalg.norm(x0, axis=-1)
@@ -200,7 +198,8 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
             if k == steps // 2:
                 before = np.linalg.norm(x, axis=(-1, -2))
         end = np.linalg.norm(x, axis=(-1, -2))
-        return (end > GROWN * size) & (end > before), most
+        # a state that has grown tenfold, and grows on, does not settle
+        return (end > 10.0 * size) & (end > before), most
 
     _, high = run(np.full(size.shape, np.inf))
     low = np.zeros(size.shape)

@@ -41,9 +41,6 @@ KINDS: dict[str, type[Specification]] = {
     for kind in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
-ONLY_TABLES = ("points", "ellipsoid", "rows", "columns", "disturbances")
-EXAMPLE = "rms of NAME <= 700"
-VELOCITY = "m/s"  # unit of a road
 NOTHING: Mapping[str, float] = MappingProxyType({})
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 # A list, as `polefence.requirements.specification.listed` writes it.
@@ -97,7 +94,7 @@ class RoadSpectrum(Short):
             return requirement
         pairs = list(zip(disturbances(plant), plant.physical, strict=True))
         others = {w.unit for w, physical in pairs if physical and w.name not in self.under}
-        if not others or VELOCITY in others:
+        if not others or "m/s" in others:
             return requirement
         noise = {w.name: requirement.unnamed_noise for w, physical in pairs if not physical}
         roads = {w.name: 1.0 for w, _ in pairs if w.name in self.under}
@@ -200,7 +197,9 @@ def parse_specification(
         )
     kind, of, signal = what.partition(" of ")
     if not of or not signal.strip() or (less and not limit.strip()):
-        raise InputError(f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write {EXAMPLE!r}")
+        raise InputError(
+            f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write 'rms of NAME <= 700'"
+        )
     if match := _FROM.fullmatch(signal):
         signal, table["disturbances"] = match["rest"], _acting(match["items"], text)
     signal = signal.strip()
@@ -220,7 +219,7 @@ def _without_ends(part: str, text: str, table: dict[str, Any]) -> str:
     """Return a part of a line without `with KEY VALUE` at its end, which is read into a table."""
     while match := _WITH.fullmatch(part):
         part, key = match["rest"], match["key"]
-        if key in (*COMMON, *ONLY_TABLES):
+        if key in (*COMMON, "points", "ellipsoid", "rows", "columns", "disturbances"):
             told = (
                 "name disturbances by from [NAME]"
                 if key == "disturbances"

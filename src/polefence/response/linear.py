@@ -43,7 +43,6 @@ from polefence.response.weighting import positive
 
 Wanted = Sequence[Output | str] | None
 
-FAR = 1e-5  # of the state that goes farthest: what its rounding leaves in the others' scale
 
 Reference = Literal["final", "peak"]
 Flags = npt.NDArray[np.bool_]
@@ -322,7 +321,8 @@ def _final(path: _Path) -> tuple[Array, Array]:
         if len(good) and len(keep):
             # by state: one that goes far says little of how exact the others are (Skeel)
             moved = np.abs(np.linalg.inv(A[good])) @ (np.abs(A[good]) @ np.abs(reached))
-            moved += FAR * np.abs(reached).max(axis=1, keepdims=True)
+            # what rounding of a state that goes far leaves in the others' scale
+            moved += 1e-5 * np.abs(reached).max(axis=1, keepdims=True)
             scale[same] = (np.abs(rows) @ moved).max(axis=0)
     return values, scale
 

@@ -38,7 +38,6 @@ from polefence.vehicle.reference_laws import nominal
 from polefence.vehicle.vehicle import Ride, masses, require_ride
 
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
-SETTLED = 5.0  # from rest [s]
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
 NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}, 1e-3
 
@@ -322,7 +321,8 @@ class _Task:
         tyre = known.tyre if known.tyre_force is None else known.tyre_force
         cost = [signal.name for signal in spec.outputs(self.plant)]
         shown = [signal.name for signal in (known.acceleration, tyre, known.travel, known.force)]
-        asked, begin = list(dict.fromkeys([*cost, *shown])), round(SETTLED / STEP)
+        # settled 5 s from rest
+        asked, begin = list(dict.fromkeys([*cost, *shown])), round(5.0 / STEP)
         values = driven.response(asked).values
         squares = np.mean(values[:, begin:] ** 2, axis=1)
         place = {name: i for i, name in enumerate(asked)}

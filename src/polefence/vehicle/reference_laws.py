@@ -161,9 +161,6 @@ def _integral(plant: UncertainPlant, known: Ride) -> int:
     raise InputError(f"{plant.name} has no state that is the integral of {known.travel.name}")
 
 
-REFERENCES = {"passive": passive, "skyhook": skyhook, "LQR": lqr}
-
-
 @explained
 def beside_reference_laws(front: Front) -> Front:
     """Return a trade-off of a car with those reference laws that are stable over the family.
@@ -177,7 +174,7 @@ def beside_reference_laws(front: Front) -> Front:
 
 def _references(asked: Asked) -> Iterator[Row]:
     alpha = seeded(asked.plant, SAMPLES)
-    for name, law_of in REFERENCES.items():
+    for name, law_of in {"passive": passive, "skyhook": skyhook, "LQR": lqr}.items():
         with suppress(InputError):
             law = law_of(asked.plant)
             both = (asked.over, asked.minimise)

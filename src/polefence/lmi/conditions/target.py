@@ -20,7 +20,6 @@ from polefence.region.regions import Region
 
 # Decay rates are looked for up to this multiple of the rate that is typical of the region.
 FASTEST = 2.5
-NEAR = 1e-9  # of the centre of a disk that is about motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,8 @@ class Side:
             return self.is_half_plane
         if len(self.L0) != 2 or self.M0.tolist() != [[0, 1], [0, 0]] or self.M1.any():
             return False
-        return bool(abs(self.L0[0, 1] - motion.centre) <= NEAR * max(motion.centre, 1e-300))
+        # to rounding
+        return bool(abs(self.L0[0, 1] - motion.centre) <= 1e-9 * max(motion.centre, 1e-300))
 
 
 @dataclass(frozen=True, eq=False)

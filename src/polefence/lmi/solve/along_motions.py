@@ -26,8 +26,6 @@ from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
-HIGHEST = 4  # degree
-SQUARED = 2  # degree of s^2 in dX/dt, s = 1/p
 # Shares of the bound's square: of R at first, and of what X is to be at least.
 FIRST, SLIGHT = 1e-3, 1e-9
 
@@ -59,7 +57,7 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     still = problem.gain or problem.share is not None or problem.law.W is not None
     if still or motion.free or motion.centre is not None or set(problem.domain.sizes) != {2}:
         return
-    for degree in range(1, HIGHEST + 1):
+    for degree in range(1, 5):
         if problem.work(degree) * ROUNDS > MOST and degree > 1:
             return
         along: Along | None = None
@@ -85,10 +83,11 @@ class _Interpolation:
         problem = self.problem
         varies = bool(np.ptp(problem.E, axis=0).any())
         inverted = any(move.inverted for move in self.motion.moves)
+        # s^2 in dX/dt, s = 1/p
         return max(
             self.degree + problem.rows,
             2 * varies * problem.plant.curve_degree,
-            self.degree - 1 + SQUARED * inverted,
+            self.degree - 1 + 2 * inverted,
         )
 
     @cached_property

@@ -31,11 +31,8 @@ from polefence.plant.boxes import equal
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
-SLIGHT = 1e-6  # of the identity, beside a scheduled law's own W
-STABLE = 0.98  # how wide the region of stability may be for its Lyapunov polynomial to be a start
 # How far inside a region a point is looked for first; then as far as the search goes.
 INSIDE = (0.98, 0.0)
-SEEN = 1e-2  # how closely the largest feedback is found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,7 +89,8 @@ def least(
     rate = float(power_of_two(np.array(size)))
     target = goal.target(rate).under(loop.motion.changed(rate))
     zero, one, eye = np.zeros(1), np.ones(1), np.eye(len(middle))[None]
-    plain = [(eye, zero)] if loop.R is None else [(SLIGHT * eye, one), (eye, zero)]
+    # beside a scheduled law's own W the identity is slight
+    plain = [(eye, zero)] if loop.R is None else [(1e-6 * eye, one), (eye, zero)]
     search = _Search(
         loop,
         rate,
@@ -207,7 +205,8 @@ def points_given(
         yield (np.zeros((1, n, n)), np.ones(1)) if loop.R else (np.eye(n)[None], np.zeros(1))
         with suppress(SolverError):
             within = Around(stable(loop.step))
-            reached = least(loop.without_outputs(), within, *form, enough=STABLE)
+            # a start has to be well within the region of stability
+            reached = least(loop.without_outputs(), within, *form, enough=0.98)
             if reached.r < 1:
                 yield reached
 
@@ -257,7 +256,8 @@ def kept_whatever(
         moved = tuple(source.changed(inverse, rate) for source in sources)
         return Demands(Target(()), moved, outputs, pieces=equal(loop.pieces))
 
-    search = _Search(loop, rate, form, demands, lambda: iter(()), SEEN)
+    # the largest feedback to 1 %
+    search = _Search(loop, rate, form, demands, lambda: iter(()), 1e-2)
     X = near.Q.mean(axis=0) if loop.R is None else sum_of(loop.R)
     reached = search.run(X, near)
     if reached is None:

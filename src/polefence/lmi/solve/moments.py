@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
-HALVINGS = 40  # of the share of time that a Gaussian begins with where forces are as demanded
-COARSE = 1e-6  # tolerance where no more than a point inside is wanted
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,7 +380,8 @@ class Problem:
         from scipy.linalg import solve_continuous_lyapunov
 
         W = np.mean([p.E @ p.E.T for p in self.pieces], axis=0)
-        for share in 0.5 ** np.arange(HALVINGS):
+        # shares of the time that a Gaussian begins with where forces are as demanded
+        for share in 0.5 ** np.arange(40):
             factors = [1.0 if p.at_bounds else float(share) for p in self.pieces]
             pairs = [
                 (s, A) for s, p in zip(factors, self.pieces, strict=True) for _, A in p.motions
@@ -475,7 +474,7 @@ def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array
     D = [mass * np.eye(f.shape[1]) for _, f in F]
     blocks = [Block(p, d, shift * d - f) for d, (p, f) in zip(D, F, strict=True)]
     start = (1 + WITHIN) * lacking + shift
-    outcome = _run(Conditions(count, blocks, L), x, start, shift, COARSE)
+    outcome = _run(Conditions(count, blocks, L), x, start, shift, 1e-6)  # any point inside will do
     if outcome.r >= shift:
         raise SolverError("no point was found inside")
     return outcome.x

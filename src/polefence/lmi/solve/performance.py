@@ -33,13 +33,9 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
-TANGENTS = 3
 # Bounds on the law are tight near the last point only, and a point at the edge of all others hardly
 # moves: each round stops at a share of the gap, less when a round is worth no more than this.
 NORM_ROUNDS, SHARES, WORTH = 30, (0.3, 0.03, 1e-3, 1e-5), (0.03, 3e-3, 1e-4, 1e-5)
-MARGIN = 1e-7  # of the first inequality, in units of the search's own rate
-INSIDE = 0.97  # how far within the limits a point is looked for, as a share of their squares
-ROOM = (1e3, 1e8)  # that what is minimised has while limits are not kept yet
 
 Bounds = tuple[tuple[Output, ...], tuple[Norm, ...]]
 
@@ -104,7 +100,8 @@ class Problem:
         scaled = [norm.changed(scaling.T, scaling.S) for norm in norms]
         tight = [(norm, tangents(norm, near)[tangent]) for norm in scaled]
         step = self.step * scaling.rate
-        demands = Demands(target, sources, changed, tuple(tight), MARGIN, step)
+        # the first inequality with a margin of 1e-7 of the search's own rate
+        demands = Demands(target, sources, changed, tuple(tight), 1e-7, step)
         form = self.domain, self.degree, self.elevation
         held = any(output.held for output in outputs)
         if not norms and not step and not motion and not held:
@@ -161,7 +158,8 @@ def _within(problem: Problem, begin: Reached, scaling: Scaling, tolerance: float
     failure = SolverError("no law was found that keeps the limits and the region")
     for bounds in (*_watched(problem, begin, scaling, outputs, norms), (outputs, norms)):
         try:
-            reached = _Stage(problem, scaling, bounds, tolerance, INSIDE).run(begin)
+            # 3 % within the limits' squares
+            reached = _Stage(problem, scaling, bounds, tolerance, 0.97).run(begin)
         except SolverError as error:
             failure = error
             continue
@@ -186,7 +184,8 @@ def _watched(
         share = _size(begin, more) / (_size(begin, outputs) or 1.0)
     else:
         share = _share_of(problem, begin, scaling, (outputs, norms), more)
-    for room in ROOM if np.isfinite(share) and share > 0 else ():
+    # room of what is minimised while the limits are not kept yet
+    for room in (1e3, 1e8) if np.isfinite(share) and share > 0 else ():
         level = more[0].level * (room * share) ** power
         yield (*outputs, replace(more[0], level=level)), norms
 
@@ -286,7 +285,7 @@ class _Stage:
             scaling = self.scaling.refined(lyapunov_mean(begin.values))
         except SolverError:
             return None
-        for tangent in range(TANGENTS if self.bounds[1] else 1):
+        for tangent in range(3 if self.bounds[1] else 1):
             condition = self.problem.pencil(scaling, *self.bounds, begin.values, tangent)
             again = _run(condition, begin, scaling, self.enough, tolerance)
             if again is not None:

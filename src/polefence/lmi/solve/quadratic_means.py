@@ -21,8 +21,6 @@ from polefence.lmi.solve.moments import Block, Conditions, Mean, Piece, inside
 from polefence.plant.system import Array
 from polefence.proof.squares import monomials
 
-FIRST = 2.0  # times the least multiple of the first P that outweighs Q
-
 
 @stage("quadratic functions")
 def least_mean(pieces: Sequence[Piece], P: Sequence[Array], tolerance: float) -> Mean:
@@ -111,7 +109,7 @@ class _Search:
                 with np.errstate(all="ignore"):
                     rate = np.linalg.eigvals(np.linalg.solve(falls, piece.Q)).real.max()
                 shares.append(float(rate))
-        scale = FIRST * max(shares)
+        scale = 2.0 * max(shares)  # twice the least multiple of P that outweighs Q
         x[1:] *= scale if np.isfinite(scale) and scale > 0 else 1.0
         x[1 + self.vertices * self.entries :] = 1.0
         return x

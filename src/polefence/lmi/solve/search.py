@@ -24,7 +24,6 @@ from polefence.plant.system import Array
 
 ROUNDS = 8
 FLOOR = 1e-4  # a radius of this share of the goal's scale is as good as zero
-WORTH = 1e-7  # a round that lowers r by no more than this share is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +173,8 @@ def rounds(
         if best is not None and again.r >= best.r:
             best = replace(best, converged=best.converged or again.converged)
             break
-        worth = best is None or again.r < best.r * (1 - WORTH)
+        # a round that lowers r by no more than 1e-7 of it is the last
+        worth = best is None or again.r < best.r * (1 - 1e-7)
         iterations += again.iterations
         best = again
         if best.converged or best.r <= enough or not worth:

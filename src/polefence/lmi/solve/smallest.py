@@ -33,13 +33,10 @@ from polefence.lmi.solve.starts import nominal_start
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.system import Array
 
-ROUGH = 1e-2  # Lemma 1 as a start is run until its gap is this share of its radius
-LOW = 1e-2  # share of sigma below which Lemma 1 as a start does not go: W tends to a singular one
 CLOSE = 1.1  # the first r over the radius of a point that a neighbour left
 # Condition of a Lyapunov matrix in the coordinates of its run: at such an end a gap of zero may be
 # a matter of the coordinates, and the run is made again in better ones.
 FAR = 1e6
-WIDENINGS = 12  # of a radius that turned out not to be interior, each by half
 
 
 def smallest(
@@ -137,9 +134,10 @@ class _Search:
         if normal(self.method) == "quadratic":
             start = nominal_start(self.A, self.B, -centre, self.plain, self.scale)
             return Reached(r=start.radius, values={"W": start.W, "Z": start.K @ start.W})
-        lemma_1 = replace(self, method="quadratic", enough=LOW * self.scale)
+        # below 1 % of sigma W tends to a singular one
+        lemma_1 = replace(self, method="quadratic", enough=1e-2 * self.scale)
         nominal = lemma_1.first()
-        return lemma_1.run(nominal, WIDE, ROUGH) or nominal
+        return lemma_1.run(nominal, WIDE, 1e-2) or nominal  # rough: it is a start
 
     def run(self, start: Reached, wide: float, tolerance: float = TOLERANCE) -> Reached | None:
         """Run from a point, in the coordinates of its Lyapunov matrix; None if it is no start."""
@@ -158,7 +156,9 @@ class _Search:
             if point is None:
                 return None
             r = max(r, point[1])
-        outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, WIDENINGS)
+        outcome = attempt(
+            stacked, x, r, self.floor / unit, tolerance, self.engine, 12
+        )  # widenings, each by half
         if outcome is None:
             return None
         end = pencil.unpack(outcome.x)

@@ -20,7 +20,6 @@ from polefence.proof.remainder import Spread
 
 # Omega over what it has to exceed, and besides, as a share of that.
 OVER, SLIGHT = 1.001, 1e-9
-FREE = 1e4  # times what a column is that nothing costs
 
 
 def spread_of(
@@ -64,7 +63,8 @@ def spread_of(
         ends = R[:, known:]
         rows, columns = cheapest(R * (np.arange(R.shape[1]) < known), a, b)
         rows = np.where(ends.any(axis=1) & (rows <= 0), rows.max(), rows)
-        columns[known:] = FREE * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
+        # a column that costs nothing may be large
+        columns[known:] = 1e4 * (ends / np.where(rows > 0, rows, np.inf)[:, None]).max(axis=0)
     omega = more_than(columns[: entries.shape[1], None] * moved, T)
     sides = [tuple(map(Fraction, squares.tolist())) for squares in (rows, columns)]
     return Spread(omega, sides[0], sides[1])

@@ -374,9 +374,6 @@ def _multiples(lefts: list[Array]) -> Array | None:
     return weights if np.array_equal(stacked, weights[:, None, None] * first) else None
 
 
-MOST_VERTICES = 26  # whose powers of four a double can add up
-
-
 def stacked_pencil(
     method: Method, A: Array, B: Array, target: Target, unit: Array
 ) -> tuple[Pencil, Stacked]:
@@ -386,7 +383,8 @@ def stacked_pencil(
     """
     N, n, m = B.shape
     method, sigma = normal(method), target.sigma
-    if sigma is None or not isinstance(method, str) or N > MOST_VERTICES:
+    # a double adds up the powers of four of 26 vertices
+    if sigma is None or not isinstance(method, str) or N > 26:
         pencil = build(method, A, B, target, unit)
         return pencil, stack(pencil)
     layout = _layout(method, N, n, m)

@@ -23,12 +23,8 @@ from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.stationary import bilinear, growth
 
-# Disks to aim at, as fractions of sigma, and weights of the input, until one has a design.
-DOUBLINGS = 7
-DESIGNS = ((0.9, 1.0), (1.0, 1.0), (0.9, 1e-4))
 POWERS, HALVINGS = (-40.0, 40.0), 8  # of two: weights of what is minimised
 CHEAP = 1e-7  # of the weights of inputs or states that nothing else weighs
-SHIFTS = (0.55, 0.75, 1.0, 1.5)  # of the region's decay; a regulator mirrors slower poles there
 # Noise, so that no covariance is singular: of the inputs' own variance, of the mean intensity.
 SHAKEN, EVEN = 1e-3, 1e-6
 # Gramians of a loop on a disk: as wide as its modes, doubled until they are good coordinates.
@@ -62,7 +58,8 @@ def nominal_start(
 
 def _designed(S: Array, B: Array, F: Array, H: Array) -> Start:
     """Return the first design that holds at some radius for S = A + s I."""
-    for fraction, weight in DESIGNS:
+    # disks to aim at, as fractions of sigma, and weights of the input, until one has a design
+    for fraction, weight in ((0.9, 1.0), (1.0, 1.0), (0.9, 1e-4)):
         with suppress(np.linalg.LinAlgError):
             W, K = _riccati(F / fraction, H / fraction, weight)
             radius = _reach(S, B, W, K)
@@ -86,7 +83,7 @@ def _riccati(F: Array, H: Array, weight: float) -> tuple[Array, Array]:
     n, m = H.shape
     E, G, X = F, H @ H.T / weight, np.eye(n)
     with np.errstate(all="ignore"):  # overflow shows in the results
-        for _ in range(DOUBLINGS):
+        for _ in range(7):
             left = np.linalg.solve(np.eye(n) + G @ X, np.hstack([E, G]))
             X = X + E.T @ X @ left[:, :n]
             E, G = E @ left[:, :n], G + E @ left[:, n:] @ E.T
@@ -119,7 +116,11 @@ def regulators(problem: Problem, scaling: Scaling) -> Iterator[dict[str, Array]]
     decay, step = decay_of(problem.region) / scaling.rate, problem.step * scaling.rate
     gains = [_balanced(problem.outputs, scaling, (A, B, step), moved)]
     if decay > 0 or problem.norms:
-        gains += [_small(problem.norms, scaling, A, B, step, shift * decay) for shift in SHIFTS]
+        # shares of the region's decay: a regulator mirrors slower poles there
+        gains += [
+            _small(problem.norms, scaling, A, B, step, shift * decay)
+            for shift in (0.55, 0.75, 1.0, 1.5)
+        ]
     M = sum((matrix / (np.trace(matrix) or 1.0) for matrix in moved.values()), np.zeros_like(A))
     M = M if moved else np.eye(len(A))
     for K in gains:

@@ -67,8 +67,6 @@ from polefence.vehicle.vehicle import masses, require_ride, ride
 
 Column = tuple[str, str, Array]
 
-ESTIMATOR_PERIOD = 0.005  # [s]
-
 
 @dataclass(frozen=True, eq=False)
 class Setup:
@@ -411,7 +409,7 @@ def _controller(model: Model, source: Reading | None) -> tuple[Controller | None
     known = require_ride(model.plant)
     if not model.plant.parameters:
         raise InputError(f"{model.plant.name} has no parameters that could be estimated")
-    period = how.period or (sampling.period if sampling else ESTIMATOR_PERIOD)
+    period = how.period or (sampling.period if sampling else 0.005)  # [s]
     pace = multiple(period, step, "period of the estimator")
     learner = Learner(model, known, estimator(model.plant, period, how.tuning), how)
     return Controller(model, sampling, learner, (every, pace)), _Learned(learner, period)

@@ -156,9 +156,8 @@ class _Search:
             if point is None:
                 return None
             r = max(r, point[1])
-        outcome = attempt(
-            stacked, x, r, self.floor / unit, tolerance, self.engine, 12
-        )  # widenings, each by half
+        # up to 12 widenings, each by half
+        outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, 12)
         if outcome is None:
             return None
         end = pencil.unpack(outcome.x)

@@ -65,33 +65,33 @@ def _same_plant(samples: Samples, claim: Rounded) -> bool:
 
 def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     """Whether one code is the other, but that it reads inputs on their way with gains of zero."""
-    code, own, n, late = held.code, claim.code, samples.n, samples.width - samples.n
-    laws = [each.gain.subject.design.law for each in (held, claim)]
-    sizes = [each.gain.subject.design.sizes for each in (held, claim)]
+    code, plain, n, late = held.code, claim.code, samples.n, samples.width - samples.n
+    laws = [rounded.gain.subject.design.law for rounded in (held, claim)]
+    sizes = [rounded.gain.subject.design.sizes for rounded in (held, claim)]
     told = [(law.degree, law.powers, law.measured) for law in laws]
-    if (code.bits, code.shares) != (own.bits, own.shares):
+    if (code.bits, code.shares) != (plain.bits, plain.shares):
         return False
     # at products of the parameters' weights a law of degree one is the same on box and simplex
-    alike = own.K is not None or (own.T is not None and told[0][0] == 1)
+    alike = plain.K is not None or (plain.T is not None and told[0][0] == 1)
     if told[0] != told[1] or (sizes[0] != sizes[1] and not alike):
         return False
-    kept = [memory and (memory.states, memory.step) for memory in (code.memory, own.memory)]
-    time = samples.plant.step if own.memory is None else own.memory.sample_time
+    kept = [memory and (memory.states, memory.step) for memory in (code.memory, plain.memory)]
+    time = samples.plant.step if plain.memory is None else plain.memory.sample_time
     if kept[0] != kept[1] or float(time) != float(samples.plant.step):
         return False
     if laws[1].C:  # of signals that are measured
         same = len(laws[0].C) == len(laws[1].C)
         pairs = zip(laws[0].C, laws[1].C, strict=False)
         same = same and all(list(C) == _spread(D, n, late) for C, D in pairs)
-        return same and (code.K, code.terms) == (own.K, own.terms)
+        return same and (code.K, code.terms) == (plain.K, plain.terms)
     if laws[0].C:
         return False
-    if own.T is None:
-        K = None if own.K is None else _spread(own.K, n, late)
-        return (code.K, list(code.terms)) == (K, [_spread(k, n, late) for k in own.terms])
-    squares = [(code.T or [], own.T), *zip(code.W, own.W, strict=True)]
+    if plain.T is None:
+        K = None if plain.K is None else _spread(plain.K, n, late)
+        return (code.K, list(code.terms)) == (K, [_spread(k, n, late) for k in plain.terms])
+    squares = [(code.T or [], plain.T), *zip(code.W, plain.W, strict=True)]
     apart = all(_is_apart(wide, narrow) for wide, narrow in squares)
-    return apart and list(code.Z) == [_spread(z, n, late) for z in own.Z]
+    return apart and list(code.Z) == [_spread(z, n, late) for z in plain.Z]
 
 
 def _spread(matrix: Sequence[Sequence[Fraction]], n: int, late: int) -> Rationals:

@@ -109,11 +109,6 @@ class FixedGain(Law):
         """Return the gain with zeros for delayed inputs."""
         return FixedGain(np.insert(self.K, [n] * more, 0.0, axis=1))
 
-    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> FixedGain:
-        """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
-        K = self.K @ np.linalg.inv(T) / scale[:, None]
-        return FixedGain(np.pad(K, ((0, inputs), (0, states))))
-
     def with_filters(
         self,
         y: Sequence[Output],

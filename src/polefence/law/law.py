@@ -246,16 +246,6 @@ class Law(Short):
         """Return the law with zero gain on delayed inputs, which follow its n states."""
         raise NotImplementedError
 
-    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> Self:
-        """Return it in coordinates y = T x, u = diag(scale) v.
-
-        Parameters
-        ----------
-        states, inputs : int
-            How many more there are behind its own; they have no gain.
-        """
-        raise NotImplementedError
-
     def with_filters(
         self,
         y: Sequence[Output],  # noqa: ARG002

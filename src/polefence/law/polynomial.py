@@ -222,16 +222,6 @@ class PolynomialGain(Law):
         wider = (replace(y, C=[(*row[:n], *none, *row[n:]) for row in y.C]) for y in self.measured)
         return replace(self, measured=tuple(wider))
 
-    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> PolynomialGain:
-        """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
-        C = more_columns(self.C @ np.linalg.inv(T), states)
-        gains = np.pad(self.gains / scale[:, None], ((0, 0), (0, inputs), (0, 0)))
-        if len(C) == 1:
-            return replace(self, gains=gains @ C[0], measured=())
-        rows = zip(self.measured, np.moveaxis(C, 1, 0), strict=True)
-        measured = tuple(Output(y.name, y.unit, row) for y, row in rows)
-        return replace(self, gains=gains, measured=measured)
-
     def with_filters(
         self,
         y: Sequence[Output],  # noqa: ARG002

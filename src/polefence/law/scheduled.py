@@ -171,15 +171,6 @@ class ScheduledGain(Law):
         W[:, added, added] = np.tile(size, more // len(size))
         return replace(self, W=W, Z=np.insert(self.Z, [n] * more, 0.0, axis=2))
 
-    def moved(self, T: Array, scale: Array, states: int, inputs: int) -> ScheduledGain:
-        """Return it in coordinates y = T x, u = diag(scale) v, with more states and inputs."""
-        n = len(T)
-        form = T @ self.W @ T.T
-        W = np.tile(np.eye(n + states), (len(form), 1, 1))
-        W[:, :n, :n] = (form + form.swapaxes(1, 2)) / 2
-        Z = np.pad(self.Z @ T.T / scale[:, None], ((0, 0), (0, inputs), (0, states)))
-        return replace(self, W=W, Z=Z)
-
     def named_gains(self) -> dict[str, Array]:
         """Return K at every vertex, by its name."""
         corners = np.eye(self.domain.corners)

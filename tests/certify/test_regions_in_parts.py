@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from polefence.certify import evidence
+from polefence.certify.at_samples import at_samples
 from polefence.certify.candidates import Deadline
 from polefence.certify.design import Design, check
 from polefence.certify.evaluation import rounding_share
-from polefence.certify.evidence import MOST_PARTS, Search, evidence_at, forms
+from polefence.certify.evidence import MOST_PARTS, Search, certificate_of, evidence_at, forms
 from polefence.certify.given import analyse, worst_case
+from polefence.certify.margins.gain_scales import gain_claim
 from polefence.certify.margins.service import in_service
 from polefence.cli.service import _explained
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
+from polefence.plant.parameters import Parameter
 from polefence.proof import matrices
 from polefence.region.regions import Disk, HalfPlane, Sector
+from polefence.search.place import place
 from support.scheduled_masses import masses, poles, scheduled
 
 
@@ -148,3 +154,21 @@ def test_margins_of_it(loop):
     assert 0 < gain.value < gain.upper
     assert all(not own.proved for own in margins if own.kind != "gain")
     assert any("proved in parts of the box" in line for line in _explained(margins))
+
+
+def test_the_gain_of_a_sampled_loop_may_be_off_as_floats_say_in_each_part():
+    """The parts have curves and remainders of their own, and Omega in each grows with the error."""
+    bounds = [Parameter("m", 1, 2, "kg", "1/m"), Parameter("k", 4, 20, "N/m")]
+    plant = UncertainPlant.from_function(
+        lambda m, k: ([[0, 1], [-k / m, -1 / (2 * m)]], [[0], [1 / m]]), bounds
+    )
+    law = place(plant, HalfPlane(1) & Sector(0.3), "quadratic").law
+    sampled, law = at_samples(plant, law, 0.02)
+    inner, outer = (Disk(0, math.exp(-rate * 0.02)) for rate in (2, 1))
+    parts = Search(sampled, law, inner, Deadline(None)).in_parts()
+    assert len(parts["cells"]) > 1
+    design = Design(certificate_of(sampled, law, outer, [parts]))
+    largest, claim = gain_claim(design, np.ones(1), np.ones(3), 1e-6)
+    assert claim is not None
+    assert gain_claim(design, np.ones(1), np.ones(3), 0.9 * largest)[1] is not None
+    assert gain_claim(design, np.ones(1), np.ones(3), 1.1 * largest)[1] is None

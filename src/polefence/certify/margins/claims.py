@@ -128,11 +128,14 @@ def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
 
 
 def _covering(evidence: Evidence, cover: float) -> Evidence:
-    """Return evidence with a multiple of its Omega."""
+    """Return evidence with a multiple of its Omega, in every part of the box."""
+    cells = tuple(
+        replace(piece, evidence=_covering(piece.evidence, cover)) for piece in evidence.cells
+    )
     if evidence.spread is None:
-        return evidence
+        return replace(evidence, cells=cells)
     omega = [[value * Fraction(cover) for value in row] for row in evidence.spread.omega]
-    return replace(evidence, spread=replace(evidence.spread, omega=omega))
+    return replace(evidence, cells=cells, spread=replace(evidence.spread, omega=omega))
 
 
 def holds(claim: MarginClaim) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from itertools import product
 from typing import Any
@@ -20,6 +21,7 @@ from polefence.base.errors import InputError
 from polefence.certify.design import Design
 from polefence.certify.evaluation import Lyapunov, lyapunovs
 from polefence.law.coordinates import Coordinates
+from polefence.plant.parts import inside
 from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
@@ -196,12 +198,14 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
 def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
     """Return the value for a Lyapunov polynomial of the region."""
     law, plant, domain = design.law, design.plant, design.certificate.domain
+    if own.box is not None and plant.remainder is not None:
+        plant = inside(plant, *(tuple(map(Fraction, ends)) for ends in (own.box.low, own.box.high)))
     A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
     N, (n, m) = len(A), plant.shape
     if plant.curve_degree > 1:
         A = np.concatenate([A, plant.curve[:, :, :n]])
         B = np.concatenate([B, plant.curve[:, :, n : n + m]])
-    if own.box is not None:
+    if own.box is not None and plant.remainder is None:
         A, B = plant.at(own.box.alpha(domain, np.eye(domain.corners)))
     if law.K is not None:
         KX: Array = law.K @ X

@@ -123,11 +123,11 @@ def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Samplin
     """
     from polefence.certify.running import running
 
-    plant, own = subject.plant, subject.design
-    words = [*([] if own is None else [options.subject]), *options.law]
+    plant, read = subject.plant, subject.design
+    words = [*([] if read is None else [options.subject]), *options.law]
     designs = [at_samples_of(plant, word) for word in options.law]
-    if own is not None and own.plant.sampling is not None:
-        plant, designs = own.plant.sampling.plant, [own, *designs]
+    if read is not None and read.plant.sampling is not None:
+        plant, designs = read.plant.sampling.plant, [read, *designs]
     design = next(filter(None, designs), None)
     if design is None:
         return None

@@ -267,7 +267,7 @@ class Car(Short):
         parts = {"wheels": self.wheels, "bars": self.bars}
         return {
             "body": _plain(self.body),
-            **{key: [_plain(part) for part in each] for key, each in parts.items()},
+            **{key: [_plain(part) for part in same] for key, same in parts.items()},
             "seats": {name: plain(list(place)) for name, place in self.seats.items()},
         }
 
@@ -283,9 +283,9 @@ class Car(Short):
         body, wheels, bars, seats = (document[key] for key in ("body", "wheels", "bars", "seats"))
         return cls(
             Body(**_exact(body)),
-            [Wheel(**_exact(each)) for each in wheels],
+            [Wheel(**_exact(wheel)) for wheel in wheels],
             {name: tuple(map(Fraction, place)) for name, place in seats.items()},
-            [Bar(**_exact(each)) for each in bars],
+            [Bar(**_exact(bar)) for bar in bars],
         )
 
     @property
@@ -464,16 +464,16 @@ def car_family(
 
 def _plain(part: Any) -> dict[str, Any]:
     """Return the fields of a part of a car that are given."""
-    each = ((own.name, getattr(part, own.name)) for own in fields(part))
-    return {name: plain(value) for name, value in each if value is not None}
+    values = ((field.name, getattr(part, field.name)) for field in fields(part))
+    return {name: plain(value) for name, value in values if value is not None}
 
 
 def _exact(value: Any) -> Any:
     """Return what `plain` wrote, with "p/q" as rationals."""
     if isinstance(value, dict):
-        return {name: _exact(each) for name, each in value.items()}
+        return {name: _exact(entry) for name, entry in value.items()}
     if isinstance(value, list):
-        return [_exact(each) for each in value]
+        return [_exact(entry) for entry in value]
     quotient = isinstance(value, str) and QUOTIENT.fullmatch(value)
     return Fraction(value) if quotient else value
 

@@ -59,7 +59,7 @@ def tuned_candidates(
     cut_off = any(own.cut_off(task.plant) for own in asked_for)
     some, shares = False, (*TIGHTER, *FARTHER)
     for times in BEYOND if cut_off else (1.0,):
-        room = Room.first(task.plant)
+        room, lost = Room.first(task.plant), 0
         while room.region < len(shares) and room.limits < len(shares):
             if ended():
                 return
@@ -68,6 +68,9 @@ def tuned_candidates(
             found = [] if cut_off else list(known)
             found = found or _searched(task, structure, room, times, starts)
             known = ()
+            lost += not any(own.kept for own in found)
+            if lost > 1:  # what is tighter is no easier, and the second began where the first ended
+                break
             missing: Missing | None = None
             for number, own in enumerate(_promising(found)):
                 if number and ended():  # the best is looked at whatever it took to find

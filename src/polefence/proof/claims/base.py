@@ -156,15 +156,15 @@ def _overlap(one: Box, other: Box) -> bool:
 
 def in_cells(evidence: Sequence[Evidence], decide: Callable[[], Verdict]) -> Verdict:
     """Decide a claim of which some evidence has cells, which must make up the box."""
-    each = [own.cells for own in evidence if own.cells]
-    for cells in each:
-        fault = untiled(cells, sum(own.volume for own in cells))
+    divided = [item.cells for item in evidence if item.cells]
+    for cells in divided:
+        fault = untiled(cells, sum(cell.volume for cell in cells))
         if fault:
             return undecided(fault)
     verdict = decide()
-    if not each or not verdict.proved:
+    if not divided or not verdict.proved:
         return verdict
-    return verdict.noted(f"in {max(map(len, each))} parts of the box")
+    return verdict.noted(f"in {max(map(len, divided))} parts of the box")
 
 
 def undecided(reason: str) -> Verdict:
@@ -247,8 +247,8 @@ class Claim:
 
     def decided(self) -> Verdict:
         """Prove a claim that is consistent."""
-        for name, own in self.symmetric():
-            if not is_symmetric(own):
+        for name, form in self.symmetric():
+            if not is_symmetric(form):
                 return undecided(f"{name} is not symmetric")
         count = 0
         for place, matrix in self.blocks():

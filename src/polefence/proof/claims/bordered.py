@@ -76,8 +76,8 @@ class Bordered(MarginClaim):
         design = self.subject.design
         if not self.of_lyapunov:
             return sum(len(part.pairs) for part in design.region)
-        each = zip(design.region, design.evidence, strict=True)
-        return sum(len(part.pairs) * len(own.per_cell) for part, own in each)
+        parts = zip(design.region, design.evidence, strict=True)
+        return sum(len(part.pairs) * len(evidence.per_cell) for part, evidence in parts)
 
     def require_own(self, count: int) -> None:  # noqa: ARG002
         """Refuse pieces and errors that do not fit."""
@@ -95,9 +95,9 @@ class Bordered(MarginClaim):
             return self.pieces_work(self.subject.degree()), size
         pairs = zip(design.region, design.evidence, strict=True)
         count = sum(
-            count_of(design.sizes, design.degree(own) + self.subject.elevation) * len(part.pairs)
+            count_of(design.sizes, design.degree(cell) + self.subject.elevation) * len(part.pairs)
             for part, evidence in pairs
-            for own in evidence.per_cell
+            for cell in evidence.per_cell
         )
         return count, size
 
@@ -112,8 +112,10 @@ class Bordered(MarginClaim):
             design = subject.design
             for part, evidence in zip(region, design.evidence, strict=True):
                 for k, piece in enumerate(evidence.cells):
-                    for own in self._of_given(design.inside(piece), part, piece.evidence, numbers):
-                        yield replace(own, piece=f", cell {k + 1}")
+                    for inequality in self._of_given(
+                        design.inside(piece), part, piece.evidence, numbers
+                    ):
+                        yield replace(inequality, piece=f", cell {k + 1}")
                 if not evidence.cells:
                     yield from self._of_given(design, part, evidence, numbers)
             return
@@ -173,12 +175,12 @@ class Bordered(MarginClaim):
         X, Y, N, B = loop
         sizes = X.sizes
         for L, M in part.pairs:
-            own, (M1, M2) = self.border(next(numbers)), factors(M)
-            left = (B * constant(own.left, sizes)).beside(M1)
-            right = (Y * constant(own.right, sizes).T).times(self.error)
+            border, (M1, M2) = self.border(next(numbers)), factors(M)
+            left = (B * constant(border.left, sizes)).beside(M1)
+            right = (Y * constant(border.right, sizes).T).times(self.error)
             right = right.beside([list(column) for column in zip(*M2, strict=True)])
-            one = diagonal(own.first * len(M1[0]), sizes)
-            other = diagonal(own.second * len(M2), sizes)
+            one = diagonal(border.first * len(M1[0]), sizes)
+            other = diagonal(border.second * len(M2), sizes)
             between = constant([[Fraction(0)] * right.shape[1]] * left.shape[1], sizes)
             F = lyapunov(L, M, X, N)
             if spread is not None:

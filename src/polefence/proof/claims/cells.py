@@ -228,7 +228,7 @@ class Cells(Short, Claim):
         """Refuse, before any is proved, more cells than can be checked."""
         table, total = self.table, 0
         for cell in self.cells:
-            total += sum(cell_work(table, each.degree, each.elevation) for each in cell.evidence)
+            total += sum(cell_work(table, part.degree, part.elevation) for part in cell.evidence)
             if cell.point is not None and cell.outside is None:
                 total += inside_work(table.loop(cell.point))
             if total > MAX_WORK:
@@ -259,10 +259,10 @@ class Cells(Short, Claim):
     def shares(self) -> dict[str, Fraction]:
         """Share of the box, in physical parameters, of the cells with each answer."""
         sides = (axis.high - axis.low for axis in self.table.axes)
-        whole, found = prod(sides, start=Fraction(1)), dict.fromkeys(ANSWERS, Fraction(0))
+        whole, shares = prod(sides, start=Fraction(1)), dict.fromkeys(ANSWERS, Fraction(0))
         for cell in self.cells:
-            found[cell.answer] += cell.volume / whole
-        return found
+            shares[cell.answer] += cell.volume / whole
+        return shares
 
     @property
     def answer(self) -> str:
@@ -309,11 +309,11 @@ def read_interpolated(table: Table, plant: Plant) -> Interpolated:
 
 
 def _axis(r: Range, knots: Any, where: str) -> Axis:
-    found = tuple(as_number(v, where) for v in as_list(knots, where, MAX_KNOTS))
-    rising = all(a < b for a, b in pairwise(found))
-    if len(found) < 2 or not rising or found[0] > r.low or found[-1] < r.high:
+    values = tuple(as_number(v, where) for v in as_list(knots, where, MAX_KNOTS))
+    rising = all(a < b for a, b in pairwise(values))
+    if len(values) < 2 or not rising or values[0] > r.low or values[-1] < r.high:
         raise FormatError(f"{where} must rise and cover the range of {r.name}")
-    return Axis(r.name, r.low, r.high, r.inverted, found)
+    return Axis(r.name, r.low, r.high, r.inverted, values)
 
 
 def _read_cell(table: Table, count: int, n: int) -> Cell:
@@ -345,5 +345,5 @@ def _write_cell(cell: Cell) -> dict[str, Any]:
         table["outside"] = {"line": plain([by.p, by.q, by.c]), "S": plain(by.S)}
         table["outside"] |= {"T": plain(by.T)} if any(map(any, by.T)) else {}
     if cell.evidence:
-        table["parts"] = [each.write() for each in cell.evidence]
+        table["parts"] = [part.write() for part in cell.evidence]
     return table

@@ -153,10 +153,10 @@ class Clipped(Short, Claim):
         table["K"] = plain(self.K)
         pieces = [
             {
-                "squares": plain(own.grams),
-                "multipliers": [{"squares": plain(each)} for each in own.multipliers],
+                "squares": plain(piece.grams),
+                "multipliers": [{"squares": plain(multiplier)} for multiplier in piece.multipliers],
             }
-            for own in self.pieces
+            for piece in self.pieces
         ]
         evidence = {"degree": self.degree, "units": plain(self.units), "X": plain(self.X)}
         return table | {"evidence": evidence | {"V": plain(self.V), "pieces": pieces}}
@@ -166,8 +166,8 @@ class Clipped(Short, Claim):
         level, density = digits_up(self.limit.level), digits_down(2 * self.limit.intensity, 4)
         acting = acting_text(self.scales, plant)
         said = [
-            f"u{own.number + 1} = {sum_text([('x', row)])}, clipped to {own.bounds_text}"
-            for row, own in zip(self.K, self.dampers, strict=True)
+            f"u{damper.number + 1} = {sum_text([('x', row)])}, clipped to {damper.bounds_text}"
+            for row, damper in zip(self.K, self.dampers, strict=True)
         ]
         return (
             f"rms of {outputs_text(self.limit.outputs, plant)} <= {level} at density {density}"
@@ -196,12 +196,12 @@ class Clipped(Short, Claim):
         require_limit(self.limit, N, n, m)
         if self.limit.level <= 0:
             raise FormatError("the level must be positive")
-        for own in self.dampers:
-            own.require(N, n, m)
-        if [own.number for own in self.dampers] != list(range(m)):
+        for damper in self.dampers:
+            damper.require(N, n, m)
+        if [damper.number for damper in self.dampers] != list(range(m)):
             raise FormatError("dampers: there must be one for each input, in order")
         if any(self.E[0] != E for E in self.E) or any(
-            rate != own.rate[0] for own in self.dampers for rate in own.rate
+            rate != damper.rate[0] for damper in self.dampers for rate in damper.rate
         ):
             raise FormatError("E, and the dampers' rates, must be the same at every vertex")
         if len(self.units) != n or min(self.units) <= 0:
@@ -223,20 +223,20 @@ class Clipped(Short, Claim):
         inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
         if max(map(len, inner)) > MAX_SIZE:
             raise WorkError("the monomials are too many to be checked here")
-        for own in self.pieces:
-            _require_sizes(own.grams, inner)
-            if len(own.multipliers) != m:
+        for piece in self.pieces:
+            _require_sizes(piece.grams, inner)
+            if len(piece.multipliers) != m:
                 raise FormatError("each piece has multipliers of every damper's form")
-            for each in own.multipliers:
-                _require_sizes(each, lower)
+            for multiplier in piece.multipliers:
+                _require_sizes(multiplier, lower)
         rows = len(self.pieces) * len(inner)
         require_work(least_work(rows, max(map(len, inner))))
         numbers: list[Rationals] = [self.K, *self.X, list(map(list, self.V)), [list(self.units)]]
         numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
         numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
-        numbers += [M for own in self.dampers for M in own.numbers]
+        numbers += [M for damper in self.dampers for M in damper.numbers]
         numbers += [
-            G for own in self.pieces for each in (own.grams, *own.multipliers) for G in each
+            G for piece in self.pieces for Gs in (piece.grams, *piece.multipliers) for G in Gs
         ]
         common_denominator([*numbers, *self.A, *self.B, *self.E])
 
@@ -246,47 +246,47 @@ class Clipped(Short, Claim):
         """Yield the evidence's matrices."""
         for j, X in enumerate(self.X):
             yield f"X {j + 1}", X
-        for k, own in enumerate(self.pieces):
-            for each in (own.grams, *own.multipliers):
-                for G in each:
+        for k, piece in enumerate(self.pieces):
+            for matrices in (piece.grams, *piece.multipliers):
+                for G in matrices:
                     yield f"a matrix of piece {k + 1}", G
 
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield the matrices that are to be positive definite, with their places."""
         for j, X in enumerate(self.X):
             yield _block(f"X, vertex {j + 1}", X)
-        m, each = len(self.dampers), groups_of(self.alpha)
+        m, groups = len(self.dampers), groups_of(self.alpha)
         for choice in cartesian((LOWER, UPPER), repeat=m):
             loops = [self._loop(j, choice)[0] for j in range(len(self.A))]
-            for group in each:
+            for group in groups:
                 terms = [_decrease(self.X[j], loops[k]) for j, k in group]
                 name = f"of any logic, {_vertices(group)}{_words(choice)}"
                 yield _block(name, reduce(add, terms))
-        for own, (group, choice) in zip(self.pieces, pieces_of(self.alpha, m), strict=True):
+        for piece, (group, choice) in zip(self.pieces, pieces_of(self.alpha, m), strict=True):
             name = f"{_vertices(group)}{_words(choice)}"
-            for k, H in enumerate(H for each in own.multipliers for H in each):
+            for k, H in enumerate(H for multiplier in piece.multipliers for H in multiplier):
                 yield _block(f"multiplier {k + 1}, {name}", H)
-            for G in self._completed(own, group, choice):
+            for G in self._completed(piece, group, choice):
                 yield _block(f"of squares, {name}", G)
 
     def _loop(self, j: int, choice: Sequence[int]) -> tuple[Rationals, Rationals]:
         """Return the closed loop at a vertex, and the rows of z."""
-        each = zip(self.K, self.dampers, choice, strict=True)
-        gain = [_force(row, own, what) for row, own, what in each]
+        laws = zip(self.K, self.dampers, choice, strict=True)
+        gain = [_force(row, damper, what) for row, damper, what in laws]
         C, D = ([getattr(y, k)[j][0] for y in self.limit.outputs] for k in "CD")
         return add(self.A[j], product(self.B[j], gain)), add(C, product(D, gain))
 
     def _completed(
-        self, own: Squares, group: Group, choice: tuple[int, ...]
+        self, piece: Squares, group: Group, choice: tuple[int, ...]
     ) -> Iterator[Rationals]:
         """Return the matrices G of a piece, made exact."""
         n, s = len(self.units), self.units
-        each = zip(self.K, self.dampers, choice, strict=True)
-        forms = [_form(row, damper, what) for row, damper, what in each]
+        laws = zip(self.K, self.dampers, choice, strict=True)
+        forms = [_form(row, damper, what) for row, damper, what in laws]
         numbers = dict.fromkeys(i for pair in group for i in pair)
         loops = {i: self._scaled(self._loop(i, choice)) for i in numbers}
         basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
-        self._spend(own, forms, [(loops[k][0], noise) for _, k in group])
+        self._spend(piece, forms, [(loops[k][0], noise) for _, k in group])
         share = 1 / self.limit.level**2
         f: squares.Sparse = {(0,) * n: Fraction(len(group))}
         for j, k in group:
@@ -296,12 +296,12 @@ class Clipped(Short, Claim):
             V = dict(zip(basis, self.V[j], strict=True))
             f = squares.less(f, squares.drift(V, A, noise))
         lower = squares.bases(n, self.degree // 2 - 1)
-        for matrices, form in zip(own.multipliers, forms, strict=True):
+        for matrices, form in zip(piece.multipliers, forms, strict=True):
             scaled = [[x * s[a] * s[b] for b, x in enumerate(row)] for a, row in enumerate(form)]
             for H, own_basis in zip(matrices, lower, strict=True):
                 multiple = squares.of_matrix(H, own_basis)
                 f = squares.less(f, squares.times(squares.of_form(scaled), multiple))
-        return squares.completed(f, own.grams, squares.bases(n, self.degree // 2))
+        return squares.completed(f, piece.grams, squares.bases(n, self.degree // 2))
 
     def _scaled(self, loop: tuple[Rationals, Rationals]) -> tuple[Rationals, Rationals]:
         """Return a loop and its rows of z in the units."""
@@ -312,10 +312,10 @@ class Clipped(Short, Claim):
     def _noise(self) -> Rationals:
         """Return the intensity times E E', in the units."""
         E, s = self.E[0], self.units
-        each = self.scales or (Fraction(1),) * len(E[0])
+        scales = self.scales or (Fraction(1),) * len(E[0])
         rows = [
-            [x * scale / own for x, scale in zip(row, each, strict=True)]
-            for row, own in zip(E, s, strict=True)
+            [x * scale / unit for x, scale in zip(row, scales, strict=True)]
+            for row, unit in zip(E, s, strict=True)
         ]
         S = self.limit.intensity
         return [
@@ -324,12 +324,12 @@ class Clipped(Short, Claim):
         ]
 
     def _spend(
-        self, own: Squares, forms: list[Rationals], motions: list[tuple[Rationals, Rationals]]
+        self, piece: Squares, forms: list[Rationals], motions: list[tuple[Rationals, Rationals]]
     ) -> None:
         """Count the work on a piece's polynomial before it begins."""
         n = len(self.units)
-        multipliers = [H for each in own.multipliers for H in each]
-        matrices = [*own.grams, *multipliers, *forms, *self.A, *self.B, self.K]
+        multipliers = [H for multiplier in piece.multipliers for H in multiplier]
+        matrices = [*piece.grams, *multipliers, *forms, *self.A, *self.B, self.K]
         matrices += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
         length = longest(
             (tuple(x for M in matrices for row in M for x in row), *self.V, self.units)
@@ -337,7 +337,7 @@ class Clipped(Short, Claim):
         # each state is in as many monomials: what is not zero in its rows is what there is to do
         entries = sum(x != 0 for pair in motions for M in pair for row in M for x in row)
         operations = 2 * len(self.V[0]) * min(n, self.degree) * entries // n
-        operations += sum(len(M) ** 2 for M in own.grams)
+        operations += sum(len(M) ** 2 for M in piece.grams)
         operations += sum(len(H) ** 2 * n * n for H in multipliers)
         spend(RATIONAL * operations, 2 * length, length)
 
@@ -349,11 +349,11 @@ def groups_of(sizes: Sizes) -> list[Group]:
     alpha is one monomial whichever of the two has which corner.
     """
     vertices = list(cartesian(*(range(size) for size in sizes)))
-    found: dict[tuple[tuple[int, ...], ...], list[tuple[int, int]]] = {}
+    groups: dict[tuple[tuple[int, ...], ...], list[tuple[int, int]]] = {}
     for (j, one), (k, other) in cartesian(enumerate(vertices), repeat=2):
         monomial = tuple((min(pair), max(pair)) for pair in zip(one, other, strict=True))
-        found.setdefault(monomial, []).append((j, k))
-    return [tuple(pairs) for _, pairs in sorted(found.items())]
+        groups.setdefault(monomial, []).append((j, k))
+    return [tuple(pairs) for _, pairs in sorted(groups.items())]
 
 
 def pieces_of(sizes: Sizes, m: int) -> list[tuple[Group, tuple[int, ...]]]:
@@ -369,21 +369,21 @@ def _vertices(group: Group) -> str:
 
 
 def _read_rows(table: Table, key: str) -> tuple[tuple[Fraction, ...], ...]:
-    where, found = table.path(key), []
+    where, rows = table.path(key), []
     for k, row in enumerate(table.items(key, MAX_VERTICES)):
-        own = f"{where}[{k + 1}]"
-        found.append(tuple(as_number(x, own) for x in as_list(row, own, MAX_MONOMIALS)))
-    return tuple(found)
+        place = f"{where}[{k + 1}]"
+        rows.append(tuple(as_number(x, place) for x in as_list(row, place, MAX_MONOMIALS)))
+    return tuple(rows)
 
 
 def _read_squares(row: Table) -> Squares:
-    own = tuple(row.matrices("squares", None, None, 2))
-    each = row.tables("multipliers", MAX_SIZE)
-    return Squares(own, tuple(tuple(H.matrices("squares", None, None, 2)) for H in each))
+    grams = tuple(row.matrices("squares", None, None, 2))
+    multipliers = row.tables("multipliers", MAX_SIZE)
+    return Squares(grams, tuple(tuple(H.matrices("squares", None, None, 2)) for H in multipliers))
 
 
-def _require_sizes(matrices: Matrices, each: Sequence[Sequence[Any]]) -> None:
-    sizes = [len(basis) for basis in each]
+def _require_sizes(matrices: Matrices, bases: Sequence[Sequence[Any]]) -> None:
+    sizes = [len(basis) for basis in bases]
     if [len(M) for M in matrices] != sizes or any(
         len(row) != len(M) for M in matrices for row in M
     ):
@@ -399,18 +399,20 @@ def _words(choice: tuple[int, ...]) -> str:
     return "".join(f", {said[what].format(k + 1)}" for k, what in enumerate(choice))
 
 
-def _force(row: list[Fraction], own: SemiActive, what: int) -> list[Fraction]:
+def _force(row: list[Fraction], damper: SemiActive, what: int) -> list[Fraction]:
     """Return the force's row by the state."""
     if what == GIVEN:
         return row
-    c = own.low if what == LOWER else own.high
-    return [c * x for x in own.rate[0][0]]
+    c = damper.low if what == LOWER else damper.high
+    return [c * x for x in damper.rate[0][0]]
 
 
-def _form(row: list[Fraction], own: SemiActive, what: int) -> Rationals:
+def _form(row: list[Fraction], damper: SemiActive, what: int) -> Rationals:
     """Return the form that is not negative where the force is so."""
-    v = own.rate[0][0]
-    above, below = ([k - c * x for k, x in zip(row, v, strict=True)] for c in (own.low, own.high))
+    v = damper.rate[0][0]
+    above, below = (
+        [k - c * x for k, x in zip(row, v, strict=True)] for c in (damper.low, damper.high)
+    )
     pairs = {
         GIVEN: ([-x for x in above], below),
         LOWER: ([-x for x in above], v),

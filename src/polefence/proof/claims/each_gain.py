@@ -48,7 +48,7 @@ class EachGain(Bordered):
         """Read the error, the sizes and the multipliers."""
         m, r = _shape(subject)
         sizes = tuple(map(tuple, table.matrix("sizes", m, r)))
-        mu = tuple(tuple(map(tuple, own)) for own in table.matrices("mu", m, r))
+        mu = tuple(tuple(map(tuple, matrix)) for matrix in table.matrices("mu", m, r))
         return {"error": table.number("error"), "sizes": sizes, "mu": mu}
 
     def require_own(self, count: int) -> None:
@@ -57,16 +57,16 @@ class EachGain(Bordered):
         m, r = _shape(self.subject)
         if self.subject.design.law.C and not self.of_lyapunov:
             raise FormatError("errors of gains of signals need the method lyapunov")
-        for own in (self.sizes, *self.mu):
-            if len(own) != m or any(len(row) != r for row in own):
+        for matrix in (self.sizes, *self.mu):
+            if len(matrix) != m or any(len(row) != r for row in matrix):
                 raise FormatError(f"sizes and mu must be {m} x {r}")
         if len(self.mu) != self.pairs:
             raise FormatError(f"mu must hold {self.pairs} matrices")
         if not any(map(any, self.sizes)) or any(s < 0 for row in self.sizes for s in row):
             raise FormatError("sizes must be zero or more, and not all zero")
-        for own in self.mu:
+        for matrix in self.mu:
             for i, j, s in self._entries:
-                if own[i][j] <= 0 and s:
+                if matrix[i][j] <= 0 and s:
                     raise FormatError("mu must be positive wherever sizes are")
 
     @property
@@ -89,7 +89,7 @@ class EachGain(Bordered):
         """Return P and Q, of rows and columns in which a gain is off."""
         p, q = self._sums(self.mu[pair])
         left = [list(row) for row in zip(*_diagonal(p), strict=True)]
-        first, second = ([x for x in own if x] for own in (p, q))
+        first, second = ([x for x in sums if x] for sums in (p, q))
         return Border(left, first, _diagonal(q), second)
 
     def beside(self, sizes: Sequence[Fraction]) -> tuple[list[Fraction], Rationals, list[Fraction]]:
@@ -99,7 +99,7 @@ class EachGain(Bordered):
         for i, j, s in self._entries:
             if rows[i]:
                 q[j] += (s * sizes[i]) ** 2 * rows[i] / SHARE
-        return [SHARE if own else Fraction(0) for own in rows], _diagonal(q), [x for x in q if x]
+        return [SHARE if x else Fraction(0) for x in rows], _diagonal(q), [x for x in q if x]
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say how far which gains may be off."""

@@ -91,13 +91,13 @@ class Estimate(MarginClaim):
         """Return how many inequalities there are, and half their size."""
         subject, n, d = self.subject, len(self.subject.design.A[0]), self.subject.plant_degree
         degree = max(subject.degree(k) for k, _ in subject.parts)
-        each = self.pieces_work(degree)
+        total = self.pieces_work(degree)
         if not subject.ranges:
-            return each * count_of(subject.sizes, d) * count_of(subject.sizes, degree), n
+            return total * count_of(subject.sizes, d) * count_of(subject.sizes, degree), n
         for pieces, error in zip(subject.pieces, self.errors, strict=True):
             most = 2 * (pieces + 1) if d == 1 else (d + 1) * (pieces + 2)
-            each = each // pieces * most if error else each
-        return each, n
+            total = total // pieces * most if error else total
+        return total, n
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield F > 0 on the pieces on which p is affine in its estimate."""
@@ -130,15 +130,15 @@ class Estimate(MarginClaim):
         between = sum(map(bool, self.errors)) if curved else 0
         sizes, pieces = (2,) * (count + between), list[list[_Forms]]()
         last = count
-        for f, (r, error, own) in enumerate(
+        for f, (r, error, number) in enumerate(
             zip(subject.ranges, self.errors, subject.pieces, strict=True)
         ):
-            split = bands(r, error, own) if curved else segments(r, error, own)
+            split = bands(r, error, number) if curved else segments(r, error, number)
             pieces.append([_forms((f, last), r, *ends, sizes) for ends in split])
             last += bool(error)
-        for numbers in product(*(range(len(each)) for each in pieces)):
+        for numbers in product(*(range(len(forms)) for forms in pieces)):
             chosen = [pieces[f][k] for f, k in enumerate(numbers)]
-            plant, law = ([own for each in chosen for own in each[side]] for side in (0, 1))
+            plant, law = ([c for forms in chosen for c in forms[side]] for side in (0, 1))
             yield Cell(f" in piece {numbered(numbers)}", sizes, plant, law, count)
 
     def statement(self, plant: Plant) -> str:
@@ -157,9 +157,9 @@ def _forms(
     In the piece's own coordinates, the first of the simplices; where p has two sides, those of the
     second lead from one to the other.
     """
-    own = simplices[: len(sides)]
-    plant = [_form(own, row, sizes) for row in _at_ends(r, [p for ends in sides for p in ends])]
-    return plant, [_form(own[:1], row, sizes) for row in _at_ends(r, estimated)]
+    axes = simplices[: len(sides)]
+    plant = [_form(axes, row, sizes) for row in _at_ends(r, [p for ends in sides for p in ends])]
+    return plant, [_form(axes[:1], row, sizes) for row in _at_ends(r, estimated)]
 
 
 def _form(simplices: tuple[int, ...], values: Sequence[int], sizes: Sizes) -> Polynomial:
@@ -174,11 +174,11 @@ def _form(simplices: tuple[int, ...], values: Sequence[int], sizes: Sizes) -> Po
 
 def segments(r: Range, error: Fraction, pieces: int) -> list[tuple[tuple[_Ends, ...], _Ends]]:
     """Return the ends of p and of its estimate, for every piece and both signs of the error."""
-    found = list[tuple[tuple[_Ends, ...], _Ends]]()
+    pairs = list[tuple[tuple[_Ends, ...], _Ends]]()
     for sign in (-1, 1) if error else (0,):
         bend = r.low + error if sign < 0 else r.high - error  # a bound acts on one side of it
-        found += [((_off(r, ends, sign * error),), ends) for ends in _between(r, pieces, bend)]
-    return found
+        pairs += [((_off(r, ends, sign * error),), ends) for ends in _between(r, pieces, bend)]
+    return pairs
 
 
 def bands(r: Range, error: Fraction, pieces: int) -> list[tuple[tuple[_Ends, ...], _Ends]]:
@@ -227,8 +227,8 @@ def _mislaid(N: int, share: Fraction, varies: bool, anywhere: bool) -> Iterator[
     sums = [form(f, (1,) * N, sizes) for f in range(len(sizes))]
     v, *u = (
         [
-            sums[f] * own.times(1 - share) + sums[0] * x.times(share)
-            for own, x in zip(a, to, strict=True)
+            sums[f] * vertex.times(1 - share) + sums[0] * x.times(share)
+            for vertex, x in zip(a, to, strict=True)
         ]
         for f, to in enumerate(others, 1)
     )
@@ -237,6 +237,6 @@ def _mislaid(N: int, share: Fraction, varies: bool, anywhere: bool) -> Iterator[
         yield Cell("", sizes, u[0], law, 1)
         return
     for k in range(N):
-        plant = [each.times(1 - share) for each in a]
+        plant = [vertex.times(1 - share) for vertex in a]
         plant[k] = plant[k] + sums[0].times(share)
         yield Cell(f" towards vertex {k + 1}", sizes, plant, law, 1)

@@ -77,7 +77,7 @@ class Gain(SignalClaim):
         E, both = WQ * entering, self.subject.dual_falling(Q, WQ, M)
         spread = self.subject.evidence.spread
         plain = not step and spread is None
-        if self.level and plain and not any(own.F for own in self.outputs):
+        if self.level and plain and not any(output.F for output in self.outputs):
             moved = (E * E.T + Y.T * Y).times(1 / self.level)
             return {"of the gain": [[-(both + moved)]]}
         if plain:
@@ -103,17 +103,17 @@ class Gain(SignalClaim):
         """Of det(g^2 I - G*G) |a|^2, for one channel; no less for more."""
         return 2
 
-    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+    def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield det(g^2 I - G*G) |a|^2 over the frequency and the parameters."""
-        if passes(own, self.level):
-            yield "of the gain", gain_polynomial(own, self.level)
+        if passes(transfer, self.level):
+            yield "of the gain", gain_polynomial(transfer, self.level)
         else:
             yield "of what passes straight through", Tensor([0], (1,))
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q
         none = [[[Fraction(0)] * q]] * len(self.subject.A)
-        F = scaled(stacked([own.F or none for own in self.outputs]), self.scales, sizes)
+        F = scaled(stacked([output.F or none for output in self.outputs]), self.scales, sizes)
         return [
             [minus, E.times(-1), Y.T.times(-1)],
             [diagonal([self.level] * q, sizes), F.T.times(-1)],

@@ -43,11 +43,11 @@ class GainError(Bordered):
     def right(self) -> list[list[Fraction]]:
         """T in full."""
         n, zero, full = len(self.columns), Fraction(0), list[list[Fraction]]()
-        for i, own in enumerate(self.columns):
-            if isinstance(own, tuple):
-                full.append(list(own))
+        for i, column in enumerate(self.columns):
+            if isinstance(column, tuple):
+                full.append(list(column))
             else:
-                full.append([own if i == j else zero for j in range(n)])
+                full.append([column if i == j else zero for j in range(n)])
         return full
 
     @classmethod
@@ -59,8 +59,8 @@ class GainError(Bordered):
             columns = tuple(map(tuple, table.matrix("columns", n, n)))
         else:
             columns = table.numbers("columns")
-        own = {key: table.numbers(key) for key in ("rows", "mu")}
-        return {"error": table.number("error"), "columns": columns} | own
+        scales = {key: table.numbers(key) for key in ("rows", "mu")}
+        return {"error": table.number("error"), "columns": columns} | scales
 
     def require_own(self, count: int) -> None:
         """Refuse scales that do not fit."""
@@ -84,12 +84,12 @@ class GainError(Bordered):
 
     def beside(self, sizes: Sequence[Fraction]) -> tuple[list[Fraction], Rationals, list[Fraction]]:
         """Return it for one more multiplier, of which the largest row has its share."""
-        own = [c * r for c, r in zip(sizes, self.rows, strict=True)]
-        most = max((*own, Fraction(0))) ** 2
+        rows = [c * r for c, r in zip(sizes, self.rows, strict=True)]
+        most = max((*rows, Fraction(0))) ** 2
         if not most:
             return [], [], []
         nu = SHARE / most
-        return [nu * x * x for x in own], self.right, [nu] * len(self.columns)
+        return [nu * x * x for x in rows], self.right, [nu] * len(self.columns)
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say which errors leave the poles where."""

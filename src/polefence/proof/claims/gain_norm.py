@@ -142,7 +142,7 @@ class GainNorm(Short, Claim):
         V = diagonal(rows, sizes) * form.part(slice(n, n + m))
         corner, by = diagonal([self.level**2] * m, sizes), self.subject.evidence.elevation
         if self.subject.evidence.multiple:
-            numbers = [[[own]] for own in self.subject.evidence.multiple]
+            numbers = [[[multiple]] for multiple in self.subject.evidence.multiple]
             W, s = form.part(slice(n)), bernstein(numbers, sizes, self.subject.law.degree)
             less = W - s * diagonal([unit**2 for unit in self.columns], sizes)
             yield Inequality.raised("of W less a multiple", [[less]], by)

@@ -54,17 +54,17 @@ class InitialPeak(SignalClaim):
         outputs: tuple[Output, ...],  # noqa: ARG003
     ) -> dict[str, Any]:
         """Read the initial states."""
-        n, found = subject.n, dict[str, Any]()
+        n, states = subject.n, dict[str, Any]()
         if "points" in table:
             rows, where = table.items("points", MAX_POINTS), table.path("points")
-            found["points"] = tuple(tuple(as_matrix([row], where, 1, n)[0]) for row in rows)
+            states["points"] = tuple(tuple(as_matrix([row], where, 1, n)[0]) for row in rows)
         if "impulses" in table:
             if not subject.E:
                 raise FormatError(f"{table.path('impulses')}: the plant has no E")
-            found["impulses"] = table.numbers("impulses", subject.q)
+            states["impulses"] = table.numbers("impulses", subject.q)
         if "ellipsoid" in table:
-            found["ellipsoid"] = tuple(map(tuple, table.matrix("ellipsoid", n, n)))
-        return found
+            states["ellipsoid"] = tuple(map(tuple, table.matrix("ellipsoid", n, n)))
+        return states
 
     def write_extra(self) -> dict[str, Any]:
         """Return the initial states."""
@@ -107,8 +107,8 @@ class InitialPeak(SignalClaim):
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the decrease, the initial states, and the output."""
-        found = {"of the decrease": self.subject.falling(X, N)} | self._started(X)
-        return found | {"of the output": [[number(self.level**2, X.sizes), Y], [X]]}
+        rows = {"of the decrease": self.subject.falling(X, N)} | self._started(X)
+        return rows | {"of the output": [[number(self.level**2, X.sizes), Y], [X]]}
 
     def _started(self, X: Polynomial) -> Rows:
         """Return that X holds the initial states.
@@ -116,20 +116,20 @@ class InitialPeak(SignalClaim):
         In discrete time an impulse leaves its own a sample later, when parameters have moved; of an
         E that is the same everywhere it does not matter.
         """
-        sizes, subject, found = X.sizes, self.subject, Rows()
+        sizes, subject, rows = X.sizes, self.subject, Rows()
         one, later = number(1, sizes), X
         if subject.step and subject.change is not None and varies(subject.E):
             later = X + subject.change
         for k, point in enumerate(self.points):
             x = constant([[x] for x in point], sizes)
-            found[f"of point {k + 1}"] = [[one, x.T], [X]]
+            rows[f"of point {k + 1}"] = [[one, x.T], [X]]
         for k, size in enumerate(self.impulses):
             if size:
                 x = affine(subject.E, sizes).part(slice(None), slice(k, k + 1)).times(size)
-                found[f"of impulse {k + 1}"] = [[one, x.T], [later]]
+                rows[f"of impulse {k + 1}"] = [[one, x.T], [later]]
         if self.ellipsoid:
-            found["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]
-        return found
+            rows["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]
+        return rows
 
     @property
     def under(self) -> str:

@@ -143,7 +143,7 @@ class MarginClaim(Short, Claim):
         require_design(design)
         if design.remainder is not None and not self.has_remainder:
             raise FormatError(f"{self.kind}: needs a plant without remainder")
-        if any(own.cells for own in design.evidence) and not self.has_cells:
+        if any(evidence.cells for evidence in design.evidence) and not self.has_cells:
             raise FormatError(f"cells: a claim of kind {self.kind} needs one X for all of the box")
         if subject.ranges and len(design.A) != 2 ** len(subject.ranges):
             raise FormatError(
@@ -179,7 +179,7 @@ class MarginClaim(Short, Claim):
 
     def names(self, plant: Plant) -> list[tuple[str, str]]:
         """Return the names and units of the parameters, as they can be shown."""
-        return [(name_text(own.name), unit_text(own.unit)) for own in plant.ranges]
+        return [(name_text(r.name), unit_text(r.unit)) for r in plant.ranges]
 
     def within(self, plant: Plant) -> str:
         """Say which intervals the parameters have."""
@@ -282,9 +282,9 @@ class Cell(Short):
         """Return the sums of coordinates, to the powers that P has of them."""
         whole, start = number(1, self.sizes), 0
         for size, degree in zip(P.sizes, P.degrees, strict=True):
-            own = forms[start : start + size]
+            coordinates = forms[start : start + size]
             for _ in range(degree):
-                whole = whole * sum(own[1:], own[0])
+                whole = whole * sum(coordinates[1:], coordinates[0])
             start += size
         return whole
 

@@ -54,8 +54,8 @@ class Observer(Short, Claim):
         if measured and len(measured) != len(C[0]):
             raise FormatError(f"{table.path('measured')} must name each row of C")
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
-        own = plant.remainder and plant.remainder.transposed(plant.n, len(C[0]))
-        dual = replace(plant.at_rest, A=A, B=B, E=[], remainder=own)
+        remainder = plant.remainder and plant.remainder.transposed(plant.n, len(C[0]))
+        dual = replace(plant.at_rest, A=A, B=B, E=[], remainder=remainder)
         law, on = read_law(table.table("law"), dual)
         if law.polynomial:
             raise FormatError(f"{table.path('law')} must be fixed or scheduled, of an observer")
@@ -63,12 +63,12 @@ class Observer(Short, Claim):
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        C, own = self.C, self.dual.write()
+        C, claim = self.C, self.dual.write()
         table: dict[str, Any] = {"kind": self.kind}
         table["C"] = plain(C[:1] if all(matrix == C[0] for matrix in C) else C)
         table |= {"measured": list(self.measured)} if self.measured else {}
         table["law"] = self.dual.law.write(self.dual.on)
-        return table | {key: own[key] for key in ("region", "method", "evidence")}
+        return table | {key: claim[key] for key in ("region", "method", "evidence")}
 
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say where the poles of the error are, and what is measured."""

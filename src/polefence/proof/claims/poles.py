@@ -306,11 +306,11 @@ class Poles(Short, Claim):
     def _each_with_remainder(self) -> Iterator[tuple[Evidence, Remainder]]:
         """Evidence of each cell, with what is left of a remainder there."""
         if self.remainder is not None:
-            for own in self.evidence:
-                for piece in own.cells:
+            for proof in self.evidence:
+                for piece in proof.cells:
                     yield piece.evidence, self.remainder.inside(piece.low, piece.high)
-                if not own.cells:
-                    yield own, self.remainder
+                if not proof.cells:
+                    yield proof, self.remainder
 
     @property
     def _each_with_parts(self) -> Iterator[tuple[Evidence, tuple[Part, ...]]]:
@@ -565,7 +565,7 @@ def law_text(law: Law) -> str:
     if law.scheduled:
         return f"K(alpha) = Z W^-1 of degree {law.degree}"
     none: list[Rationals] = [[[]]] * len(law.C)
-    rows = ([[own[k]] for own in law.C] for k in range(len(law.measured)))
+    rows = ([[C[k]] for C in law.C] for k in range(len(law.measured)))
     pairs = zip(law.measured, rows, strict=True)
     named = [f"{quoted(name)} = {output_text(C, none)}" for name, C in pairs]
     what = ", ".join(named) or "all states"

@@ -68,8 +68,8 @@ class RmsLimit(Short):
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        own = {"level": plain(self.level), "intensity": plain(self.intensity)}
-        return write_outputs(self.outputs) | own
+        numbers = {"level": plain(self.level), "intensity": plain(self.intensity)}
+        return write_outputs(self.outputs) | numbers
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class RmsRefutation(Short, Claim):
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
-        return misnamed([own for limit in self.limits for own in limit.outputs], plant)
+        return misnamed([output for limit in self.limits for output in limit.outputs], plant)
 
     def decided(self) -> Verdict:
         """Prove a claim that is consistent; undecided does not say that there is a law."""
@@ -215,8 +215,8 @@ class RmsRefutation(Short, Claim):
             damper.require(N, n, m)
         numbers = [[[*self.weights, *self.multipliers, *self.scales, self.factor]], self.P]
         outputs = [output for limit in self.limits for output in limit.outputs]
-        numbers += [M for own in outputs for M in (*own.C, *own.D)]
-        numbers += [M for own in self.dampers for M in own.numbers]
+        numbers += [M for z in outputs for M in (*z.C, *z.D)]
+        numbers += [M for damper in self.dampers for M in damper.numbers]
         common_denominator([*numbers, *self.A, *self.B, *self.E])
 
 

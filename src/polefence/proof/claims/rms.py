@@ -85,15 +85,15 @@ class Rms(SignalClaim):
         """Of the dual form: the largest coefficient of intensity tr E'QE."""
         return most_noise(self, self.intensity)
 
-    def polynomials(self, own: Transfer) -> Iterator[tuple[str, Tensor]]:
+    def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D, and g^2 D - S N, where the variance is S N / D."""
-        D, N = own.variance
+        D, N = transfer.variance
         yield "of the poles", bernstein_of(D)
         yield "of the variance", bernstein_of(combined(D, self.level**2, N, -self.intensity))
 
-    def value(self, own: Transfer) -> Fraction:
+    def value(self, transfer: Transfer) -> Fraction:
         """Return the square of the rms at the first node."""
-        return self.intensity * own.square
+        return self.intensity * transfer.square
 
     @property
     def under(self) -> str:

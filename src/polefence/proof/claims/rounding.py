@@ -141,23 +141,25 @@ class Rounded(Short, Claim):
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read what the gain tolerates, and the constants of the code."""
-        below, own = table.table("gain"), table.table("code")
-        below.word("kind", [GainError.kind])
-        gain = GainError.read(below, plant, law, on)
-        K, T = (own.matrix(key) if key in own else None for key in ("K", "T"))
+        gain_table, code_table = table.table("gain"), table.table("code")
+        gain_table.word("kind", [GainError.kind])
+        gain = GainError.read(gain_table, plant, law, on)
+        K, T = (code_table.matrix(key) if key in code_table else None for key in ("K", "T"))
         keys = ("W", "Z", "terms")
-        W, Z, terms = (tuple(own.matrices(key, None, None)) if key in own else () for key in keys)
-        memory = _read_memory(own.table("memory"), plant) if "memory" in own else None
-        code = Code(own.at("bits"), K, T, W, Z, _read_shares(own), terms, memory)
-        smallest, size = (own.number(key, 0) for key in ("smallest", "size"))
-        return cls(gain, code, smallest, size, own.whole("elevation", 0))
+        W, Z, terms = (
+            tuple(code_table.matrices(key, None, None)) if key in code_table else () for key in keys
+        )
+        memory = _read_memory(code_table.table("memory"), plant) if "memory" in code_table else None
+        code = Code(code_table.at("bits"), K, T, W, Z, _read_shares(code_table), terms, memory)
+        smallest, size = (code_table.number(key, 0) for key in ("smallest", "size"))
+        return cls(gain, code, smallest, size, code_table.whole("elevation", 0))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
         code = self.code
-        own = ("K",) if code.K is not None else ("terms",) if code.terms else ("T", "W", "Z")
+        constants = ("K",) if code.K is not None else ("terms",) if code.terms else ("T", "W", "Z")
         table: dict[str, Any] = {"bits": code.bits}
-        table |= {key: plain(getattr(code, key)) for key in own}
+        table |= {key: plain(getattr(code, key)) for key in constants}
         if code.shares:
             keys = ("low", "high", "scale")
             table["shares"] = [{key: plain(getattr(s, key)) for key in keys} for s in code.shares]
@@ -191,16 +193,16 @@ class Rounded(Short, Claim):
     def _require_gains(self) -> None:
         """Refuse gains, one or one a term, that are not those of the law."""
         code, gain, law = self.code, self.gain, self.gain.subject.design.law
-        own = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
+        gains = law.K if law.K is not None else law.W or []  # of one vertex K = Z W^-1
         count = len(code.terms) if code.K is None else 1
         one = code.K is None or not law.polynomial or _is_one(law, gain.subject.design.sizes)
         both = code.K is not None and (code.terms or code.shares)
         others = code.T is not None or code.W or code.Z or both
-        if len(own) != count or others or not one or (code.terms and not law.polynomial):
+        if len(gains) != count or others or not one or (code.terms and not law.polynomial):
             raise FormatError("code: the law and its constants do not belong together")
         if code.shares and len(code.shares) != len(gain.subject.ranges):
             raise FormatError("code.shares must hold one entry a parameter")
-        m, r = len(gain.rows), len(own[0][0])
+        m, r = len(gain.rows), len(gains[0][0])
         for matrix in code.terms or [code.K or []]:
             require_shape(matrix, m, r, "code.terms" if code.terms else "code.K")
         _signal_scales(self)
@@ -280,10 +282,10 @@ def _require_memory(memory: Memory, design: Poles) -> None:
         alone = [row[n - q :] for row in A] == zero + stays
         if not alone or any(any(row[: n - q]) for row in A[n - q :]):
             raise FormatError("code.memory: the last states must have no part in the plant")
-        own, others = B[n - q :], [row[m - q :] for row in B[: n - q]]
-        rates = [row[m - q :] for row in own]
+        inputs, others = B[n - q :], [row[m - q :] for row in B[: n - q]]
+        rates = [row[m - q :] for row in inputs]
         moved = [[step * x for x in row] for row in one]
-        if others != zero or rates != moved or any(any(row[: m - q]) for row in own):
+        if others != zero or rates != moved or any(any(row[: m - q]) for row in inputs):
             raise FormatError("code.memory: the last inputs must be the rates of the last states")
     if design.remainder is not None:
         for M in design.remainder.curve:
@@ -331,7 +333,7 @@ def rounding_error(claim: Rounded) -> Fraction:
     if scales is None:  # of x, by the largest |C|
         E, scales = product(E, _largest_entries(claim)), _numbers(claim.gain)
     pairs = zip(E, rows, strict=True)
-    return norm([[e / s / t for e, t in zip(own, scales, strict=True)] for own, s in pairs])
+    return norm([[e / s / t for e, t in zip(row, scales, strict=True)] for row, s in pairs])
 
 
 def in_a_row(code: Code, k: int) -> Fraction:
@@ -345,12 +347,12 @@ def in_a_row(code: Code, k: int) -> Fraction:
 def gain_errors(claim: Rounded) -> Rationals:
     """Return bounds on the errors of the entries of the gain, of one gain or a polynomial."""
     code, law = claim.code, claim.gain.subject.design.law
-    own = [code.K] if code.K is not None else list(code.terms)
+    gains = [code.K] if code.K is not None else list(code.terms)
     exact = [_gain(claim)] if code.K is not None else law.K or []
     off = [Fraction(0)] if code.K is not None else power_errors(claim)
-    gamma = in_a_row(code, len(own[0][0]) + len(code.terms))
-    total = [[Fraction(0)] * len(row) for row in own[0]]
-    for a, b, t in zip(exact, own, off, strict=True):
+    gamma = in_a_row(code, len(gains[0][0]) + len(code.terms))
+    total = [[Fraction(0)] * len(row) for row in gains[0]]
+    for a, b, t in zip(exact, gains, off, strict=True):
         part = t + gamma * (1 + t)
         for i, row in enumerate(total):
             for j in range(len(row)):
@@ -362,12 +364,12 @@ def _with_steps(E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: 
     """Return bounds on the errors of a gain whose last rows are the rates of the last signals."""
     unit, ratio, q = UNITS[bits], memory.step / memory.sample_time, memory.states
     grown = abs(ratio - 1) + ratio * ((1 + unit) ** 2 - 1)
-    found, first = [list(row) for row in E], len(E) - q
+    errors, first = [list(row) for row in E], len(E) - q
     for i in range(first, len(E)):
         sizes = [sum(abs(K[i][j]) for K in terms) for j in range(len(E[i]))]
-        found[i] = [e + grown * (size + e) for e, size in zip(E[i], sizes, strict=True)]
-        found[i][len(E[i]) - q + i - first] += unit / memory.sample_time
-    return found
+        errors[i] = [e + grown * (size + e) for e, size in zip(E[i], sizes, strict=True)]
+        errors[i][len(E[i]) - q + i - first] += unit / memory.sample_time
+    return errors
 
 
 def power_errors(claim: Rounded) -> list[Fraction]:
@@ -382,9 +384,9 @@ def power_errors(claim: Rounded) -> list[Fraction]:
     else:  # cut, summed, scaled, and for a box summed again
         of_alpha = in_a_row(code, 2 * len(subject.design.A) + 2)
         ends = [of_alpha] * len(sizes)
-    each = [of_alpha] * sizes[0] if in_alpha else [2 * end + unit * (1 + end) for end in ends]
+    bases = [of_alpha] * sizes[0] if in_alpha else [2 * end + unit * (1 + end) for end in ends]
     return [
-        prod(((1 + off) ** power for off, power in zip(each, e, strict=True)), start=Fraction(1))
+        prod(((1 + off) ** power for off, power in zip(bases, e, strict=True)), start=Fraction(1))
         * (1 + in_a_row(code, sum(e)))
         - 1
         for e in law.powers
@@ -410,25 +412,26 @@ def _signal_scales(claim: Rounded) -> tuple[Fraction, ...] | None:
         return _numbers(gain)
     if all(isinstance(column, Fraction) for column in gain.columns):
         return None
-    found, right = list[Fraction](), gain.right
+    scales, right = list[Fraction](), gain.right
     if len(C[0]) > len(right) or any(other != C[0] for other in C):
         raise FormatError(
             "columns must be numbers for this number of measured signals, or where C varies"
         )
-    for own, row in zip(C[0], right, strict=False):
-        k = next((k for k, value in enumerate(own) if value), 0)
-        scale = row[k] / own[k] if own[k] else Fraction(1)
-        if scale <= 0 or row != [scale * value for value in own]:
+    for signal, row in zip(C[0], right, strict=False):
+        k = next((k for k, value in enumerate(signal) if value), 0)
+        scale = row[k] / signal[k] if signal[k] else Fraction(1)
+        if scale <= 0 or row != [scale * value for value in signal]:
             raise FormatError("columns must be multiples of the rows of what is measured")
-        found.append(scale)
-    return tuple(found)
+        scales.append(scale)
+    return tuple(scales)
 
 
 def _largest_entries(claim: Rounded) -> Rationals:
     """Return the largest absolute values of the entries of what is measured."""
     C = claim.gain.subject.design.law.C
     return [
-        [max(map(abs, each)) for each in zip(*rows, strict=True)] for rows in zip(*C, strict=True)
+        [max(map(abs, values)) for values in zip(*rows, strict=True)]
+        for rows in zip(*C, strict=True)
     ]
 
 
@@ -466,12 +469,12 @@ def _require_bounds(claim: Rounded, W: list[Rationals], Z: list[Rationals]) -> F
     design, n, m = claim.gain.subject.design, len(W[0]), len(Z[0])
     sizes, degree, by = design.sizes, design.law.degree, claim.elevation
     limit = 8 * MAX_BITS
-    P, Q = (bernstein(each, sizes, degree, limit) for each in (W, Z))
+    P, Q = (bernstein(matrices, sizes, degree, limit) for matrices in (W, Z))
     raised = P.elevated(by)
     trace = Fraction(0)
-    for e, own in raised.terms.items():
+    for e, coefficient in raised.terms.items():
         count = multinomial(e, sizes)
-        trace = max(trace, Fraction(sum(own[i][i] for i in range(n)), count * raised.whole))
+        trace = max(trace, Fraction(sum(coefficient[i][i] for i in range(n)), count * raised.whole))
     above = P - diagonal([claim.smallest] * n, sizes)
     _require_positive([[above]], by, "W' is not proved to be above the bound given")
     corner = diagonal([claim.size**2] * m, sizes)
@@ -502,13 +505,13 @@ def weight_error(claim: Rounded) -> Fraction:
     corners = len(subject.design.A)
     products = in_a_row(code, len(sizes) * degree + 1)  # a large multinomial is rounded too
     if not code.shares:  # cut, summed, scaled, and for a box summed again
-        own = in_a_row(code, 2 * corners + 2)
-        return (1 + own) ** (degree * len(sizes)) * (1 + products) - 1
+        cut = in_a_row(code, 2 * corners + 2)
+        return (1 + cut) ** (degree * len(sizes)) * (1 + products) - 1
     pairs = zip(code.shares, subject.ranges, strict=True)
-    each = [2 * share_error(code, share, given) + UNITS[code.bits] for share, given in pairs]
-    total = prod((1 + error for error in each), start=Fraction(1))
-    if len(sizes) == 1 < len(each):  # alpha, the product of the parameters' weights
-        total *= 1 + in_a_row(code, len(each) - 1)
+    errors = [2 * share_error(code, share, given) + UNITS[code.bits] for share, given in pairs]
+    total = prod((1 + error for error in errors), start=Fraction(1))
+    if len(sizes) == 1 < len(errors):  # alpha, the product of the parameters' weights
+        total *= 1 + in_a_row(code, len(errors) - 1)
     return total**degree * (1 + products) - 1
 
 
@@ -521,9 +524,9 @@ def share_error(code: Code, share: Share, given: Range) -> Fraction:
     if given.inverted and share.low <= 0 <= share.high:
         raise FormatError("a parameter's bounds in the code touch zero")
     least = min(abs(share.low), abs(share.high)) if given.inverted else Fraction(1)
-    own = share.high - share.low
-    constants = abs(share.scale - scale) * own + abs(scale) * (given.low - share.low)
-    return (constants + in_a_row(code, 3) * abs(share.scale) * own) / least
+    clamped = share.high - share.low
+    constants = abs(share.scale - scale) * clamped + abs(scale) * (given.low - share.low)
+    return (constants + in_a_row(code, 3) * abs(share.scale) * clamped) / least
 
 
 # --- matrices ------------------------------------------------------------------------------------

@@ -168,8 +168,8 @@ class Sampled(Short, Claim):
         if self.smallest:
             table |= {key: plain(getattr(self, key)) for key in ("smallest", "energy")}
         if self.off:
-            own = self.off
-            table["off"] = {key: plain(getattr(own, key)) for key in ("error", "rows", "columns")}
+            off = self.off
+            table["off"] = {key: plain(getattr(off, key)) for key in ("error", "rows", "columns")}
         if self.prompt:
             table["prompt"] = self.prompt
         return table | {"evidence": self.evidence.write()}
@@ -199,8 +199,8 @@ class Sampled(Short, Claim):
         FormatError
             If a bound that the claim about the code rests on does not hold.
         """
-        off, gain, own = self.off, rounded.gain, rounded.gain.subject.design
-        same = (self.design.A, self.design.B, self.design.law) == (own.A, own.B, own.law)
+        off, gain, design = self.off, rounded.gain, rounded.gain.subject.design
+        same = (self.design.A, self.design.B, self.design.law) == (design.A, design.B, design.law)
         if off is None or not same or off.rows != gain.rows or off.columns != gain.right:
             return False
         memory = rounded.code.memory
@@ -330,9 +330,9 @@ def _law(claim: Sampled) -> Law:
     n, late = len(claim.T), claim.late
     law = claim.design.law
     if law.polynomial:
-        own, none = steps.transformed_terms(claim), [ZERO] * late
-        K = [k + [[ZERO] * len(k[0]) for _ in range(n)] for k in own.K or []]
-        return replace(own, K=K, C=tuple([row + none for row in rows] for rows in own.C))
+        terms, none = steps.transformed_terms(claim), [ZERO] * late
+        K = [k + [[ZERO] * len(k[0]) for _ in range(n)] for k in terms.K or []]
+        return replace(terms, K=K, C=tuple([row + none for row in rows] for rows in terms.C))
     if law.K is not None:
         return Law([_widened(steps.transformed_gain(claim), n, late)])
     W, Z = steps.transformed(claim)

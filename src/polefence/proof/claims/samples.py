@@ -74,8 +74,8 @@ class Samples(Short, Claim):
             {key: plain(M[j]) for key, M in (("A", self.A), ("B", self.B), ("E", self.E)) if M}
             for j in range(len(self.A))
         ]
-        own = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
-        return {"kind": self.kind} | own | {"vertices": vertices}
+        numbers = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
+        return {"kind": self.kind} | numbers | {"vertices": vertices}
 
     def statement(self, plant: Plant) -> str:
         """Say what the plant is of."""
@@ -150,8 +150,8 @@ class Samples(Short, Claim):
         except FormatError as problem:
             return undecided(str(problem))
         largest = NONE
-        for found, allowed in zip(entries, self._allowed(), strict=True):
-            for x, most in zip(found, allowed, strict=True):
+        for values, limits in zip(entries, self._allowed(), strict=True):
+            for x, most in zip(values, limits, strict=True):
                 if not most:
                     return undecided("the remainder is zero where the series goes on")
                 largest = max(largest, (x + rest) / most)
@@ -182,23 +182,23 @@ class Samples(Short, Claim):
         if remainder is None:
             return undecided("the plant has no remainder")
         try:
-            found = self.bounds()
+            bounds = self.bounds()
         except FormatError as problem:
             return undecided(str(problem))
         rounding, *along = self._in_units(
             list(map(self._held, (remainder.rounding, *remainder.bends)))
         )
-        for most, own in zip(along, found.along, strict=True):
+        for most, bend in zip(along, bounds.along, strict=True):
             if any(
-                x > y for rows in zip(own, most, strict=True) for x, y in zip(*rows, strict=True)
+                x > y for rows in zip(bend, most, strict=True) for x, y in zip(*rows, strict=True)
             ):
                 return undecided("the samples bend more than the plant says")
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
-        for at, own in self._known_samples():
+        for at, matrix in self._known_samples():
             series = sample(mix(_weights(at), M), self.terms)
-            for i, (row, terms) in enumerate(zip(self._in_units([own])[0], series, strict=True)):
+            for i, (row, terms) in enumerate(zip(self._in_units([matrix])[0], series, strict=True)):
                 for j, (x, y) in enumerate(zip(row, terms, strict=True)):
-                    apart = abs(x - (i == j) - Fraction(y, ONE)) + found.missing
+                    apart = abs(x - (i == j) - Fraction(y, ONE)) + bounds.missing
                     if apart > rounding[i][j]:
                         return undecided("a sample is farther off than the plant says")
         count = len(self.plant.A) + len(self.plant.nodes)
@@ -208,8 +208,10 @@ class Samples(Short, Claim):
         """Yield the points of the box at which F, G and H are known, with these."""
         count = len(self.plant.ranges)
         vertices = zip(self.plant.A, self.plant.B, self.plant.E or [[]] * len(self.A), strict=True)
-        for at, own in zip(corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True):
-            yield at, self._step(*own)
+        for at, vertex in zip(
+            corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True
+        ):
+            yield at, self._step(*vertex)
         for node in self.plant.nodes:
             yield node.at, self._step(node.A, node.B, node.E)
 
@@ -234,15 +236,17 @@ class Samples(Short, Claim):
         FormatError
             If the series has too few terms for this sample time, or would take too long.
         """
-        found, left, rest = self._compared()
-        rows, columns = found.shape
-        each = [
-            (matrix, found.whole * multinomial(e, found.sizes)) for e, matrix in found.terms.items()
+        apart, left, rest = self._compared()
+        rows, columns = apart.shape
+        coefficients = [
+            (matrix, apart.whole * multinomial(e, apart.sizes)) for e, matrix in apart.terms.items()
         ]
 
         def largest(i: int, j: int) -> Fraction:
-            own = max((Fraction(abs(M[i][j]), whole) for M, whole in each), default=NONE)
-            return own + left[i][j]
+            magnitude = max(
+                (Fraction(abs(M[i][j]), whole) for M, whole in coefficients), default=NONE
+            )
+            return magnitude + left[i][j]
 
         return [[largest(i, j) for j in range(columns)] for i in range(rows)], rest
 
@@ -255,28 +259,28 @@ class Samples(Short, Claim):
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]
-        found = bernstein(self._in_units(self._steps()), self.sizes, 1)
+        apart = bernstein(self._in_units(self._steps()), self.sizes, 1)
         remainder = self.plant.remainder
         if remainder is not None and remainder.curve:
             curve = self._in_units(list(map(self._held, remainder.curve)))
-            found = found + bernstein(curve, self.sizes, remainder.degree)
-        return found - constant(eye, self.sizes) - series, left, rest
+            apart = apart + bernstein(curve, self.sizes, remainder.degree)
+        return apart - constant(eye, self.sizes) - series, left, rest
 
     def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
         """Return matrices (n, n + m + q) in the units, times a time."""
         return [
             [
                 [value * time * u / unit for value, u in zip(row, self.units, strict=True)]
-                for row, unit in zip(own, self.units[: self.n], strict=True)
+                for row, unit in zip(matrix, self.units[: self.n], strict=True)
             ]
-            for own in matrices
+            for matrix in matrices
         ]
 
     def _steps(self) -> list[Rationals]:
         """Return F, G, H side by side at every vertex, as the plant has them."""
         none: list[Rationals] = [[]] * len(self.plant.A)
-        each = zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True)
-        return [self._step(*own) for own in each]
+        vertices = zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True)
+        return [self._step(*vertex) for vertex in vertices]
 
     def _step(self, A: Rationals, B: Rationals, E: Rationals) -> Rationals:
         """Return F, G, H side by side."""
@@ -293,9 +297,9 @@ class Samples(Short, Claim):
             if _filled(M) != _filled(self._held(M)):  # something is of what is not sampled
                 return False
         none: list[Rationals] = [[]] * len(self.plant.A)
-        each = list(zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True))
-        each += [(own.A, own.B, own.E) for own in self.plant.nodes]
-        for A, B, E in each:
+        points = list(zip(self.plant.A, self.plant.B, self.plant.E or none, strict=True))
+        points += [(node.A, node.B, node.E) for node in self.plant.nodes]
+        for A, B, E in points:
             if any(any(a[width:] + b[m:]) for a, b in zip(A[:width], B[:width], strict=True)):
                 return False
             if not self.delay:
@@ -317,7 +321,7 @@ class Samples(Short, Claim):
 def _weights(at: Sequence[Fraction]) -> list[Fraction]:
     """Return the weights of the vertices at a point of the box."""
     pairs = ((1 - t, t) for t in at)
-    return [math.prod(own, start=Fraction(1)) for own in product(*pairs)]
+    return [math.prod(factors, start=Fraction(1)) for factors in product(*pairs)]
 
 
 def _filled(rows: Sequence[Sequence[Fraction]]) -> int:
@@ -327,5 +331,5 @@ def _filled(rows: Sequence[Sequence[Fraction]]) -> int:
 
 def _beside(A: list[Rationals], B: list[Rationals], E: list[Rationals]) -> list[Rationals]:
     empty: list[Rationals] = [[[] for _ in M] for M in A]
-    each = zip(A, B, E or empty, strict=True)
-    return [[a + b + e for a, b, e in zip(*rows, strict=True)] for rows in each]
+    vertices = zip(A, B, E or empty, strict=True)
+    return [[a + b + e for a, b, e in zip(*rows, strict=True)] for rows in vertices]

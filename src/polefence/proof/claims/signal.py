@@ -557,10 +557,11 @@ class SignalClaim(Short, Claim):
         require_work(sum(claim.least for claim in pieces), self.allowed)
 
     def _with(self, piece: Piece) -> Self:
-        own = self.subject.remainder
-        own = own and own.inside(piece.low, piece.high)
+        remainder = self.subject.remainder
+        remainder = remainder and remainder.inside(piece.low, piece.high)
         return replace(
-            self, subject=replace(self.subject, evidence=piece.evidence, remainder=own, nodes=())
+            self,
+            subject=replace(self.subject, evidence=piece.evidence, remainder=remainder, nodes=()),
         )
 
     def _require_parts(self) -> None:

@@ -88,7 +88,9 @@ def series_error(
     """
     n, width = len(M[0]), len(M[0][0])
     require_moderate(len(M), n, width, terms, sizes)
-    short = [[[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in own] for own in M]
+    short = [
+        [[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in matrix] for matrix in M
+    ]
     size = max(map(norm, short))
     off = root(Fraction(n * width)) / (1 << (BITS + 1))
     if 2 * size >= terms + 2:
@@ -110,12 +112,12 @@ def series_by_entries(
     n, width = len(M[0]), len(M[0][0])
     require_moderate(len(M), n, width, terms, sizes)
     unit = 2**FINE
-    short = [[[Fraction(round(x * unit), unit) for x in row] for row in own] for own in M]
+    short = [[[Fraction(round(x * unit), unit) for x in row] for row in matrix] for matrix in M]
     size, last = max(map(norm, short)), terms + FURTHER
     if 2 * size >= last + 2:
         raise FormatError("the sample time is too long for these rates")
     most = [
-        [max(map(abs, each)) for each in zip(*rows, strict=True)]
+        [max(map(abs, entries)) for entries in zip(*rows, strict=True)]
         for rows in zip(*short, strict=True)
     ]
     spend(RATIONAL * last * n * n * width, SHORT, SHORT)
@@ -172,8 +174,8 @@ def _series(M: Polynomial, p: int) -> Polynomial:
 
 def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> None:
     """Refuse a series of more terms, or larger ones, than are computed here."""
-    each = vertices * n * n * width
-    work = sum(count_of(sizes, k) for k in range(1, p)) * each
+    products = vertices * n * n * width
+    work = sum(count_of(sizes, k) for k in range(1, p)) * products
     if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:
         raise WorkError("the series has too many terms to be computed here")
 
@@ -227,12 +229,12 @@ def _require_bounds(claim: Sampled) -> None:
     common = common_denominator([*W, *Z, [[claim.smallest, claim.energy]]], 8 * MAX_BITS)
     low, high = int(claim.smallest * common), int(claim.energy * common)
     for w, z in zip(W, Z, strict=True):
-        own, below = whole_numbers(w, common), whole_numbers(z, common)
-        if not is_positive_definite(_less(own, low)):
+        upper, below = whole_numbers(w, common), whole_numbers(z, common)
+        if not is_positive_definite(_less(upper, low)):
             raise FormatError("W is not above the bound given")
         corner = [[high * (i == j) for j in range(len(below))] for i in range(len(below))]
         whole = [
-            row + list(column) for row, column in zip(own, zip(*below, strict=True), strict=True)
+            row + list(column) for row, column in zip(upper, zip(*below, strict=True), strict=True)
         ]
         whole += [row + unit for row, unit in zip(below, corner, strict=True)]
         if not is_positive_definite(whole):
@@ -248,8 +250,8 @@ def _less(matrix: Integers, low: int) -> Integers:
 
 def rows(claim: Sampled) -> tuple[Fraction, ...]:
     """Return the scales of errors of v."""
-    own = claim.off.rows if claim.off else claim.scale
-    return tuple(claim.weight * row / s for row, s in zip(own, claim.scale, strict=True))
+    scales = claim.off.rows if claim.off else claim.scale
+    return tuple(claim.weight * row / s for row, s in zip(scales, claim.scale, strict=True))
 
 
 def transformed(claim: Sampled) -> tuple[list[Rationals], list[Rationals]]:
@@ -279,13 +281,13 @@ def transformed_terms(claim: Sampled) -> Law:
 
 def vertices(claim: Sampled) -> list[Rationals]:
     """Return [T A T^-1, T B S] of every vertex."""
-    back, found = inverse(claim.T, "T"), list[Rationals]()
+    back, loops = inverse(claim.T, "T"), list[Rationals]()
     for A, B in zip(claim.design.A, claim.design.B, strict=True):
         left, right = product(product(claim.T, A), back), product(claim.T, B)
-        found.append(
+        loops.append(
             [
                 a + [x * s for x, s in zip(b, claim.scale, strict=True)]
                 for a, b in zip(left, right, strict=True)
             ]
         )
-    return found
+    return loops

@@ -24,15 +24,15 @@ def main(arguments: list[str]) -> int:
     (path,) = arguments
     try:
         with open(path, encoding="utf-8-sig") as file:
-            found = check(loads(file.read(MAX_BYTES + 1)))
+            result = check(loads(file.read(MAX_BYTES + 1)))
     except (OSError, UnicodeDecodeError, FormatError) as error:
         _say(f"{path}: {error}", sys.stderr)
         return BAD_INPUT
-    answer = "not proved" if found.answer == "undecided" else found.answer
-    _say(f"{path}: {answer}: {found.reason}")
-    for claim in found.claims:
-        _say(f"  {'' if found.proved else 'claimed, not proved: '}{claim}")
-    return PROVED if found.proved else NOT_PROVED
+    answer = "not proved" if result.answer == "undecided" else result.answer
+    _say(f"{path}: {answer}: {result.reason}")
+    for claim in result.claims:
+        _say(f"  {'' if result.proved else 'claimed, not proved: '}{claim}")
+    return PROVED if result.proved else NOT_PROVED
 
 
 def _say(text: str, file: TextIO | None = None) -> None:

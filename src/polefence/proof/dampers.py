@@ -92,4 +92,4 @@ def read_dampers(table: Table, plant: Plant) -> tuple[SemiActive, ...]:
 
 def dampers_text(dampers: Sequence[SemiActive]) -> str:
     """Say between what their forces are."""
-    return ", ".join(own.range_text for own in dampers)
+    return ", ".join(damper.range_text for damper in dampers)

@@ -47,8 +47,8 @@ MAX_CLAIMS = 100
 
 KINDS: Mapping[str, type[Claim]] = MappingProxyType(
     {
-        own.kind: own
-        for own in (
+        claim.kind: claim
+        for claim in (
             Poles,
             Observer,
             Rms,
@@ -130,13 +130,13 @@ class Document(Short):
             If a claim is not proved, together they are too much work, or the file is not read back
             as it is.
         """
-        found = loads(self.dumps(indent=None))
-        if (found.plant, found.law, found.claims) != (self.plant, self.law, self.claims):
+        document = loads(self.dumps(indent=None))
+        if (document.plant, document.law, document.claims) != (self.plant, self.law, self.claims):
             raise FormatError("its file does not say what was proved")
         few = len(self.claims) <= FULL
 
         def prover(claim: Claim) -> Verdict:
-            proved = few and any(claim == own for own in known)
+            proved = few and any(claim == other for other in known)
             return Verdict("proved", "") if proved else prove(claim)
 
         answer = check(self, prover)
@@ -173,8 +173,8 @@ def _read(table: Table) -> Document:
             claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")
-    own = plant.remainder
-    curved = own is not None and (own.curve or own.bends)
+    remainder = plant.remainder
+    curved = remainder is not None and (remainder.curve or remainder.bends)
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError(
             "plant.remainder: a claim of kind samples has to say what the plant is of"
@@ -188,14 +188,14 @@ def _read(table: Table) -> Document:
 
 
 def _require_format(data: Any) -> None:
-    found = data.get("format") if isinstance(data, dict) else None
-    if found in EARLIER:
+    name = data.get("format") if isinstance(data, dict) else None
+    if name in EARLIER:
         raise FormatError(
-            f"{found} is a format of polefence 0.1, which is not read any more; "
+            f"{name} is a format of polefence 0.1, which is not read any more; "
             "design or export it again, and save that"
         )
-    if found != FORMAT:
-        other = f", not {shown(found)}" if isinstance(found, str) else ""
+    if name != FORMAT:
+        other = f", not {shown(name)}" if isinstance(name, str) else ""
         raise FormatError(f'not a file of proofs: "format" must be "{FORMAT}"{other}')
     if type(data.get("version")) is not int or data["version"] != VERSION:
         raise FormatError(
@@ -220,8 +220,8 @@ def says_proof(text: str) -> bool:
         data = parse(text)
     except FormatError:
         return False
-    found = data.get("format") if isinstance(data, dict) else None
-    return found == FORMAT or found in EARLIER
+    written = data.get("format") if isinstance(data, dict) else None
+    return written == FORMAT or written in EARLIER
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ Filters = tuple[Filter | None, ...]  # one a signal; None of one without
 
 def states_of(filters: Filters) -> int:
     """Return the number of states of all filters."""
-    return sum(own.states for own in filters if own is not None)
+    return sum(weighting.states for weighting in filters if weighting is not None)
 
 
 def in_series(
@@ -80,28 +80,28 @@ def in_series(
     A = [[[*row, *(ZERO,) * more] for row in M] for M in subject.A]
     B = [[list(row) for row in M] for M in subject.B]
     E = [[list(row) for row in M] for M in subject.E]
-    found = list[Output]()
-    for own, each in zip(outputs, filters, strict=True):
-        if each is None:
-            C = [[[*row, *(ZERO,) * more] for row in rows] for rows in own.C]
-            found.append(replace(own, C=C))
+    filtered = list[Output]()
+    for output, weighting in zip(outputs, filters, strict=True):
+        if weighting is None:
+            C = [[[*row, *(ZERO,) * more] for row in rows] for rows in output.C]
+            filtered.append(replace(output, C=C))
             continue
-        before, after = (ZERO,) * (at - subject.n), (ZERO,) * (size - at - each.states)
+        before, after = (ZERO,) * (at - subject.n), (ZERO,) * (size - at - weighting.states)
         for j in range(vertices):
-            rows = zip(product(each.b, own.C[j]), each.a, strict=True)
+            rows = zip(product(weighting.b, output.C[j]), weighting.a, strict=True)
             A[j] += [[*left, *before, *right, *after] for left, right in rows]
-            B[j] += product(each.b, own.D[j])
+            B[j] += product(weighting.b, output.D[j])
             if E:
-                F = own.F[j] if own.F else [[ZERO] * subject.q]
-                E[j] += product(each.b, F)
-        C = [[[*(ZERO,) * at, *each.c[0], *after]]] * vertices
+                F = output.F[j] if output.F else [[ZERO] * subject.q]
+                E[j] += product(weighting.b, F)
+        C = [[[*(ZERO,) * at, *weighting.c[0], *after]]] * vertices
         D = [[[ZERO] * subject.m]] * vertices
-        found.append(Output(C, D, own.name, (), own.unit))
-        at += each.states
+        filtered.append(Output(C, D, output.name, (), output.unit))
+        at += weighting.states
     remainder = subject.remainder and subject.remainder.padded(subject.n, subject.m, more)
     law = _wider(subject.law, subject.n, more)
     larger = replace(subject, A=A, B=B, E=E, law=law, remainder=remainder)
-    return larger, tuple(found)
+    return larger, tuple(filtered)
 
 
 def _wider(law: Law, n: int, more: int) -> Law:

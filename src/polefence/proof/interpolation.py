@@ -71,7 +71,7 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
         raise FormatError("the sample time is too long for these rates")
     if not 4 * size + 2 <= terms <= MAX_TERMS:
         raise FormatError(f"the samples need {math.ceil(4 * size) + 2} to {MAX_TERMS} terms")
-    tops = [max(math.ceil(own[i][i] * ONE) for own in M) for i in range(len(largest))]
+    tops = [max(math.ceil(matrix[i][i] * ONE) for matrix in M) for i in range(len(largest))]
     shift = max(0, -min(tops))
     N = _padded(largest, shift)
     for i, top in enumerate(tops):
@@ -95,9 +95,9 @@ def sample(M: Rationals, terms: int) -> Integers:
     M : (n, width) rationals
         [A, B, E] T, of no larger row sums than that of `bends`.
     """
-    own = [[round(x * ONE) for x in row] for row in M]
-    spend(terms * len(own) ** 2 * len(own[0]), max(FINE, bits(own)), FINE)
-    A, term, total = [row[: len(own)] for row in own], own, own
+    rates = [[round(x * ONE) for x in row] for row in M]
+    spend(terms * len(rates) ** 2 * len(rates[0]), max(FINE, bits(rates)), FINE)
+    A, term, total = [row[: len(rates)] for row in rates], rates, rates
     for k in range(2, terms + 1):
         divisor, columns = k << FINE, list(zip(*term, strict=True))
         term = [[sum(map(mul, row, column)) // divisor for column in columns] for row in A]
@@ -164,7 +164,10 @@ def _magnitudes(M: Rationals) -> Integers:
 
 def _largest(matrices: Iterable[Integers]) -> Integers:
     """Return the largest of each entry."""
-    return [[max(own) for own in zip(*rows, strict=True)] for rows in zip(*matrices, strict=True)]
+    return [
+        [max(entries) for entries in zip(*rows, strict=True)]
+        for rows in zip(*matrices, strict=True)
+    ]
 
 
 def _less(M: Rationals, N: Rationals) -> Rationals:

@@ -133,7 +133,10 @@ class Law(Short):
         if self.fixed and len(self.K or []) == 1:
             return self
         if self.scheduled:
-            W, Z = (restricted(own or [], self.degree, low, high) for own in (self.W, self.Z))
+            W, Z = (
+                restricted(coefficients or [], self.degree, low, high)
+                for coefficients in (self.W, self.Z)
+            )
             return replace(self, W=W, Z=Z)
         if not self.polynomial or len(self.powers[0]) != len(low):
             raise FormatError("cells belong to one gain, or to a law polynomial in the parameters")
@@ -161,8 +164,8 @@ class Law(Short):
         if self.powers:
             pairs = zip(self.powers, self.K or [], strict=True)
             terms = [{"powers": list(e), "K": plain(K)} for e, K in pairs]
-            own: dict[str, Any] = {"kind": "polynomial", "on": on, "terms": terms}
-            return own | ({"measured": list(self.measured)} if self.measured else {})
+            law: dict[str, Any] = {"kind": "polynomial", "on": on, "terms": terms}
+            return law | ({"measured": list(self.measured)} if self.measured else {})
         if self.K is not None:
             return {"kind": "fixed", "K": plain(self.K[0])}
         table: dict[str, Any] = {"kind": "scheduled", "W": plain(self.W), "Z": plain(self.Z)}
@@ -205,7 +208,7 @@ def _read_polynomial(table: Table, plant: Plant) -> Law:
         raise FormatError(
             f"{table.path('terms')}: powers must be one per parameter, or one per vertex"
         )
-    stacked = tuple([row for (row,) in each] for each in zip(*C, strict=True))
+    stacked = tuple([row for (row,) in matrices] for matrices in zip(*C, strict=True))
     return Law(K, degree=total_degree(powers), powers=powers, measured=measured, C=stacked)
 
 
@@ -359,24 +362,24 @@ def restricted(
         lower = [unit - value for value in upper]
         forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
     whole = bernstein(coefficients, sizes, degree, MAX_BITS)
-    own, (rows, columns) = whole.composed(forms, sizes), whole.shape
+    inner, (rows, columns) = whole.composed(forms, sizes), whole.shape
     none = [[Fraction(0)] * columns] * rows
-    found = {
-        e: [[Fraction(x, own.whole * multinomial(e, sizes)) for x in row] for row in M]
-        for e, M in own.terms.items()
+    terms = {
+        e: [[Fraction(x, inner.whole * multinomial(e, sizes)) for x in row] for row in M]
+        for e, M in inner.terms.items()
     }
-    return [found.get(e, none) for e in monomials(sizes, degree)]
+    return [terms.get(e, none) for e in monomials(sizes, degree)]
 
 
 def inner_corners(evidence: Iterable[Evidence]) -> list[Point]:
     """Return the corners of all cells that are not corners of the box, in order."""
-    found = {
+    places = {
         corner
-        for own in evidence
-        for piece in own.cells
+        for proof in evidence
+        for piece in proof.cells
         for corner in corners(piece.low, piece.high)
     }
-    return sorted(corner for corner in found if set(corner) - {0, 1})
+    return sorted(corner for corner in places if set(corner) - {0, 1})
 
 
 def used_nodes(plant: Plant, evidence: Iterable[Evidence]) -> tuple[Node, ...]:
@@ -389,31 +392,31 @@ def used_nodes(plant: Plant, evidence: Iterable[Evidence]) -> tuple[Node, ...]:
     """
     if plant.remainder is None or not plant.remainder.bends:
         return ()
-    known, found = {own.at: own for own in plant.nodes}, list[Node]()
+    known, nodes = {node.at: node for node in plant.nodes}, list[Node]()
     for corner in inner_corners(evidence):
         if corner not in known:
             raise FormatError("cells: the plant has no node at a corner of one")
-        found.append(known[corner])
-    return tuple(found)
+        nodes.append(known[corner])
+    return tuple(nodes)
 
 
 def between_nodes(
     vertices: Sequence[list[Rationals]], nodes: Sequence[Node], low: Point, high: Point
 ) -> list[list[Rationals]]:
     """Return A, B and E at the corners of a part of the box: of vertices, or of nodes."""
-    known = {own.at: [own.A, own.B, own.E] for own in nodes}
-    found: list[list[Rationals]] = [[] for _ in vertices]
+    known = {node.at: [node.A, node.B, node.E] for node in nodes}
+    gathered: list[list[Rationals]] = [[] for _ in vertices]
     for corner in corners(low, high):
         if corner in known:
-            own = list(known[corner])
+            corner_matrices = list(known[corner])
         elif set(corner) <= {0, 1}:
             number = int("".join(str(t) for t in corner), 2)
-            own = [M[number] if M else [] for M in vertices]
+            corner_matrices = [M[number] if M else [] for M in vertices]
         else:
             raise FormatError("cells: the plant has no node at a corner of one")
-        for matrices, M in zip(found, own, strict=False):
+        for matrices, M in zip(gathered, corner_matrices, strict=False):
             matrices.append(M)
-    return [matrices if source else [] for matrices, source in zip(found, vertices, strict=True)]
+    return [matrices if source else [] for matrices, source in zip(gathered, vertices, strict=True)]
 
 
 def longest(points: tuple[Point, ...]) -> int:

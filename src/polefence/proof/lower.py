@@ -99,10 +99,10 @@ def _proved(claim: Infeasible) -> Verdict:
         return undecided(fault)
     try:
         plant = _Plant.of(claim.A, claim.B, claim.sigma)
-        own = [common_denominator([Y], 2 * MAX_BITS) for Y in claim.Y]
+        denominators = [common_denominator([Y], 2 * MAX_BITS) for Y in claim.Y]
     except FormatError as error:
         return undecided(str(error))
-    blocks = [whole_numbers(Y, d) for Y, d in zip(claim.Y, own, strict=True)]
+    blocks = [whole_numbers(Y, d) for Y, d in zip(claim.Y, denominators, strict=True)]
     nonzero = 0
     for b, block in enumerate(blocks):
         if any(block[i][j] != block[j][i] for i in range(len(block)) for j in range(i)):
@@ -113,8 +113,8 @@ def _proved(claim: Infeasible) -> Verdict:
             nonzero += 1
     if not nonzero:
         return undecided("all dual matrices are zero")
-    common = math.lcm(*own)
-    scaled = [times(common // d, block) for d, block in zip(own, blocks, strict=True)]
+    common = math.lcm(*denominators)
+    scaled = [times(common // d, block) for d, block in zip(denominators, blocks, strict=True)]
     fault = _unbalanced(claim, plant, scaled)
     if fault:
         return undecided(fault)

@@ -83,13 +83,13 @@ def multiplied(P: Integers, Q: Integers) -> Integers:
 
 def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
     """Return the sum of weights times matrices."""
-    own, whole = common_denominator([[weights]], LONGEST), common_denominator(matrices, LONGEST)
-    (factors,) = whole_numbers([weights], own)
+    common, whole = common_denominator([[weights]], LONGEST), common_denominator(matrices, LONGEST)
+    (factors,) = whole_numbers([weights], common)
     integers = [whole_numbers(M, whole) for M in matrices]
     spend(sum(len(M) * len(M[0]) for M in matrices), bits([factors]), max(map(bits, integers)))
     return [
         [
-            Fraction(sum(map(mul, factors, entries)), own * whole)
+            Fraction(sum(map(mul, factors, entries)), common * whole)
             for entries in zip(*rows, strict=True)
         ]
         for rows in zip(*integers, strict=True)
@@ -109,15 +109,15 @@ def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:
         if pivot is None:
             return None
         table[p], table[pivot] = table[pivot], table[p]
-        own = table[p]
+        leading = table[p]
         for i in range(n):
             factor = table[i][p]
             if i != p:
                 table[i] = [
-                    (own[p] * a - factor * b) // previous
-                    for a, b in zip(table[i], own, strict=True)
+                    (leading[p] * a - factor * b) // previous
+                    for a, b in zip(table[i], leading, strict=True)
                 ]
-        previous = own[p]
+        previous = leading[p]
     return [[Fraction(table[i][n + q], table[i][i]) for i in range(n)] for q in range(len(Z))]
 
 
@@ -146,10 +146,10 @@ def inverse(T: Rationals, name: str) -> Rationals:
     FormatError
         If the matrix, of this name, is singular.
     """
-    found = right_divide(identity(len(T)), T)
-    if found is None:
+    inverted = right_divide(identity(len(T)), T)
+    if inverted is None:
         raise FormatError(f"{name} is singular")
-    return found
+    return inverted
 
 
 def norm(matrix: Rationals) -> Fraction:
@@ -232,13 +232,13 @@ def _has_root(s: Integers, c: int, p: int) -> bool:
     """Whether all pivots of Cholesky's recursion for s + c I are positive; s is its upper half."""
     columns: Integers = [[] for _ in s]
     for i, row in enumerate(s):
-        own = columns[i]
-        square = ((row[0] + c) << p) - sum(map(mul, own, own))
+        leading = columns[i]
+        square = ((row[0] + c) << p) - sum(map(mul, leading, leading))
         pivot = math.isqrt(square) if square > 0 else 0
         if not pivot:
             return False
         for entry, column in zip(row[1:], columns[i + 1 :], strict=True):
-            column.append(((entry << p) - sum(map(mul, own, column))) // pivot)
+            column.append(((entry << p) - sum(map(mul, leading, column))) // pivot)
     return True
 
 

@@ -36,19 +36,21 @@ def numbered(numbers: tuple[int, ...]) -> str:
     return ", ".join(str(k + 1) for k in numbers)
 
 
-def in_pieces(own: Inequality, counts: Sequence[int]) -> Iterator[Inequality]:
+def in_pieces(inequality: Inequality, counts: Sequence[int]) -> Iterator[Inequality]:
     """Yield an inequality on the box in each piece of it; as it is where there is one."""
     if math.prod(counts) <= 1:
-        yield own
+        yield inequality
         return
     for numbers, forms in coordinates_in(counts):
         moved: dict[int, Polynomial] = {}
-        for row in own.rows:
+        for row in inequality.rows:
             for block in row:  # one may stand in many places
                 if id(block) not in moved:
                     moved[id(block)] = block.composed(forms, block.sizes)
-        rows = [[moved[id(block)] for block in row] for row in own.rows]
-        yield replace(own, rows=rows, piece=f"{own.piece} in piece {numbered(numbers)}")
+        rows = [[moved[id(block)] for block in row] for row in inequality.rows]
+        yield replace(
+            inequality, rows=rows, piece=f"{inequality.piece} in piece {numbered(numbers)}"
+        )
 
 
 def require_pieces(counts: Sequence[int], sizes: Sizes) -> None:

@@ -135,8 +135,8 @@ class Plant(Short):
         remainder = self.remainder.over(T) if self.remainder else None
         common_denominator([*A, *B, *E])
         nodes = tuple(
-            Node(own.at, _difference(own.A, T), _over(own.B, T), _over(own.E, T))
-            for own in self.nodes
+            Node(node.at, _difference(node.A, T), _over(node.B, T), _over(node.E, T))
+            for node in self.nodes
         )
         return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder, nodes=nodes)
 
@@ -170,8 +170,8 @@ class Plant(Short):
         known = [output for output in self.outputs if output.name == name]
         for labels, letter, count in ((self.states, "x", self.n), (self.inputs, "u", self.m)):
             names = [split(label)[0] for label in labels]
-            for i, own in enumerate(names or [f"{letter}{k + 1}" for k in range(count)]):
-                if own == name and i < count:
+            for i, signal in enumerate(names or [f"{letter}{k + 1}" for k in range(count)]):
+                if signal == name and i < count:
                     unit = [Fraction(int(i == j)) for j in range(count)]
                     C = unit if letter == "x" else [zero] * self.n
                     D = unit if letter == "u" else [zero] * self.m
@@ -269,8 +269,9 @@ class Plant(Short):
         ]
         if self.nodes:
             table["nodes"] = [
-                {"at": plain(own.at)} | {key: plain(M) for key in "ABE" if (M := getattr(own, key))}
-                for own in self.nodes
+                {"at": plain(node.at)}
+                | {key: plain(M) for key in "ABE" if (M := getattr(node, key))}
+                for node in self.nodes
             ]
         return table
 
@@ -342,36 +343,36 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
 
 def _nodes(table: Table, shape: tuple[int, int, int]) -> tuple[Node, ...]:
     n, m, q = shape
-    found = list[Node]()
+    nodes = list[Node]()
     for row in table.tables("nodes", MAX_NODES):
         at = row.numbers("at", len(table.items("parameters", MAX_PARAMETERS)))
         E = row.matrix("E", n, q) if q else []
-        found.append(Node(at, row.matrix("A", n, n), row.matrix("B", n, m), E))
-    places = [own.at for own in found]
+        nodes.append(Node(at, row.matrix("A", n, n), row.matrix("B", n, m), E))
+    places = [node.at for node in nodes]
     if len(set(places)) < len(places) or any(not 0 <= t <= 1 for at in places for t in at):
         raise FormatError(f"{table.path('nodes')}: two are at one point, or one is outside the box")
-    common_denominator([M for own in found for M in (own.A, own.B, own.E)])
-    return tuple(found)
+    common_denominator([M for node in nodes for M in (node.A, node.B, node.E)])
+    return tuple(nodes)
 
 
 def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     n, m, q = shape
     rows = table.matrix("remainder", n, n + m + q)
     common_denominator([rows])
-    found = Remainder(tuple(map(tuple, rows)))
+    remainder = Remainder(tuple(map(tuple, rows)))
     if "curve" in table:
         below = table.table("curve")
         degree = below.whole("degree", None, MAX_CURVE, 2)
         curve = below.matrices("coefficients", n, n + m + q)
         common_denominator(curve)
-        found = replace(found, curve=_rows(curve), degree=degree)
+        remainder = replace(remainder, curve=_rows(curve), degree=degree)
     if "bends" in table:
         below = table.table("bends")
         rounding = below.matrix("rounding", n, n + m + q)
         bends = below.matrices("along", n, n + m + q, MAX_PARAMETERS)
         common_denominator([rounding, *bends])
-        found = replace(found, rounding=tuple(map(tuple, rounding)), bends=_rows(bends))
-    return found
+        remainder = replace(remainder, rounding=tuple(map(tuple, rounding)), bends=_rows(bends))
+    return remainder
 
 
 def _rows(matrices: list[Rationals]) -> tuple[Rows, ...]:

@@ -56,7 +56,7 @@ def require_shallow(document: Any) -> Any:
     """
     level: list[Any] = [[document]]
     for _ in range(MAX_DEPTH):
-        inner = (each.values() if isinstance(each, dict) else each for each in level)
+        inner = (holder.values() if isinstance(holder, dict) else holder for holder in level)
         level = [value for values in inner for value in values if isinstance(value, list | dict)]
         if not level:
             return document
@@ -212,8 +212,8 @@ class Table:
         values, where = self.items(key, MAX_VERTICES), self.path(key)
         if len(values) not in (1, count):
             raise FormatError(f"{where} must hold one row, or {count}: one per vertex")
-        found = [as_matrix([row], where, 1, width) for row in values]
-        return found * count if len(found) < count else found
+        matrices = [as_matrix([row], where, 1, width) for row in values]
+        return matrices * count if len(matrices) < count else matrices
 
 
 def _either(words: Sequence[str]) -> str:
@@ -276,7 +276,7 @@ def plain(value: Any) -> Any:
     Of lists and tuples each entry.
     """
     if isinstance(value, list | tuple):
-        return [plain(each) for each in value]
+        return [plain(item) for item in value]
     if not isinstance(value, Fraction):
         return value
     if value.denominator == 1 and abs(value.numerator) < 2**53:

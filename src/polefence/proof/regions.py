@@ -344,8 +344,8 @@ class Ellipse(Part):
 
 KINDS: Mapping[str, type[Part]] = MappingProxyType(
     {
-        each.kind: each
-        for each in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
+        part.kind: part
+        for part in (Disk, HalfPlane, Sector, Wedge, VerticalStrip, HorizontalStrip, Ellipse)
     }
 )
 
@@ -423,21 +423,21 @@ Region = tuple[Part, ...]
 def read_region(table: Table) -> Region:
     """Read the parts of a region: doubles, so that what is printed of them is what is proved."""
     if table.word("kind", (*KINDS, "intersection")) != "intersection":
-        found: Region = (_part(table),)
+        region: Region = (_part(table),)
     else:
-        found = tuple(map(_part, table.tables("parts", MAX_PARTS)))
-        for k, part in enumerate(found):
-            if part in found[:k]:
+        region = tuple(map(_part, table.tables("parts", MAX_PARTS)))
+        for k, part in enumerate(region):
+            if part in region[:k]:
                 raise FormatError(f"{table.path('parts')}[{k + 1}] is given twice; leave one out")
-    require_region(found)
-    return found
+    require_region(region)
+    return region
 
 
 def read_whole(table: Table, discrete: bool) -> Region:
     """Read the region of a claim, as a whole: see `require_left`."""
-    found = read_region(table)
-    require_left(found, discrete)
-    return found
+    region = read_region(table)
+    require_left(region, discrete)
+    return region
 
 
 def parts_of(document: dict[str, Any]) -> Region:

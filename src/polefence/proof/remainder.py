@@ -73,7 +73,7 @@ class Remainder(Short):
             Bounds on the second derivative along each side, from 0 to 1.
         """
         total = tuple(
-            tuple(x + sum(own, NONE) / 8 for x, *own in zip(*rows, strict=True))
+            tuple(x + sum(along, NONE) / 8 for x, *along in zip(*rows, strict=True))
             for rows in zip(rounding, *bends, strict=True)
         )
         return cls(total, rounding=rounding, bends=tuple(bends))
@@ -81,7 +81,7 @@ class Remainder(Short):
     def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
         """Return it with every matrix changed."""
         entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()
-        curve, bends = (tuple(map(change, own)) for own in (self.curve, self.bends))
+        curve, bends = (tuple(map(change, matrices)) for matrices in (self.curve, self.bends))
         return Remainder(entries, curve, self.degree, rounding, bends)
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
@@ -95,8 +95,8 @@ class Remainder(Short):
         if not self.curve:
             return P
         last = first + P.shape[1]
-        own = [[list(row[first:last]) for row in M] for M in self.curve]
-        return P + bernstein(own, P.sizes, self.degree, MAX_BITS)
+        curve = [[list(row[first:last]) for row in M] for M in self.curve]
+        return P + bernstein(curve, P.sizes, self.degree, MAX_BITS)
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
@@ -115,7 +115,7 @@ class Remainder(Short):
             pairs = zip(sides, self.bends, strict=True)
             return Remainder.between(
                 self.rounding,
-                [tuple(tuple(x * own * own for x in row) for row in M) for own, M in pairs],
+                [tuple(tuple(x * side * side for x in row) for row in M) for side, M in pairs],
             )
         if not self.curve:
             return self
@@ -126,15 +126,15 @@ class Remainder(Short):
             lower = [unit - value for value in upper]
             forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
         whole = bernstein([list(map(list, M)) for M in self.curve], sizes, self.degree, MAX_BITS)
-        own = whole.composed(forms, sizes)
+        inner = whole.composed(forms, sizes)
         none = ((NONE,) * whole.shape[1],) * whole.shape[0]
-        found = {
+        coefficients = {
             e: tuple(
-                tuple(Fraction(x, own.whole * multinomial(e, sizes)) for x in row) for row in M
+                tuple(Fraction(x, inner.whole * multinomial(e, sizes)) for x in row) for row in M
             )
-            for e, M in own.terms.items()
+            for e, M in inner.terms.items()
         }
-        curve = tuple(found.get(e, none) for e in monomials(sizes, self.degree))
+        curve = tuple(coefficients.get(e, none) for e in monomials(sizes, self.degree))
         return Remainder(self.entries, curve, self.degree)
 
     def transposed(self, n: int, p: int) -> Remainder:
@@ -178,10 +178,10 @@ class Remainder(Short):
         for M in self.curve:
             if len(M) != n or any(len(row) != n + m + q for row in M):
                 raise FormatError(f"plant.curve must hold {n} rows of {n + m + q} numbers")
-        for own in (self.rounding, *self.bends) if self.bends else ():
-            if len(own) != n or any(len(row) != n + m + q for row in own):
+        for matrix in (self.rounding, *self.bends) if self.bends else ():
+            if len(matrix) != n or any(len(row) != n + m + q for row in matrix):
                 raise FormatError(f"plant.bends must hold {n} rows of {n + m + q} numbers")
-            if min(map(min, own)) < 0:
+            if min(map(min, matrix)) < 0:
                 raise FormatError("plant.bends must hold numbers of zero or more")
         if self.bends and (self.curve or len(self.bends) != len(sizes)):
             raise FormatError("plant.bends must be one a parameter, without a curve")
@@ -230,8 +230,8 @@ class Spread(Short):
             raise FormatError("remainder: rows and columns do not cover the plant's")
 
     def _covers(self, remainder: Remainder) -> bool:
-        each = [self.rows, self.columns, *remainder.entries]
-        length = max(max(map(int.bit_length, x.as_integer_ratio())) for own in each for x in own)
+        parts = [self.rows, self.columns, *remainder.entries]
+        length = max(max(map(int.bit_length, x.as_integer_ratio())) for rows in parts for x in rows)
         spend(RATIONAL * len(self.rows) * len(self.columns), 4 * length, 2 * length)
         total = 0
         for row, entries in zip(self.rows, remainder.entries, strict=True):
@@ -248,8 +248,8 @@ class Spread(Short):
 
     def driving(self, scales: Sequence[Fraction], q: int) -> tuple[Fraction, ...]:
         """Return the columns of the disturbances, each times its scale."""
-        own = self.columns[len(self.columns) - q :] if q else ()
-        return tuple(x * s for x, s in zip(own, scales, strict=True)) if scales else own
+        columns = self.columns[len(self.columns) - q :] if q else ()
+        return tuple(x * s for x, s in zip(columns, scales, strict=True)) if scales else columns
 
     def bounding(self, V: Polynomial) -> list[list[Polynomial]]:
         """Return the blocks that say that Omega is more: [ Omega, V'; V, I ]."""

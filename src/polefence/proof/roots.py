@@ -100,9 +100,9 @@ def roots_inside(polynomial: list[int], region: tuple[Part, ...], whole: int = 1
     """
     for part in region:
         if part.circle is not None:
-            own = common_denominator([[list(part.circle)]], LONGEST)
-            centre, radius = (int(v * own) * whole for v in part.circle)
-            moved = _shifted(_scaled(polynomial, own), centre)
+            common = common_denominator([[list(part.circle)]], LONGEST)
+            centre, radius = (int(v * common) * whole for v in part.circle)
+            moved = _shifted(_scaled(polynomial, common), centre)
             if not _in_unit_disk([a * radius**k for k, a in enumerate(reversed(moved))][::-1]):
                 return False
         elif not all(_in_half_plane(polynomial, whole, *side) for side in part.sides()):
@@ -153,8 +153,8 @@ def _in_half_plane(
     The numbers z (p - i q) and their conjugates have real parts p x + q y and p x - q y; the left
     half-plane is the unit disk by s = (w + 1) / (w - 1).
     """
-    own = common_denominator([[[p, q, c]]], LONGEST)
-    P, Q, C = int(p * own), int(q * own), int(c * own) * whole
+    common = common_denominator([[[p, q, c]]], LONGEST)
+    P, Q, C = int(p * common), int(q * common), int(c * common) * whole
     rotated = _scaled(polynomial, P)
     if Q:
         # of roots z (p - i q): coefficient k times (p - i q)^k; times the conjugate polynomial
@@ -179,7 +179,7 @@ def _in_half_plane(
 
 
 def _convolved(a: list[int], b: list[int]) -> list[int]:
-    longest = (max(map(int.bit_length, each)) for each in (a, b))
+    longest = (max(map(int.bit_length, coefficients)) for coefficients in (a, b))
     spend(len(a) * len(b), *longest)
     result = [0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):

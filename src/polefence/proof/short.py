@@ -56,8 +56,8 @@ def short(value: Any, most: int = MOST) -> str:
         return _of_fields(value, most)
     if isinstance(value, Collection) and not isinstance(value, Short | bytes):
         return _of_several(value, most)
-    found = value.__name__ if isinstance(value, type) else " ".join(repr(value).split())
-    return found if len(found) <= most else f"<{type(value).__name__}>"
+    text = value.__name__ if isinstance(value, type) else " ".join(repr(value).split())
+    return text if len(text) <= most else f"<{type(value).__name__}>"
 
 
 def _rounded(value: Fraction) -> str:
@@ -74,23 +74,25 @@ def _of_several(value: Collection[Any], most: int) -> str:
         return size
     if isinstance(value, Mapping):
         inner = (f"{short(k, INNER)}: {short(v, INNER)}" for k, v in value.items())
-        found = f"{{{', '.join(inner)}}}"
+        text = f"{{{', '.join(inner)}}}"
     else:
-        inner = (short(own, INNER) for own in value)
+        inner = (short(item, INNER) for item in value)
         left, right = ("[", "]") if isinstance(value, list) else ("(", ")")
-        found = f"{left}{', '.join(inner)}{',' if count == 1 and left == '(' else ''}{right}"
-    return found if len(found) <= most else size
+        text = f"{left}{', '.join(inner)}{',' if count == 1 and left == '(' else ''}{right}"
+    return text if len(text) <= most else size
 
 
 def _of_fields(value: Any, most: int) -> str:
     """Return what a dataclass is made of; of fields too long for the line their names alone."""
     name = type(value).__qualname__
-    own = [(f.name, getattr(value, f.name)) for f in fields(value) if f.repr and _is_said(value, f)]
-    parts = [f"{key}={short(each, INNER)}" for key, each in own]
+    named = [
+        (f.name, getattr(value, f.name)) for f in fields(value) if f.repr and _is_said(value, f)
+    ]
+    parts = [f"{key}={short(item, INNER)}" for key, item in named]
     for k in sorted(range(len(parts)), key=lambda k: -len(parts[k])):
         if len(name) + 2 + sum(map(len, parts)) + 2 * len(parts) <= most:
             break
-        parts[k] = f"{own[k][0]}=..."
+        parts[k] = f"{named[k][0]}=..."
     return within(f"{name}({', '.join(parts)})", most)
 
 

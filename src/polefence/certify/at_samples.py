@@ -57,12 +57,12 @@ def at_samples(
     kept = 0 if law.W is not None else own_states(plant)  # a quotient keeps no states
     held = at_sample_time(_without(plant, kept), sample_time, delay, remainder=remainder)
     late = held.shape[0] - (plant.shape[0] - kept)
-    found = with_states(held, kept) if kept else held
+    samples = with_states(held, kept) if kept else held
     if kept and plant.states:  # a PID's have names of their own
-        states = (*found.states[:-kept], *plant.states[-kept:])
-        inputs = (*found.inputs[:-kept], *plant.inputs[-kept:])
-        found = replace(found, states=states, inputs=inputs)
-    return found, given_law(found, law.late(plant.shape[0] - kept, late) if late else law)
+        states = (*samples.states[:-kept], *plant.states[-kept:])
+        inputs = (*samples.inputs[:-kept], *plant.inputs[-kept:])
+        samples = replace(samples, states=states, inputs=inputs)
+    return samples, given_law(samples, law.late(plant.shape[0] - kept, late) if late else law)
 
 
 def _without(plant: UncertainPlant, kept: int) -> UncertainPlant:
@@ -72,11 +72,11 @@ def _without(plant: UncertainPlant, kept: int) -> UncertainPlant:
     n, m = plant.shape
     n, m = n - kept, m - kept
     vertices = []
-    for own in plant.vertices:
-        A = tuple(tuple(row[:n]) for row in own.exact_A[:n])
-        B = tuple(tuple(row[:m]) for row in own.exact_B[:n])
-        E = None if own.exact_E is None else own.exact_E[:n]
-        vertices.append(System(A, B, E, own.name))
+    for vertex in plant.vertices:
+        A = tuple(tuple(row[:n]) for row in vertex.exact_A[:n])
+        B = tuple(tuple(row[:m]) for row in vertex.exact_B[:n])
+        E = None if vertex.exact_E is None else vertex.exact_E[:n]
+        vertices.append(System(A, B, E, vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),

@@ -184,9 +184,9 @@ def _best_bound(
     climbs = [_dual_bounds, _in_parts, _along_motions, _climbed]
     best: Bound | None = None
     for climb in (_by_transfer, *(reversed(climbs) if question.by_lmi else climbs)):
-        for own in climb(question):
-            if best is None or own.level < best.level:
-                best = own
+        for bound in climb(question):
+            if best is None or bound.level < best.level:
+                best = bound
         if best is not None and best.level <= question.worst * (1 + CLOSE):
             break
     if known is not None and (best is None or known[1] * (1 + STEPS[0]) < best.level):
@@ -227,24 +227,24 @@ class _Question:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
         """Return the question with what samples say."""
-        alpha, own, dual, worst = seeded(plant, len(plant.vertices) + FEW), None, None, 0.0
+        alpha, by_transfer, dual, worst = seeded(plant, len(plant.vertices) + FEW), None, None, 0.0
         with suppress(InputError, np.linalg.LinAlgError):
-            own = ByTransfer.of(plant, law, specification)
+            by_transfer = ByTransfer.of(plant, law, specification)
         with suppress(InputError, np.linalg.LinAlgError):
-            worst = worst_of(sampled(plant, law, specification, alpha), own)[0]
+            worst = worst_of(sampled(plant, law, specification, alpha), by_transfer)[0]
             wide = behind(plant, law, specification)
             dual = wide.specification.dual(wide.plant, wide.law)
-        if not worst and own is not None:  # doubles may call a loop unstable that is not
-            worst = own.largest(alpha)
+        if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
+            worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only
         still, moved = (None, dual) if plant.moving else (dual, None)
-        return cls(plant, law, specification, still, worst, own, moved)
+        return cls(plant, law, specification, still, worst, by_transfer, moved)
 
     @property
     def by_lmi(self) -> bool:
         """Whether it is about a gain, or a ratio, of which LMIs are tried first."""
-        own = self.problem
-        return own is not None and (own.gain or own.share is not None)
+        problem = self.problem
+        return problem is not None and (problem.gain or problem.share is not None)
 
     @property
     def duals(self) -> Iterator[Dual]:
@@ -256,10 +256,10 @@ class _Question:
         """Interpolated polynomials of rising degree, where parameters move."""
         return iter(()) if self.moved is None else along_motions(self.moved, self.worst, NEAREST)
 
-    def along(self, own: Along) -> Evidence:
+    def along(self, polynomial: Along) -> Evidence:
         """Return the evidence that one is."""
         size = self.specification.driven_by
-        return Evidence([_rationals(X / size**2) for X in own.X], own.degree)
+        return Evidence([_rationals(X / size**2) for X in polynomial.X], polynomial.degree)
 
     def stepped(self, evidence: Evidence, level: float) -> Bound | None:
         """Return the first step above a level at which evidence is a proof."""
@@ -276,8 +276,8 @@ class _Question:
 
     def kept_by_transfer(self, level: float) -> Bound | None:
         """Return the bound of that level if the transfer function proves it."""
-        found = None if self.by_transfer is None else self.by_transfer.proved(level)
-        return None if found is None else self.bound_of(*found)
+        proof = None if self.by_transfer is None else self.by_transfer.proved(level)
+        return None if proof is None else self.bound_of(*proof)
 
     def in_parts(self, level: float) -> Bound | None:
         """Return the bound of that level if dual polynomials on parts of the box prove it."""
@@ -296,28 +296,28 @@ class _Question:
 def _by_transfer(question: _Question) -> Iterator[Bound]:
     """Yield the bound that the transfer function proves, if the kind has one."""
     if question.by_transfer is not None and question.worst > 0:
-        found = question.by_transfer.least(question.worst)
-        if found is not None:
-            yield question.bound_of(*found)
+        proof = question.by_transfer.least(question.worst)
+        if proof is not None:
+            yield question.bound_of(*proof)
 
 
 def _climbed(question: _Question) -> Iterator[Bound]:
     """Yield bounds of Lyapunov polynomials of rising degree that LMIs give."""
     last = np.inf
-    own = question.specification
-    for points in _climb(question.plant, question.law, own, 1.0):
-        found = first(
-            question.stepped(evidence, own.level(r))
+    specification = question.specification
+    for points in _climb(question.plant, question.law, specification, 1.0):
+        bound = first(
+            question.stepped(evidence, specification.level(r))
             for evidences, r in points
             for evidence in evidences
         )
-        if found is not None:
-            yield found
+        if bound is not None:
+            yield bound
             # along motions the next forms take long
             enough = question.worst * (1 + CLOSE) if question.plant.moving else 0.0
-            if found.level >= last * (1 - WORTH) or found.level <= enough:
+            if bound.level >= last * (1 - WORTH) or bound.level <= enough:
                 return
-            last = found.level
+            last = bound.level
 
 
 def _dual_bounds(question: _Question) -> Iterator[Bound]:
@@ -325,35 +325,37 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
     last = np.inf
     for dual in question.duals:
         if dual.level < last:
-            own = question.stepped(_dual_evidence(dual), dual.level)
-            if own is not None:
-                yield own
-                last = own.level
+            bound = question.stepped(_dual_evidence(dual), dual.level)
+            if bound is not None:
+                yield bound
+                last = bound.level
 
 
 def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
     levels = (question.worst * (1 + share) for share in IN_PARTS)
-    found = first(map(question.in_parts, levels))
-    if found is not None:
-        yield found
+    bound = first(map(question.in_parts, levels))
+    if bound is not None:
+        yield bound
 
 
 def _along_motions(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of polynomials that are interpolated, where parameters move."""
-    every = sorted(question.along_motions, key=lambda own: own.level)
-    found = first(question.stepped(question.along(own), own.level) for own in every)
-    if found is not None:
-        yield found
+    every = sorted(question.along_motions, key=lambda polynomial: polynomial.level)
+    bound = first(
+        question.stepped(question.along(polynomial), polynomial.level) for polynomial in every
+    )
+    if bound is not None:
+        yield bound
 
 
-def _dual_evidence(own: Dual) -> Evidence:
+def _dual_evidence(dual: Dual) -> Evidence:
     spread = None
-    if own.cover is not None:
-        sides = (tuple(map(Fraction, x.tolist())) for x in (own.cover.rows, own.cover.columns))
+    if dual.cover is not None:
+        sides = (tuple(map(Fraction, x.tolist())) for x in (dual.cover.rows, dual.cover.columns))
         rows, columns = sides
-        spread = Spread([], rows, columns, Fraction(own.cover.kappa))
-    return Evidence([_rationals(Q) for Q in own.Q], own.degree, dual=True, spread=spread)
+        spread = Spread([], rows, columns, Fraction(dual.cover.kappa))
+    return Evidence([_rationals(Q) for Q in dual.Q], dual.degree, dual=True, spread=spread)
 
 
 def known_bound(
@@ -375,7 +377,7 @@ def _stepped(
     """Return the first step above a level at which evidence is a proof, None if it is at none."""
     square = _least_square(plant, law, specification, evidence)
     if square is not None:
-        enough = (own for s in STEPS if Fraction(own := level * (1 + s)) ** 2 > square)
+        enough = (higher for s in STEPS if Fraction(higher := level * (1 + s)) ** 2 > square)
         least = next(enough, None)
         return None if least is None else _proved(plant, law, specification, evidence, least)
     farthest = _proved(plant, law, specification, evidence, level * (1 + STEPS[-1]))
@@ -427,34 +429,34 @@ def _kept_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known | None
 ) -> Bound | None:
     limit = specification.at_most or 0.0
-    if known is not None and (own := known_bound(plant, law, specification, known)) is not None:
-        return own
+    if known is not None and (bound := known_bound(plant, law, specification, known)) is not None:
+        return bound
     question = _Question.of(plant, law, specification)
     if question.worst > limit * (1 + AGREED):  # nor would a proof be taken
         return None
-    own = question.kept_by_transfer(limit)
-    if own is not None:
-        return own
+    bound = question.kept_by_transfer(limit)
+    if bound is not None:
+        return bound
     for dual in question.duals:
         if dual.level < limit:
-            own = question.proved(_dual_evidence(dual), limit)
-            if own is not None:
-                return own
-    own = question.in_parts(limit)
-    if own is not None:
-        return own
+            bound = question.proved(_dual_evidence(dual), limit)
+            if bound is not None:
+                return bound
+    bound = question.in_parts(limit)
+    if bound is not None:
+        return bound
     for along in question.along_motions:
         if along.level < limit:
-            own = question.proved(question.along(along), limit)
-            if own is not None:
-                return own
+            bound = question.proved(question.along(along), limit)
+            if bound is not None:
+                return bound
     for points in _climb(plant, law, specification, limit):
         for number, (evidences, r) in enumerate(points):
             if r < 1:
                 for evidence in evidences:
-                    own = _proved(plant, law, specification, evidence, limit)
-                    if own is not None:
-                        return own
+                    bound = _proved(plant, law, specification, evidence, limit)
+                    if bound is not None:
+                        return bound
             elif not number:  # of those nearest to the edge
                 break
     return None
@@ -495,9 +497,9 @@ def _climb(
         else:
             yield _with_room(plant, law, loop, source, output, form)
     for form, pieces in finer(plant, law):
-        own = replace(loop, pieces=pieces_of(plant, pieces))
-        if work(loop, source, *form) * math.prod(own.pieces) <= MOST_WORK:
-            yield _points(own, source, output, form)
+        divided = replace(loop, pieces=pieces_of(plant, pieces))
+        if work(loop, source, *form) * math.prod(divided.pieces) <= MOST_WORK:
+            yield _points(divided, source, output, form)
 
 
 def _with_room(
@@ -511,20 +513,20 @@ def _with_room(
     """Yield points that leave room for what a remainder costs: as more noise, or less decay."""
     for times in ROOM:
         with suppress(SolverError, np.linalg.LinAlgError):
-            found = least_given(loop, source, output, *form)
+            polynomial = least_given(loop, source, output, *form)
             for _ in range(TURNS):
-                evidence = next(iter(_evidences(found, form)))
-                own = spread_of(plant, law, evidence, cut=output.held)
-                cost = np.diag(np.square(np.array(own.rows, dtype=float)))
-                cost += 2 * np.array(own.omega, dtype=float)
+                evidence = next(iter(_evidences(polynomial, form)))
+                spread = spread_of(plant, law, evidence, cut=output.held)
+                cost = np.diag(np.square(np.array(spread.rows, dtype=float)))
+                cost += 2 * np.array(spread.omega, dtype=float)
                 if isinstance(source, performance.Noise):
                     noisy = source.times(1 + 2 * float(SHARE)).more(loop.domain, times * cost)
-                    found = least_given(loop, noisy, output, *form)
+                    polynomial = least_given(loop, noisy, output, *form)
                     continue
-                T = np.linalg.inv(np.linalg.cholesky(found.Q.mean(axis=0)))
+                T = np.linalg.inv(np.linalg.cholesky(polynomial.Q.mean(axis=0)))
                 slower = times * float(np.linalg.norm(T @ cost @ T.T, 2)) / 2
-                found = least_given(loop, source, output, form[0], form[1], margin=slower)
-            yield _evidences(found, form), found.r
+                polynomial = least_given(loop, source, output, form[0], form[1], margin=slower)
+            yield _evidences(polynomial, form), polynomial.r
 
 
 def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float) -> Points:
@@ -532,32 +534,32 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
         for level, elevation in levels(plant, law, specification):
             if np.isfinite(level):
                 yield [Evidence([], elevation=elevation)], (level / unit) ** 2
-        found = by_multiples(plant, law, specification)
-        if found is not None:
-            level, multiples = found
-            own = Evidence([], multiple=tuple(map(Fraction, multiples.tolist())))
-            yield [own], (level / unit) ** 2
+        least = by_multiples(plant, law, specification)
+        if least is not None:
+            level, multiples = least
+            evidence = Evidence([], multiple=tuple(map(Fraction, multiples.tolist())))
+            yield [evidence], (level / unit) ** 2
 
 
 def _points(
     loop: Loop, source: Source, output: performance.Output, form: tuple[int, int]
 ) -> Points:
     """Yield points farther and farther from the edge of what a form proves, poor ones last."""
-    found: LyapunovPolynomial | None = None
+    nearest: LyapunovPolynomial | None = None
     poor = list[LyapunovPolynomial]()
     for tolerance in NEAR:
-        for near in dict.fromkeys((found, None)):
+        for near in dict.fromkeys((nearest, None)):
             points = list[LyapunovPolynomial]()
             with suppress(SolverError):
                 points = points_given(loop, source, output, *form, tolerance, near)
-            for own in points:
-                found = found or own
-                if own.r <= found.r * (1 + POOR):
-                    yield _evidences(own, form), own.r
+            for point in points:
+                nearest = nearest or point
+                if point.r <= nearest.r * (1 + POOR):
+                    yield _evidences(point, form), point.r
                 else:
-                    poor.append(own)
-    for own in sorted(poor, key=lambda own: own.r):
-        yield _evidences(own, form), own.r
+                    poor.append(point)
+    for point in sorted(poor, key=lambda point: point.r):
+        yield _evidences(point, form), point.r
 
 
 def _proved(
@@ -592,17 +594,19 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 
 
-def _evidences(found: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
+def _evidences(polynomial: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
-    multiple = () if found.multiple is None else tuple(map(Fraction, found.multiple.tolist()))
-    first = Evidence([_rationals(Q) for Q in found.Q], form[0], form[1], multiple)
-    first = replace(first, pieces=found.pieces)
-    if found.held is not None:
-        first = with_held(first, found.held, found.held_degree)
-    yield first
-    left = _rationals(found.left)
-    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in found.scaled]
-    yield replace(first, X=products)
+    multiple = (
+        () if polynomial.multiple is None else tuple(map(Fraction, polynomial.multiple.tolist()))
+    )
+    rounded = Evidence([_rationals(Q) for Q in polynomial.Q], form[0], form[1], multiple)
+    rounded = replace(rounded, pieces=polynomial.pieces)
+    if polynomial.held is not None:
+        rounded = with_held(rounded, polynomial.held, polynomial.held_degree)
+    yield rounded
+    left = _rationals(polynomial.left)
+    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in polynomial.scaled]
+    yield replace(rounded, X=products)
 
 
 def _congruent(left: matrices.Rationals, middle: matrices.Rationals) -> matrices.Rationals:
@@ -675,12 +679,12 @@ def is_loose(level: float, worst: float) -> bool:
     return level > LOOSE * worst
 
 
-def worst_of(found: Sampled, own: ByTransfer | None) -> tuple[float, int]:
+def worst_of(samples: Sampled, by_transfer: ByTransfer | None) -> tuple[float, int]:
     """Return the worst of samples, exact where floats are not, and its number."""
-    if own is None:
-        k = int(found.values.argmax())
-        return float(found.values[k]), k
-    return own.worst(found.alpha, found.values)
+    if by_transfer is None:
+        k = int(samples.values.argmax())
+        return float(samples.values[k]), k
+    return by_transfer.worst(samples.alpha, samples.values)
 
 
 def each_sampled(
@@ -694,15 +698,15 @@ def each_sampled(
         As `sampled` of one of them.
     """
     noises, values = dict[Any, dict[int, Rms]](), dict[int, Array]()
-    for k, own in enumerate(specifications):
-        if type(own) is Rms:
-            noises.setdefault((own.density, str(own.squares(plant))), {})[k] = own
+    for k, signal in enumerate(specifications):
+        if type(signal) is Rms:
+            noises.setdefault((signal.density, str(signal.squares(plant))), {})[k] = signal
         else:
-            values[k] = own.values(plant, law, alpha)
-    for owns in noises.values():
-        found = of_one_noise(plant, law, list(owns.values()), alpha)
-        values |= dict(zip(owns, found, strict=True))
-    return [Sampled(own, alpha, values[k]) for k, own in enumerate(specifications)]
+            values[k] = signal.values(plant, law, alpha)
+    for alike in noises.values():
+        rms = of_one_noise(plant, law, list(alike.values()), alpha)
+        values |= dict(zip(alike, rms, strict=True))
+    return [Sampled(signal, alpha, values[k]) for k, signal in enumerate(specifications)]
 
 
 def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
@@ -712,28 +716,30 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
     whose poles are too fast for doubles, does not keep the bound once doubles evaluate it. Where
     what is left is rounding, of the signal's own parts, the bound is raised above it.
     """
-    own, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
+    specification, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
     try:
-        worst = sampled(plant, law, own, alpha).worst
+        worst = sampled(plant, law, specification, alpha).worst
         if worst <= bound.level * (1 + AGREED):
             return bound
-        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(plant, law, own, alpha)
+        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(
+            plant, law, specification, alpha
+        )
     except (InputError, np.linalg.LinAlgError):
         return None
-    return raised(bound, worst * (1 + AGREED)) if near and own.at_most is None else None
+    return raised(bound, worst * (1 + AGREED)) if near and specification.at_most is None else None
 
 
-def _parts(plant: UncertainPlant, law: Any, own: Specification, alpha: Array) -> float:
+def _parts(plant: UncertainPlant, law: Any, specification: Specification, alpha: Array) -> float:
     """Return the largest worst value of the signal's terms, each alone."""
-    found = [0.0]
-    for signal, key in product(own.outputs(plant), "CD"):
+    worst = [0.0]
+    for signal, key in product(specification.outputs(plant), "CD"):
         rows = getattr(signal, key)
         for k in range(len(rows[0]) if rows else 0):
             alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
             if any(map(any, alone)):
                 one = Output(signal.name, signal.unit, **{key: alone})
-                found.append(sampled(plant, law, own.of(one), alpha).worst)
-    return max(found)
+                worst.append(sampled(plant, law, specification.of(one), alpha).worst)
+    return max(worst)
 
 
 def save(certificate: Certificate, claims: Sequence[BoundClaim], directory: str | Path) -> Path:

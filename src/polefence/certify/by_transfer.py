@@ -34,13 +34,13 @@ class ByTransfer:
     ----------
     claim : SignalClaim
         At some level.
-    own : Transfer
+    transfer : Transfer
     domain : Domain
         Of alpha.
     """
 
     claim: SignalClaim
-    own: Transfer
+    transfer: Transfer
     domain: Domain
 
     @classmethod
@@ -56,8 +56,8 @@ class ByTransfer:
             return None
         with suppress(FormatError), counted():
             claim.require()
-            own = claim.series.transfer()  # with its filters
-            return cls(claim, own, domain) if own.is_stable else None
+            transfer = claim.series.transfer()  # with its filters
+            return cls(claim, transfer, domain) if transfer.is_stable else None
         return None
 
     def proved(self, level: float) -> tuple[SignalClaim, Verdict] | None:
@@ -106,12 +106,12 @@ class ByTransfer:
             k = int(values.argmax())
             if k in exact:
                 return exact[k], k
-            own = self._value(alpha[k])
-            if own is None or abs(own - values[k]) <= AGREED * own:
+            value = self._value(alpha[k])
+            if value is None or abs(value - values[k]) <= AGREED * value:
                 return float(values[k]), k
             if not exact:  # floats say little: the vertices are often the worst
                 values = values + values.max() * (alpha.max(axis=1) == 1)
-            values[k] = exact[k] = own
+            values[k] = exact[k] = value
         k = max(exact, key=exact.__getitem__)
         return exact[k], k
 
@@ -124,7 +124,7 @@ class ByTransfer:
         """Return what is bounded at a point, None of a kind that is not evaluated exactly."""
         t = [Fraction(x) for x in self.domain.coordinates(alpha)[1::2].tolist()]
         with suppress(FormatError):
-            square = self.claim.value(self.own.inside(t if self.own.degrees else ()))
+            square = self.claim.value(self.transfer.inside(t if self.transfer.degrees else ()))
             return None if square is None else float(square) ** 0.5
         return None
 
@@ -132,7 +132,7 @@ class ByTransfer:
     def _fits(self) -> bool:
         """Whether the polynomials can be written down in the work that is allowed."""
         with suppress(FormatError), counted():
-            self.claim.value(self.own)  # of an rms what takes longest, which is kept
+            self.claim.value(self.transfer)  # of an rms what takes longest, which is kept
             return True
         return False
 
@@ -140,5 +140,7 @@ class ByTransfer:
         """Whether all polynomials of a level are positive, as far as its share of the work goes."""
         claim = replace(self.claim, level=Fraction(level))
         with suppress(FormatError), counted(MAX_WORK // SHARE):
-            return all(positive(each).proved for _, each in claim.polynomials(self.own))
+            return all(
+                positive(polynomial).proved for _, polynomial in claim.polynomials(self.transfer)
+            )
         return False

@@ -17,32 +17,34 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def first(found: Iterable[T]) -> T | None:
+def first(candidates: Iterable[T]) -> T | None:
     """Return the first that is proved, None where none is."""
-    return next((each for each in found if each is not None), None)
+    return next((candidate for candidate in candidates if candidate is not None), None)
 
 
-def preferred(found: Iterable[T | None], wanted: Callable[[T], bool]) -> tuple[T | None, T | None]:
+def preferred(
+    candidates: Iterable[T | None], wanted: Callable[[T], bool]
+) -> tuple[T | None, T | None]:
     """Return the first that is wanted, or else the first found; and the first found."""
     kept: T | None = None
-    for each in found:
-        if each is None:
+    for candidate in candidates:
+        if candidate is None:
             continue
-        kept = each if kept is None else kept
-        if wanted(each):
-            return each, kept
+        kept = candidate if kept is None else kept
+        if wanted(candidate):
+            return candidate, kept
     return kept, kept
 
 
-def rising(found: Iterable[T], value: Callable[[T], float], gain: float) -> Iterator[T]:
+def rising(candidates: Iterable[T], value: Callable[[T], float], gain: float) -> Iterator[T]:
     """Yield what is found while each value is larger than the last one by a share."""
     last: float | None = None
-    for each in found:
-        own = value(each)
-        if last is not None and own <= last * (1 + gain):
+    for candidate in candidates:
+        reached = value(candidate)
+        if last is not None and reached <= last * (1 + gain):
             return
-        yield each
-        last = own
+        yield candidate
+        last = reached
 
 
 def edge(

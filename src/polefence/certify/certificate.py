@@ -118,7 +118,7 @@ class Certificate(Short):
     @property
     def in_parts(self) -> bool:
         """Whether it proves a part of the region in parts of the box, each with its own."""
-        return any("cells" in own for own in self.evidence.get("parts", ()))
+        return any("cells" in part for part in self.evidence.get("parts", ()))
 
     @property
     def domain(self) -> Domain:
@@ -148,8 +148,8 @@ class Certificate(Short):
         plant = with_nodes(plant, self.plant, self._inner_corners)
         try:
             law, on = read_law(Table.of(self.law.document(), "law"), plant)
-            own = {"region": self.region.document(), "method": self.method}
-            table = Table.of(own | {"evidence": _plain_data(self.evidence)})
+            head = {"region": self.region.document(), "method": self.method}
+            table = Table.of(head | {"evidence": _plain_data(self.evidence)})
             claim = Poles.read_part(table, plant, law, plant.domain(on) if on else "")
             table.done()
             return claim
@@ -159,13 +159,13 @@ class Certificate(Short):
     @property
     def _inner_corners(self) -> set[tuple[Fraction, ...]]:
         """Corners of the parts of the box that are not those of the box."""
-        boxes = (cell for own in self.evidence.get("parts", ()) for cell in own.get("cells", ()))
-        each = (
+        boxes = (cell for part in self.evidence.get("parts", ()) for cell in part.get("cells", ()))
+        places = (
             corner
             for box in boxes
             for corner in files.corners(*(list(map(Fraction, box[key])) for key in ("low", "high")))
         )
-        return {corner for corner in each if set(corner) - {0, 1}}
+        return {corner for corner in places if set(corner) - {0, 1}}
 
     def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
@@ -196,7 +196,7 @@ class Certificate(Short):
         NotProvedError
             Saying why not.
         """
-        verdict, own = self.prove(), self.claim()
+        verdict, claim = self.prove(), self.claim()
         try:
             if not verdict.proved:
                 raise FormatError(verdict.reason)
@@ -204,7 +204,7 @@ class Certificate(Short):
             named = self.plant if self.observed is None else self.observed
             if remainder is not None and remainder.curve and named.sampling is None:
                 return  # what its samples are of is not known here: there is no file of it alone
-            self.file((own, *claims)).require_checkable((own, *claims))
+            self.file((claim, *claims)).require_checkable((claim, *claims))
         except FormatError as error:
             raise NotProvedError(f"not proved: its file is not proved: {error}") from error
 
@@ -216,19 +216,19 @@ class Certificate(Short):
     def file(self, claims: Sequence[Claim] | None = None) -> Document:
         """Return the file of claims about this plant and law: by default of the certificate's."""
         # other claims need the law alone; they may be for constant parameters
-        own = self.claim() if claims is None else self.at_rest.claim()
+        claim_of_law = self.claim() if claims is None else self.at_rest.claim()
         if self.observed is not None:
-            plant, observer = file_plant(self.observed), Observer(own, self.plant.inputs)
+            plant, observer = file_plant(self.observed), Observer(claim_of_law, self.plant.inputs)
             claims = (observer,)
             if self.observed.sampling is not None:
                 claims = (observer, _samples(self.observed))
             return Document(plant, None, claims, polefence=VERSION)
-        found = (own,) if claims is None else tuple(claims)
-        points = {point for claim in found for point in claim.inner_corners}
+        asked = (claim_of_law,) if claims is None else tuple(claims)
+        points = {point for claim in asked for point in claim.inner_corners}
         plant = with_nodes(file_plant(self.plant), self.plant, points)
         if self.plant.sampling is not None:
-            found = (*found, replace(claim_of_samples(self.plant), plant=plant))
-        return Document(plant, own.law, found, own.on, polefence=VERSION)
+            asked = (*asked, replace(claim_of_samples(self.plant), plant=plant))
+        return Document(plant, claim_of_law.law, asked, claim_of_law.on, polefence=VERSION)
 
     def document(self) -> dict[str, Any]:
         """Return the design file as plain data for JSON."""
@@ -284,12 +284,12 @@ def _samples(plant: UncertainPlant) -> Samples:
 
 
 def with_nodes(
-    own: files.Plant, plant: UncertainPlant, points: Iterable[tuple[Fraction, ...]]
+    written: files.Plant, plant: UncertainPlant, points: Iterable[tuple[Fraction, ...]]
 ) -> files.Plant:
     """Return a plant of a file with nodes inside the box; as it is where it needs none."""
     if not plant.bent:
-        return own
-    return replace(own, nodes=tuple(node(plant, point) for point in sorted(points)))
+        return written
+    return replace(written, nodes=tuple(node(plant, point) for point in sorted(points)))
 
 
 def _rationals(matrix: Array) -> Rationals:
@@ -306,28 +306,30 @@ def _evidence(claim: Poles) -> dict[str, Any]:
         return elevation | {"tau": np.array(float(first.tau))}
     if claim.method == "slack":
         form = {"degree": first.degree, "elevation": first.elevation, "on": claim.on}
-        own = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
-        own |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
-        return own | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
+        evidence = form if form != {"degree": 1, "elevation": 0, "on": "simplex"} else {}
+        evidence |= {"epsilon": float(first.epsilon)} if first.epsilon else {}
+        return evidence | {"P": _floats(first.X), "G": _floats([first.G or []])[0]}
     parts = tuple(map(part_of, claim.evidence))
     return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": parts}
 
 
-def part_of(own: laws.Evidence) -> dict[str, Any]:
+def part_of(evidence: laws.Evidence) -> dict[str, Any]:
     """Return the evidence for one part of a region."""
-    if own.cells:
-        bounds = ({"low": piece.low, "high": piece.high} for piece in own.cells)
-        ends = [{key: np.array(list(map(float, p))) for key, p in each.items()} for each in bounds]
-        pairs = zip(ends, own.cells, strict=True)
-        return {"cells": tuple(each | part_of(piece.evidence) for each, piece in pairs)}
-    part = {"X": _exactly(own.X), "degree": own.degree, "elevation": own.elevation}
-    if own.pieces:
-        part["pieces"] = own.pieces
-    if own.multiple:
-        part["multiple"] = np.array([float(v) for v in own.multiple])
-    if own.spread is not None:
+    if evidence.cells:
+        bounds = ({"low": piece.low, "high": piece.high} for piece in evidence.cells)
+        ends = [{key: np.array(list(map(float, p))) for key, p in box.items()} for box in bounds]
+        pairs = zip(ends, evidence.cells, strict=True)
+        return {"cells": tuple(box | part_of(piece.evidence) for box, piece in pairs)}
+    part = {"X": _exactly(evidence.X), "degree": evidence.degree, "elevation": evidence.elevation}
+    if evidence.pieces:
+        part["pieces"] = evidence.pieces
+    if evidence.multiple:
+        part["multiple"] = np.array([float(v) for v in evidence.multiple])
+    if evidence.spread is not None:
         keys = ("omega", "rows", "columns")
-        part["remainder"] = {key: np.array(getattr(own.spread, key), dtype=float) for key in keys}
+        part["remainder"] = {
+            key: np.array(getattr(evidence.spread, key), dtype=float) for key in keys
+        }
     return part
 
 
@@ -376,10 +378,10 @@ def _exactly(matrices: list[Rationals]) -> Array:
 
 def in_floats(matrices: Any) -> Array:
     """Return matrices of evidence in floats, also of entries that are text "p/q"."""
-    found = np.asarray(matrices)
-    if found.dtype != object:
-        return found
-    return np.array([float(Fraction(e)) for e in found.ravel()]).reshape(found.shape)
+    entries = np.asarray(matrices)
+    if entries.dtype != object:
+        return entries
+    return np.array([float(Fraction(e)) for e in entries.ravel()]).reshape(entries.shape)
 
 
 def file_plant(plant: UncertainPlant) -> files.Plant:
@@ -394,16 +396,16 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
         states=tuple(plant.states),
         inputs=tuple(plant.inputs),
         disturbances=tuple(plant.disturbances),
-        outputs=tuple(_file_output(plant, own) for own in plant.every_output),
+        outputs=tuple(_file_output(plant, output) for output in plant.every_output),
         vehicle=described,
         noise=plant.noise,
     )
 
 
-def _file_output(plant: UncertainPlant, own: Output) -> files.Output:
-    C, D, F = ([[list(row)] for row in rows] for rows in own.exact(plant))
+def _file_output(plant: UncertainPlant, output: Output) -> files.Output:
+    C, D, F = ([[list(row)] for row in rows] for rows in output.exact(plant))
     driven = tuple(F) if any(any(f[0]) for f in F) else ()
-    return files.Output(C, D, own.name, driven, own.unit)
+    return files.Output(C, D, output.name, driven, output.unit)
 
 
 def sampling_of(
@@ -482,11 +484,13 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
     try:
         outputs = tuple(
             Output(
-                own.name, own.unit, *([row for (row,) in rows] for rows in (own.C, own.D, own.F))
+                output.name,
+                output.unit,
+                *([row for (row,) in rows] for rows in (output.C, output.D, output.F)),
             )
-            for own in plant.outputs
+            for output in plant.outputs
         )
-        found = UncertainPlant.from_vertices(
+        family = UncertainPlant.from_vertices(
             plant.A,
             plant.B,
             plant.E or None,
@@ -512,6 +516,6 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             )
             for p in plant.ranges
         )
-        return replace(found, parameters=parameters, car=_car(plant.vehicle))
+        return replace(family, parameters=parameters, car=_car(plant.vehicle))
     except (TypeError, ValueError) as error:
         raise DesignFileError(f"plant is malformed: {error}") from error

@@ -113,14 +113,14 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
     if getattr(method, "right_hand_sides", False) and not region.circle:
         raise InputError(f"right_hand_sides belong to one disk, not to {region}; leave them out")
     if plant.moving and decays(plant, region) and method is not None:
-        own = options(method)
-        if isinstance(own, Slack):
+        chosen = options(method)
+        if isinstance(chosen, Slack):
             raise InputError(
                 f"the method slack keeps no {region} while {plant.moving[0].name} moves; take "
                 "quadratic or scheduled"
             )
-        if int(own.degree if own.degree != "auto" else 1) and own.on != "box":
-            Motion.of(plant).require(Domain.of(own.on, len(plant.vertices)))
+        if int(chosen.degree if chosen.degree != "auto" else 1) and chosen.on != "box":
+            Motion.of(plant).require(Domain.of(chosen.on, len(plant.vertices)))
     disks = [part for part in region.parts if part.circle]
     if plant.sample_time is None:
         part = astray(region)

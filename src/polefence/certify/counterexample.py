@@ -77,10 +77,10 @@ def worst_points(claim: Poles, measure: Measure) -> Iterator[tuple[Array, float]
 
 def first_worst(points: Iterable[tuple[Array, float]]) -> tuple[Array, float]:
     """Return the first of points whose measure is the largest, but for rounding."""
-    found = list(points)
-    top = max(worst for _, worst in found)
+    measured = list(points)
+    top = max(worst for _, worst in measured)
     least = top - TIE * abs(top) if np.isfinite(top) else top
-    return next((point, worst) for point, worst in found if worst >= least)
+    return next((point, worst) for point, worst in measured if worst >= least)
 
 
 def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
@@ -186,9 +186,9 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
     rounds = min(ROUNDS, int(MOST_CUBES_UP / (16 * family.A.shape[-1] ** 3)))
     for _ in range(rounds if family.A.shape[0] > 1 else 0):
         moved = []
-        for own in np.split(point, cuts):
-            mates = random.dirichlet(np.full(own.size, 0.5), 16)
-            trial = own + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - own)
+        for simplex in np.split(point, cuts):
+            mates = random.dirichlet(np.full(simplex.size, 0.5), 16)
+            trial = simplex + step * random.choice([-1.0, 1.0], (16, 1)) * (mates - simplex)
             trial = np.clip(trial, 0, None)
             moved.append(trial / trial.sum(axis=1, keepdims=True))
         trials = np.hstack(moved)
@@ -271,12 +271,12 @@ def _between(values: Array) -> list[float]:
     """Return numbers from zero up, below the largest of the values, far from them all."""
     levels = np.unique(values)
     lower = np.concatenate([[-np.inf], levels[:-1]])
-    found = []
+    gaps = []
     for low, high in zip(lower, levels, strict=True):
         if high > 0:
             middle = max(0.0, (low + high) / 2)
-            found.append((min(middle - low, high - middle), middle))
-    return [middle for _, middle in sorted(found, reverse=True)[:TRIES]]
+            gaps.append((min(middle - low, high - middle), middle))
+    return [middle for _, middle in sorted(gaps, reverse=True)[:TRIES]]
 
 
 def _rational(matrix: Array) -> Rationals:

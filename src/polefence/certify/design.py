@@ -105,8 +105,8 @@ class Design(Short):
         if self.method == "slack" and "degree" in evidence:
             return method_label(Slack(evidence["degree"], evidence["elevation"], evidence["on"]))
         if self.method == "scheduled" and law.W is not None:
-            found = Scheduled(law.degree, evidence.get("elevation", 1), law.domain.on)
-            return method_label(found)
+            method = Scheduled(law.degree, evidence.get("elevation", 1), law.domain.on)
+            return method_label(method)
         return self.method
 
     @cached_property
@@ -177,9 +177,9 @@ class Design(Short):
         if part not in range(len(claim.region)):
             most = len(claim.region) - 1
             raise InputError(f"part = {part!r}: the region's parts are 0 to {most}")
-        own = claim.evidence[part if len(claim.evidence) > 1 else 0]
+        evidence = claim.evidence[part if len(claim.evidence) > 1 else 0]
         weights = weights_at(self.plant.parameters, len(claim.A), alpha, values)
-        return lyapunov_matrix(claim.law, claim.sizes, own, weights)
+        return lyapunov_matrix(claim.law, claim.sizes, evidence, weights)
 
     def to_control(self, given: str = "", name: str = "law", clamp: bool = True) -> Any:
         """Return the law as a system of python-control without states, to connect and simulate.
@@ -253,9 +253,9 @@ class Design(Short):
             If the folder cannot be written, or has another's file of this name; nothing is left
             half-written.
         """
-        own = self.checkable.certificate
-        claims = (own.claim(), *self.more) if self.more else None
-        documents = {FILE_NAME: own.file(claims).dumps()}
+        certificate = self.checkable.certificate
+        claims = (certificate.claim(), *self.more) if self.more else None
+        documents = {FILE_NAME: certificate.file(claims).dumps()}
         return write_documents(Path(directory), documents)[0]
 
     @classmethod
@@ -369,9 +369,9 @@ def check_document(document: Document, path: Path) -> Check:
 
     try:
         plant_of(document.plant)  # a plant that is none is no plant of a claim
-        found = check_claims(document, decided)
+        checked = check_claims(document, decided)
         alpha = alphas[0] if alphas else None
-        answer = Check(found.answer, found.reason, alpha, found.claims, found.verdicts)
+        answer = Check(checked.answer, checked.reason, alpha, checked.claims, checked.verdicts)
         if not answer.proved or document.first(Poles) is None:
             return answer
         return _noted(answer, Design(Certificate.of(document)))

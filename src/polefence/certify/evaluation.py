@@ -54,9 +54,9 @@ def rounding_share(certificate: Certificate) -> float:
     with np.errstate(all="ignore"):
         for region, lyapunov in lyapunovs(certificate):
             try:
-                found = _Loops.of(certificate, lyapunov, places)
+                loops = _Loops.of(certificate, lyapunov, places)
                 for pair in region.pairs():
-                    worst = max(worst, float(found.shares(pair, region).max()))
+                    worst = max(worst, float(loops.shares(pair, region).max()))
             except np.linalg.LinAlgError:
                 return math.inf
     return worst
@@ -133,12 +133,12 @@ def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
 def _places(domain: Domain) -> Array:
     """Return corners, the middle, and points between, as alpha."""
     random = np.random.default_rng(0)
-    own = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
+    inner = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
     middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
-    between = domain.alpha(np.vstack([middle, np.hstack(own)]))
-    found = np.vstack([np.eye(domain.corners)[:CORNERS], between])
-    found.flags.writeable = False
-    return found
+    between = domain.alpha(np.vstack([middle, np.hstack(inner)]))
+    places = np.vstack([np.eye(domain.corners)[:CORNERS], between])
+    places.flags.writeable = False
+    return places
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,22 +162,24 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
     law, evidence, parts = certificate.law, certificate.evidence, certificate.region.parts
     if certificate.method == "lyapunov":
         scheduled = law.W is not None
-        for part, each in zip(parts, evidence["parts"], strict=True):
-            for own in each.get("cells", [each]):
-                degree, X = int(own["degree"]), in_floats(own["X"])
-                multiple = np.asarray(own.get("multiple", np.zeros(len(X)))) if scheduled else None
-                box = Box(tuple(own["low"]), tuple(own["high"])) if "low" in own else None
-                more = multiple, int(own["elevation"]), box, own.get("remainder")
+        for part, divided in zip(parts, evidence["parts"], strict=True):
+            for piece in divided.get("cells", [divided]):
+                degree, X = int(piece["degree"]), in_floats(piece["X"])
+                multiple = (
+                    np.asarray(piece.get("multiple", np.zeros(len(X)))) if scheduled else None
+                )
+                box = Box(tuple(piece["low"]), tuple(piece["high"])) if "low" in piece else None
+                more = multiple, int(piece["elevation"]), box, piece.get("remainder")
                 yield part, Lyapunov(X, degree, *more)
         return
     if law.W is not None:
-        found = Lyapunov(law.W, law.degree)
+        lyapunov = Lyapunov(law.W, law.degree)
     elif certificate.method == "slack":
-        found = Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
+        lyapunov = Lyapunov(np.asarray(evidence["P"]), int(evidence.get("degree", 1)))
     else:
-        found = Lyapunov(np.asarray(evidence["W"])[None], 0)
+        lyapunov = Lyapunov(np.asarray(evidence["W"])[None], 0)
     for part in parts:
-        yield part, found
+        yield part, lyapunov
 
 
 Term = tuple[Array, Array, Array]  # D = left E right, entries of E as large as the second's
@@ -235,7 +237,7 @@ class _Loops:
         inverse = np.linalg.inv(F).reshape(-1, len(L), n, len(L), n)
         # M = M1 M2: its columns that are not zero, and which those are
         kept = np.diag(M.any(axis=0).astype(float))
-        weights = [np.einsum("ab,paibj->pij", each, inverse) for each in (M @ M.T, kept)]
+        weights = [np.einsum("ab,paibj->pij", form, inverse) for form in (M @ M.T, kept)]
         square = sum(_square(term, *weights) for term in self.terms)
         return np.asarray(2 * SAFETY * UNIT * np.sqrt(square))
 
@@ -250,10 +252,10 @@ def _square(term: Term, before: Array, behind: Array) -> Array:
 
 
 def _middle(X: Array) -> Coordinates:
-    found = Coordinates.whitening(X.mean(axis=0))
-    if found is None:
+    coordinates = Coordinates.whitening(X.mean(axis=0))
+    if coordinates is None:
         raise np.linalg.LinAlgError("a Lyapunov matrix is not positive definite")
-    return found
+    return coordinates
 
 
 def _scheduled(coordinates: Coordinates, lyapunov: Lyapunov, basis: Array, W: Array) -> Array:

@@ -75,8 +75,8 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
 
 def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
     """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
-    own = law.degree + law.denominator_degree
-    return law.domain_of(plant).count(form[0] + plant.curve_degree + own + form[1])
+    of_law = law.degree + law.denominator_degree
+    return law.domain_of(plant).count(form[0] + plant.curve_degree + of_law + form[1])
 
 
 def work_of(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
@@ -91,8 +91,8 @@ def evidence_at(
 ) -> dict[str, Any] | None:
     """Return evidence of a form, proved for one part of a region in pieces of the intervals."""
 
-    def proved(found: LyapunovPolynomial) -> dict[str, Any] | None:
-        evidence = whole_evidence(plant, law, found, form)
+    def proved(polynomial: LyapunovPolynomial) -> dict[str, Any] | None:
+        evidence = whole_evidence(plant, law, polynomial, form)
         holds = certificate_of(plant, law, part, [evidence]).holds()
         return evidence if holds else None
 
@@ -106,7 +106,7 @@ def pieces_of(plant: UncertainPlant, pieces: int) -> tuple[int, ...]:
     """Return so many pieces of the interval of each parameter that moves, one of others."""
     if pieces < 2:
         return ()
-    return tuple(1 if own.rate in (None, ANY) else pieces for own in plant.parameters)
+    return tuple(1 if parameter.rate in (None, ANY) else pieces for parameter in plant.parameters)
 
 
 def finer(plant: UncertainPlant, law: Law) -> Iterator[tuple[tuple[int, int], int]]:
@@ -114,8 +114,8 @@ def finer(plant: UncertainPlant, law: Law) -> Iterator[tuple[tuple[int, int], in
     motion = Motion.of(plant)
     moves = motion.moves if motion.centre is None else ()  # in discrete time X is affine
     for form, pieces in FINER if moves else ():
-        each = _blocks(plant, law, form) * 2 ** len(moves)
-        if each * pieces ** len(moves) <= MOST_FINER:
+        blocks = _blocks(plant, law, form) * 2 ** len(moves)
+        if blocks * pieces ** len(moves) <= MOST_FINER:
             yield form, pieces
 
 
@@ -123,10 +123,10 @@ def _spread(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> dict[s
     """Return what a remainder asks for besides, as a certificate has it."""
     multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
     X = [[[Fraction(e) for e in row] for row in Q] for Q in evidence["X"].tolist()]
-    found = Evidence(X, evidence["degree"], evidence["elevation"], multiple)
-    own = spread_of(plant, law, found, driven=False)
-    each = {key: getattr(own, key) for key in ("omega", "rows", "columns")}
-    return {key: np.array(value, dtype=float) for key, value in each.items()}
+    polynomial = Evidence(X, evidence["degree"], evidence["elevation"], multiple)
+    spread = spread_of(plant, law, polynomial, driven=False)
+    bounds = {key: getattr(spread, key) for key in ("omega", "rows", "columns")}
+    return {key: np.array(value, dtype=float) for key, value in bounds.items()}
 
 
 class Search:
@@ -149,8 +149,8 @@ class Search:
     def tried(self) -> str:
         """What was tried, in words."""
         degree, elevation = self.last
-        found = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
-        return found + f", nor in {self.most} parts of the box" * self.halved
+        words = f"Lyapunov polynomials up to degree {degree}, elevation {elevation}"
+        return words + f", nor in {self.most} parts of the box" * self.halved
 
     def proof(self, ladder: Sequence[tuple[int, int]]) -> dict[str, Any] | None:
         """Return evidence of a form of the whole box, else in parts of it."""
@@ -190,7 +190,7 @@ class Search:
             halves = list(whole.halves(inside.widest(whole)))
             parts = divided(halves, inside.proof, along, self.most)
             if parts is not None:
-                pieces = (inside.piece(box, own) for box, own in parts)
+                pieces = (inside.piece(box, proof) for box, proof in parts)
                 return part_of(Evidence([], cells=tuple(pieces)))
         return None
 
@@ -221,15 +221,15 @@ class _Inside:
         """Return evidence of low degree, None where none is proved."""
         piece = self.piece(box, self.claim.evidence[0])
         claim, plant, law = self._claim(piece).inside(piece), self.plant, self.law
-        own = self.loop.inside(box)
+        loop = self.loop.inside(box)
         if plant.remainder is not None:
             plant = inside(plant, piece.low, piece.high)
             law = law.inside(plant, piece.low, piece.high)
-            own = loop_of(plant, law)
+            loop = loop_of(plant, law)
         if self.full:
             return None
-        for found in self._candidates(plant, law, own):
-            evidence = in_rationals(with_remainder(plant, law, found))
+        for polynomial in self._candidates(plant, law, loop):
+            evidence = in_rationals(with_remainder(plant, law, polynomial))
             with suppress(work.FormatError), work.counted() as count:
                 if prove(replace(claim, evidence=(evidence,))).proved:
                     self.spent += count.spent
@@ -244,8 +244,8 @@ class _Inside:
                 return
             yield first
         for form in self.forms:
-            for found in points_inside(loop, self.part, form):
-                yield evidence_of(found, form)
+            for polynomial in points_inside(loop, self.part, form):
+                yield evidence_of(polynomial, form)
 
     def _claim(self, piece: Piece) -> Poles:
         """Return the claim with the nodes at the corners of a part."""
@@ -265,8 +265,8 @@ class _Inside:
         alpha = counterexample(self._claim(piece).inside(piece))
         if alpha is None:
             return None
-        own, whole = coordinates(alpha, self.claim.sizes)[1::2], [Fraction(1)]
-        for low, high, t in zip(piece.low, piece.high, own, strict=True):
+        uppers, whole = coordinates(alpha, self.claim.sizes)[1::2], [Fraction(1)]
+        for low, high, t in zip(piece.low, piece.high, uppers, strict=True):
             at = low + (high - low) * t
             whole = [a * w for a in whole for w in (1 - at, at)]
         return whole
@@ -276,7 +276,7 @@ class _Inside:
         domain = self.law.domain_of(self.plant)
         return widest(
             domain,
-            lambda own: self._loops(box.alpha(domain, own)),
+            lambda inner: self._loops(box.alpha(domain, inner)),
             lambda poles: -self.part.distance(poles),
             off_along(self.plant, self.law.gain, box),
         )
@@ -287,10 +287,10 @@ class _Inside:
         return np.asarray(A + B @ self.law.gain(alpha))
 
     @staticmethod
-    def piece(box: Box, own: Evidence) -> Piece:
+    def piece(box: Box, evidence: Evidence) -> Piece:
         """Return a part with its evidence, in rationals."""
         low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
-        return Piece(low, high, own)
+        return Piece(low, high, evidence)
 
 
 def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
@@ -301,31 +301,31 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
     if plant.bent:
         return min(MOST_BENT, work.MAX_IN_PARTS // checked)
-    found = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
-    return min(MOST_PARTS, work.MAX_WORK // checked, int(found))
+    affordable = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
+    return min(MOST_PARTS, work.MAX_WORK // checked, int(affordable))
 
 
 def placeholder(plant: UncertainPlant, law: Law) -> dict[str, Any]:
     """Return evidence that has the shape of some, for a claim whose poles are to be looked at."""
     n, count = plant.shape[0], law.domain_of(plant).count(0)
-    found = {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
+    evidence = {"X": np.tile(np.eye(n), (count, 1, 1)), "degree": 0, "elevation": 0}
     if plant.remainder is not None:
         size = float(sum(x * x for row in plant.remainder.entries for x in row)) ** 0.5 or 1.0
         width = len(plant.remainder.entries[0])
-        own = {"omega": np.eye(n), "rows": np.full(n, 2 * size), "columns": np.ones(width)}
-        found["remainder"] = own
-    return found
+        remainder = {"omega": np.eye(n), "rows": np.full(n, 2 * size), "columns": np.ones(width)}
+        evidence["remainder"] = remainder
+    return evidence
 
 
-def evidence_of(found: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
+def evidence_of(polynomial: LyapunovPolynomial, form: tuple[int, int]) -> dict[str, Any]:
     """Return what was found as a certificate has it."""
-    evidence: dict[str, Any] = {"X": found.Q, "degree": form[0], "elevation": form[1]}
-    evidence |= {"pieces": found.pieces} if found.pieces else {}
-    return evidence if found.multiple is None else evidence | {"multiple": found.multiple}
+    evidence: dict[str, Any] = {"X": polynomial.Q, "degree": form[0], "elevation": form[1]}
+    evidence |= {"pieces": polynomial.pieces} if polynomial.pieces else {}
+    return evidence if polynomial.multiple is None else evidence | {"multiple": polynomial.multiple}
 
 
 def whole_evidence(
-    plant: UncertainPlant, law: Law, found: LyapunovPolynomial, form: tuple[int, int]
+    plant: UncertainPlant, law: Law, polynomial: LyapunovPolynomial, form: tuple[int, int]
 ) -> dict[str, Any]:
     """Return it with what a remainder of the plant asks for besides.
 
@@ -334,7 +334,7 @@ def whole_evidence(
     numpy.linalg.LinAlgError
         If what was found is no Lyapunov matrix, where there is a remainder.
     """
-    return with_remainder(plant, law, evidence_of(found, form))
+    return with_remainder(plant, law, evidence_of(polynomial, form))
 
 
 def in_rationals(evidence: dict[str, Any]) -> Evidence:
@@ -343,9 +343,11 @@ def in_rationals(evidence: dict[str, Any]) -> Evidence:
     multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
     spread = None
     if "remainder" in evidence:
-        own = evidence["remainder"]
-        omega = [[Fraction(e) for e in row] for row in own["omega"].tolist()]
-        rows, columns = (tuple(map(Fraction, own[key].tolist())) for key in ("rows", "columns"))
+        remainder = evidence["remainder"]
+        omega = [[Fraction(e) for e in row] for row in remainder["omega"].tolist()]
+        rows, columns = (
+            tuple(map(Fraction, remainder[key].tolist())) for key in ("rows", "columns")
+        )
         spread = Spread(omega, rows, columns)
     return Evidence(X, evidence["degree"], evidence["elevation"], multiple, spread=spread)
 

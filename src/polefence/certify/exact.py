@@ -46,8 +46,8 @@ Pair = tuple[Array, Array]
 @stage("proof")
 def holds(certificate: Certificate) -> bool | None:
     """Return whether the evidence proves the claim, exactly; None where it is not known."""
-    own, ask = kernel(), _METHODS.get(certificate.method)
-    if own is None or ask is None or not hasattr(own, "poles") or certificate.plant.remainder:
+    prover, ask = kernel(), _METHODS.get(certificate.method)
+    if prover is None or ask is None or not hasattr(prover, "poles") or certificate.plant.remainder:
         return None
     if certificate.plant.moving:  # along motions there is more to prove
         return None
@@ -59,20 +59,20 @@ def holds(certificate: Certificate) -> bool | None:
         return None
     try:
         _require(certificate.evidence.keys() <= _KEYS[certificate.method])
-        return ask(own, certificate)
+        return ask(prover, certificate)
     except (AttributeError, LookupError, TypeError, ValueError):  # which the checker says better
         return None
 
 
-def _quadratic(own: Any, certificate: Certificate) -> bool | None:
+def _quadratic(prover: Any, certificate: Certificate) -> bool | None:
     domain, evidence = Domain.of("simplex", len(certificate.plant.vertices)), certificate.evidence
     form = _polynomial(domain, 0, evidence["W"][None])
     return _poles(
-        own, certificate, domain, certificate.region.parts, (_gain(certificate, domain), form)
+        prover, certificate, domain, certificate.region.parts, (_gain(certificate, domain), form)
     )
 
 
-def _scheduled(own: Any, certificate: Certificate) -> bool | None:
+def _scheduled(prover: Any, certificate: Certificate) -> bool | None:
     law, evidence = certificate.law, certificate.evidence
     if law.W is None:
         return None
@@ -85,25 +85,25 @@ def _scheduled(own: Any, certificate: Certificate) -> bool | None:
     form = _polynomial(law.domain, law.degree, law.form)
     parts = certificate.region.parts
     return _poles(
-        own, certificate, law.domain, parts, (form, None), law.degree, elevation, float(tau)
+        prover, certificate, law.domain, parts, (form, None), law.degree, elevation, float(tau)
     )
 
 
-def _given(own: Any, certificate: Certificate) -> bool | None:
+def _given(prover: Any, certificate: Certificate) -> bool | None:
     evidence, N = certificate.evidence, len(certificate.plant.vertices)
     if certificate.law.K is None or certificate.in_parts:
         return None
     domain, answers = Domain.of(str(evidence.get("on", "simplex")), N), list[bool | None]()
-    for part, each in zip(certificate.region.parts, evidence["parts"], strict=True):
-        _require(each.keys() <= _PART and each["X"].dtype != object)  # the prover takes doubles
-        degree, elevation = _whole(each["degree"]), _whole(each["elevation"])
-        X = _polynomial(domain, degree, each["X"])
+    for part, piece in zip(certificate.region.parts, evidence["parts"], strict=True):
+        _require(piece.keys() <= _PART and piece["X"].dtype != object)  # the prover takes doubles
+        degree, elevation = _whole(piece["degree"]), _whole(piece["elevation"])
+        X = _polynomial(domain, degree, piece["X"])
         forms = _gain(certificate, domain), X
-        answers.append(_poles(own, certificate, domain, (part,), forms, degree, elevation))
+        answers.append(_poles(prover, certificate, domain, (part,), forms, degree, elevation))
     return False if False in answers else None if None in answers else True
 
 
-def _slack(own: Any, certificate: Certificate) -> bool | None:
+def _slack(prover: Any, certificate: Certificate) -> bool | None:
     evidence, region = certificate.evidence, certificate.region
     if region.circle is None:
         return None
@@ -120,7 +120,7 @@ def _slack(own: Any, certificate: Certificate) -> bool | None:
         return None
     plant, ends = _plant(certificate, domain), region.circle
     raises = highest - degree, highest - 1
-    return _ANSWERS.get(own.slack(domain.sizes, plant, *forms, *ends, *raises, count))
+    return _ANSWERS.get(prover.slack(domain.sizes, plant, *forms, *ends, *raises, count))
 
 
 _METHODS = {
@@ -132,7 +132,7 @@ _METHODS = {
 
 
 def _poles(
-    own: Any,
+    prover: Any,
     certificate: Certificate,
     domain: Domain,
     parts: Sequence[Region],
@@ -148,7 +148,7 @@ def _poles(
     positive = any(not KINDS[part.kind].definite for part in parts)
     plant = _plant(certificate, domain)
     return _ANSWERS.get(
-        own.poles(domain.sizes, plant, *forms, pairs, tau, elevation, count, positive)
+        prover.poles(domain.sizes, plant, *forms, pairs, tau, elevation, count, positive)
     )
 
 
@@ -157,17 +157,17 @@ def _usual(certificate: Certificate, count: int, forms: Sequence[Any]) -> bool:
     values = [form[2] for form in forms if form is not None]
     sides = 2 * certificate.plant.shape[0] * (2 if certificate.method == "slack" else 1)
     return least_work(count, sides) <= MAX_WORK // SHARE and all(
-        np.abs(each).max() < LARGEST
-        for each in values  # nan is not
+        np.abs(entries).max() < LARGEST
+        for entries in values  # nan is not
     )
 
 
 def _pairs(parts: Sequence[Region]) -> list[Pair] | None:
     """Return L and M of the parts, None where doubles do not hold them."""
-    found = [pair for part in parts for own in parts_of(part.document()) for pair in own.pairs]
-    if not all(is_double(e) for pair in found for M in pair for row in M for e in row):
+    pairs = [pair for part in parts for exact in parts_of(part.document()) for pair in exact.pairs]
+    if not all(is_double(e) for pair in pairs for M in pair for row in M for e in row):
         return None
-    return [(np.array([L], dtype=float), np.array([M], dtype=float)) for L, M in found]
+    return [(np.array([L], dtype=float), np.array([M], dtype=float)) for L, M in pairs]
 
 
 def _gain(certificate: Certificate, domain: Domain) -> Any:

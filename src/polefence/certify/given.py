@@ -105,18 +105,18 @@ class Analysis(Short):
         poles = f"{self.kept}: in {self.region}"
         bounds = (
             (
-                own.specification.title,
-                own.answer if own.bound is None else f"{own.answer}: {own.bound}",
+                limit.specification.title,
+                limit.answer if limit.bound is None else f"{limit.answer}: {limit.bound}",
             )
-            for own in self.bounds
+            for limit in self.bounds
         )
         return card(self.plant.name, [("poles", poles), ("by", self.reason), *bounds])
 
     @property
     def answer(self) -> str:
         """Say "proved" (all that was asked), "refuted" (some of it) or "undecided"."""
-        answers = {self.kept, *(own.answer for own in self.bounds)}
-        return next(own for own in ("refuted", "undecided", "proved") if own in answers)
+        answers = {self.kept, *(limit.answer for limit in self.bounds)}
+        return next(answer for answer in ("refuted", "undecided", "proved") if answer in answers)
 
     @property
     def proved(self) -> bool:
@@ -139,7 +139,7 @@ class Analysis(Short):
         """
         if self.certificate is None:
             raise InputError(f"the region is {self.kept}; only a proved one makes a design")
-        claims = tuple(own.bound.claim for own in self.bounds if own.bound is not None)
+        claims = tuple(limit.bound.claim for limit in self.bounds if limit.bound is not None)
         return Design(self.certificate, more=claims)
 
     def save(self, directory: str | Path) -> Path:
@@ -253,15 +253,17 @@ def analyse(
     if len(lyapunov):
         given, certificate = matrices_given(plant, law, region, lyapunov)
     if certificate is None:
-        found = analysed(plant, law, region, Deadline(budget))
+        analysis = analysed(plant, law, region, Deadline(budget))
     else:
         reason = certificate.prove().reason
-        found = Analysis(plant, law, region, "proved", reason, certificate)
-    asked = limits if found.kept != "refuted" else ()
-    found = replace(found, lyapunov=given, bounds=tuple(bounded(plant, law, own) for own in asked))
-    if found.certificate is not None:
-        found.certificate.require_checkable(found.design.more)
-    return found
+        analysis = Analysis(plant, law, region, "proved", reason, certificate)
+    asked = limits if analysis.kept != "refuted" else ()
+    analysis = replace(
+        analysis, lyapunov=given, bounds=tuple(bounded(plant, law, limit) for limit in asked)
+    )
+    if analysis.certificate is not None:
+        analysis.certificate.require_checkable(analysis.design.more)
+    return analysis
 
 
 def verify(
@@ -275,7 +277,7 @@ def verify(
     """Call `analyse` by its old name."""
     warn_renamed("verify", "analyse")
     if isinstance(law, GainTable):
-        raise InputError("a table of gains is analysed, not verified: polefence.analyse")
+        raise InputError("a table of gains is analysed, not limit: polefence.analyse")
     return analyse(plant, law, region, budget, limits=limits, lyapunov=lyapunov)
 
 
@@ -285,12 +287,12 @@ def analysed(plant: UncertainPlant, law: Law, region: Region, deadline: Deadline
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
     parts = list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
-    found = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
-    if None in found:
+    pieces = [evidence_at(plant, law, part, ladder[0]) for part in region.parts]
+    if None in pieces:
         alpha = counterexample(claim.claim())
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
-    for part, evidence in zip(region.parts, found, strict=True):
+    for part, evidence in zip(region.parts, pieces, strict=True):
         search = Search(plant, law, part, deadline, len(region.parts))
         proof = evidence or search.proof(ladder[1:])
         if search.alpha is not None:
@@ -406,9 +408,9 @@ def worst_case(
     best: _Proved | None = None
     cut = False
     for form in ladder if np.isfinite(question.bound) else ():
-        found = _tried(plant, law, question, form)
-        if found is not None and (best is None or found[0] < best[0]):
-            best = found
+        reached = _tried(plant, law, question, form)
+        if reached is not None and (best is None or reached[0] < best[0]):
+            best = reached
         near = best is not None and best[0] <= question.bound * (1 + NEAR)
         cut = not near and deadline.passed
         if near or cut:
@@ -474,19 +476,21 @@ def _tried(
 ) -> _Proved | None:
     """Return the least r that is proved with polynomials of one form, with its region."""
 
-    def proved(found: LyapunovPolynomial, r: float) -> _Proved | None:
+    def proved(polynomial: LyapunovPolynomial, r: float) -> _Proved | None:
         region = question.region(r)
         if region is None:
             return None
         with suppress(np.linalg.LinAlgError):
-            evidence = whole_evidence(plant, law, found, form)
+            evidence = whole_evidence(plant, law, polynomial, form)
             certificate = certificate_of(plant, law, region, [evidence])
             return (r, region, certificate) if certificate.holds() else None
         return None
 
     points = _points(loop_of(plant, law), question, form)
     steps = STEPS if plant.remainder is None else (*STEPS, *WITH_REMAINDER)
-    return first(proved(found, found.r * (1 + step)) for found in points for step in steps)
+    return first(
+        proved(polynomial, polynomial.r * (1 + step)) for polynomial in points for step in steps
+    )
 
 
 def _beyond(

@@ -66,8 +66,8 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
         inverse = np.linalg.inv(W)
         X = inverse @ X @ inverse.swapaxes(-1, -2)
     X = (X + X.swapaxes(-1, -2)) / 2
-    found: dict[str, Any] = {"X": X, "degree": 1, "elevation": 0}
-    return found if law.W is None else found | {"multiple": np.zeros(len(X))}
+    evidence: dict[str, Any] = {"X": X, "degree": 1, "elevation": 0}
+    return evidence if law.W is None else evidence | {"multiple": np.zeros(len(X))}
 
 
 def _holds(X: Array, loops: Array, domain: Domain, numbers: Sequence[Fraction]) -> bool:

@@ -70,8 +70,8 @@ def lower_radius(
             kept = np.where((idle @ layout.count > 0)[:, None, None], 0.0, dual)
             with suppress(np.linalg.LinAlgError):
                 sought = _sought(layout, plant.A, plant.B, sigma, kept)
-                found = _first(plant, layout, sigma, upper, sought, best, right_hand_sides)
-                best = found if found >= 0 else best
+                radius = _first(plant, layout, sigma, upper, sought, best, right_hand_sides)
+                best = radius if radius >= 0 else best
     return upper * SHARES[best] if best < len(SHARES) else None
 
 
@@ -120,7 +120,9 @@ class _Layout:
 @lru_cache(maxsize=32)
 def _layout(method: str, N: int) -> _Layout:
     pairs = block_pairs(method, N)
-    triples = np.array([(b, j, k) for b, own in enumerate(pairs) for j, k in own], dtype=np.int64)
+    triples = np.array(
+        [(b, j, k) for b, entries in enumerate(pairs) for j, k in entries], dtype=np.int64
+    )
     b, j, k = triples.T
     count = np.zeros((k.max() + 1, len(pairs)))
     np.add.at(count, (k, b), 1.0)
@@ -161,8 +163,8 @@ def _sought(layout: _Layout, A: Array, B: Array, sigma: float, dual: Array) -> _
     """Bring dual matrices close to ones that satisfy the equations."""
     n, N = A.shape[-1], A.shape[-3]
     S, dual = A + sigma * np.eye(n), dual.copy()
-    own = dual[..., :n, :n] + dual[..., n:, n:]
-    weight = summed(layout.count, own)  # P + R of each W
+    blocks = dual[..., :n, :n] + dual[..., n:, n:]
+    weight = summed(layout.count, blocks)  # P + R of each W
     forms = np.concatenate([S, B], axis=-1) if layout.slack else B
     weighed = weight @ forms
     H = transposed(forms) @ weighed

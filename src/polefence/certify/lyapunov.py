@@ -33,8 +33,8 @@ def weights_at(
         return list(simplex_weights(tuple(parameters), dict(values)))
     if values:
         raise InputError("give the weights of the vertices or the parameters' values, not both")
-    found = [Fraction(float(own)) for own in check_alpha(alpha, count).ravel()]
-    return [own / sum(found) for own in found]
+    weights = [Fraction(float(weight)) for weight in check_alpha(alpha, count).ravel()]
+    return [weight / sum(weights) for weight in weights]
 
 
 def lyapunov_matrix(
@@ -57,11 +57,11 @@ def lyapunov_matrix(
         sides = list(zip(at[1::2], piece.low, piece.high, strict=True))
         if all(low <= high_weight <= high for high_weight, low, high in sides):
             inner = [(weight - low) / (high - low) for weight, low, high in sides]
-            at, evidence = [x for own in inner for x in (1 - own, own)], piece.evidence
+            at, evidence = [x for upper in inner for x in (1 - upper, upper)], piece.evidence
             break
     X = _of(law, sizes, evidence, at)
-    found = X if evidence.dual else inverse(X, "the Lyapunov matrix")
-    P: Array = np.array([[float(x) for x in row] for row in found])
+    exact = X if evidence.dual else inverse(X, "the Lyapunov matrix")
+    P: Array = np.array([[float(x) for x in row] for row in exact])
     P = (P + P.T) / 2
     P.flags.writeable = False
     return P
@@ -71,20 +71,20 @@ def _coordinates(alpha: list[Fraction], sizes: Sizes) -> list[Fraction]:
     """Return the coordinates in each simplex, of weights that may be rounded."""
     if len(sizes) == 1:
         return alpha
-    found = list[Fraction]()
+    coordinates = list[Fraction]()
     for bit in reversed(range(len(sizes))):
         high = sum((a for j, a in enumerate(alpha) if j >> bit & 1), Fraction(0))
-        found += [1 - high, high]
+        coordinates += [1 - high, high]
     for a, corner in zip(alpha, monomials(sizes, 1), strict=True):
         if (
-            abs(a - math.prod(x for x, power in zip(found, corner, strict=True) if power))
+            abs(a - math.prod(x for x, power in zip(coordinates, corner, strict=True) if power))
             > ROUNDING
         ):
             raise InputError(
                 "alpha is not a product of weights of the parameters, as this proof needs; "
                 "give the parameters' values"
             )
-    return found
+    return coordinates
 
 
 def _of(law: laws.Law, sizes: Sizes, evidence: Evidence, at: list[Fraction]) -> Rationals:

@@ -64,16 +64,16 @@ def _signal(plant: UncertainPlant, word: Any) -> Output:
         raise InputError(f"measured: {word!r} among names; {HOW}")
     known = (*states(plant), *plant.every_output)
     for key in ("label", "name"):
-        found = [signal for signal in known if getattr(signal, key) == word.strip()]
-        if len(found) > 1:
-            raise InputError(f"measured: {word!r} names {len(found)} signals; write the unit too")
-        if found and found[0].D:
+        signals = [signal for signal in known if getattr(signal, key) == word.strip()]
+        if len(signals) > 1:
+            raise InputError(f"measured: {word!r} names {len(signals)} signals; write the unit too")
+        if signals and signals[0].D:
             raise InputError(
                 f"measured: {word!r} depends on an input, but an observer takes y = C x; give an "
                 "output without D, or measure a state"
             )
-        if found:
-            return found[0]
+        if signals:
+            return signals[0]
     names = [signal.name for signal in known]
     raise InputError(f"measured: unknown signal {word!r}; {suggest(word, names)}")
 
@@ -131,19 +131,19 @@ def dual_plant(
 
     Its states keep the plant's names: the dual's state i belongs to the correction of state i.
     """
-    own = plant.remainder and plant.remainder.transposed(plant.shape[0], len(C[0]))
+    remainder = plant.remainder and plant.remainder.transposed(plant.shape[0], len(C[0]))
     vertices = tuple(
         System(transposed(v.exact_A), transposed(c), None, v.name)
         for v, c in zip(plant.vertices, C, strict=True)
     )
     return UncertainPlant(
         vertices,
-        tuple(replace(each, rate=None) for each in plant.parameters),
+        tuple(replace(parameter, rate=None) for parameter in plant.parameters),
         f"{plant.name} {DUAL}",
         plant.states,
         names,
         sample_time=plant.sample_time,
-        remainder=own,
+        remainder=remainder,
     )
 
 
@@ -201,14 +201,14 @@ def require_detectable(
         Naming the pole, and what to measure besides.
     """
     asked = stable_region(plant) if region is None else region
-    rows = [own.exact(plant)[0] for own in measured]
+    rows = [signal.exact(plant)[0] for signal in measured]
     C: tuple[Exact, ...] = tuple(zip(*rows, strict=True))
     A = tuple(vertex.exact_A for vertex in plant.vertices)
     places = [*zip([v.name for v in plant.vertices], A, C, strict=True)]
     if len(A) > 1:
         places.append(("the middle of its vertices", _mean(A), _mean(C)))
-    for where, own, seen in places:
-        outside = modes_outside(fixed_modes(transposed(own), transposed(seen)), asked)
+    for where, dynamics, seen in places:
+        outside = modes_outside(fixed_modes(transposed(dynamics), transposed(seen)), asked)
         if outside is not None:
             where_not = "not stable" if is_stability(plant, asked) else f"not in {asked}"
             names, helps = " and ".join(repr(s.name) for s in measured), _remedy(plant, C)

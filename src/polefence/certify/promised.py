@@ -120,15 +120,15 @@ def _matrices(plant: UncertainPlant, given: Sequence[Any]) -> list[Rationals]:
     n, N = plant.shape[0], len(plant.vertices)
     if len(given) not in (1, N):
         raise InputError(f"{len(given)} Lyapunov matrices; give one, or {N}, one per vertex")
-    found = list[Rationals]()
-    for k, each in enumerate(given):
+    symmetric = list[Rationals]()
+    for k, matrix in enumerate(given):
         what = "the Lyapunov matrix" if len(given) == 1 else f"Lyapunov matrix {k + 1}"
-        P = read_matrix(each, what)
+        P = read_matrix(matrix, what)
         if len(P) != n or len(P[0]) != n:
             raise InputError(f"{what} is {len(P)} x {len(P[0])}; {plant.name} has {n} states")
         # solvers leave the last bits of one half unlike the other's
-        found.append([[(P[i][j] + P[j][i]) / 2 for j in range(n)] for i in range(n)])
-    return found
+        symmetric.append([[(P[i][j] + P[j][i]) / 2 for j in range(n)] for i in range(n)])
+    return symmetric
 
 
 def _given(
@@ -139,17 +139,17 @@ def _given(
     reasons = list[str]()
     for on in _domains(plant, len(P)):
         claim = replace(certificate_of(plant, law, region, blank).claim(), on=on)
-        for form, own in (("primal", _transposed(claim)), ("dual", claim)):
+        for form, subject in (("primal", _transposed(claim)), ("dual", claim)):
             for evidence in _evidence(P):
                 try:
-                    verdict = prove(replace(own, evidence=(evidence,) * len(region.parts)))
+                    verdict = prove(replace(subject, evidence=(evidence,) * len(region.parts)))
                 except FormatError as problem:
                     reasons.append(str(problem))
                     break
                 if verdict.proved:
                     given = GivenLyapunov(form, len(P), verdict.reason)
                     return given, _certificate(plant, law, region, form, on, evidence)
-                reasons.append(_missed(own, evidence, region, verdict))
+                reasons.append(_missed(subject, evidence, region, verdict))
     return GivenLyapunov("", len(P), reasons[0]), None
 
 
@@ -180,7 +180,7 @@ def _transposed(claim: Poles) -> Poles:
 def _missed(claim: Poles, evidence: laws.Evidence, region: Region, verdict: Verdict) -> str:
     """Say which inequality fails, and by how much."""
     whole = replace(claim, evidence=(evidence,) * len(region.parts))
-    block = next(islice((own for _, own in whole.blocks()), verdict.count, None), None)
+    block = next(islice((matrix for _, matrix in whole.blocks()), verdict.count, None), None)
     if verdict.place is None or block is None:
         return verdict.reason
     largest = max(abs(entry) for row in block for entry in row) or 1
@@ -199,30 +199,30 @@ def _certificate(
     evidence: laws.Evidence,
 ) -> Certificate | None:
     """Return the matrices as a certificate that holds, None where in doubles they are none."""
-    X = np.array([[[float(e) for e in row] for row in own] for own in evidence.X])
+    X = np.array([[[float(e) for e in row] for row in matrix] for matrix in evidence.X])
     if form == "primal":
         if len(X) > 1:
             return None  # the inverse of P(alpha) is no polynomial
         with suppress(np.linalg.LinAlgError):
             X = np.linalg.inv(X)
         X = (X + X.swapaxes(1, 2)) / 2
-    own = {"X": X, "degree": evidence.degree, "elevation": evidence.elevation}
-    parts: dict[str, Any] = {"parts": (own,) * len(region.parts)}
+    part = {"X": X, "degree": evidence.degree, "elevation": evidence.elevation}
+    parts: dict[str, Any] = {"parts": (part,) * len(region.parts)}
     parts |= {"on": on} if on != "simplex" else {}
-    found = Certificate(plant, region, "lyapunov", law, parts)
-    return found if found.holds() else None
+    certificate = Certificate(plant, region, "lyapunov", law, parts)
+    return certificate if certificate.holds() else None
 
 
 def bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBound:
     """Return what is proved of a limit; sampled first, for no proof passes a sample."""
     most = inf if limit.at_most is None else limit.at_most
     free = replace(limit, at_most=None)
-    found = sampled(plant, law, free)
-    worst, k = worst_of(found, ByTransfer.of(delta_form(plant), law, free))
-    alpha = tuple(float(a) for a in found.alpha[k])
-    own = limit, None, worst, alpha, values_at(plant, alpha)
+    samples = sampled(plant, law, free)
+    worst, k = worst_of(samples, ByTransfer.of(delta_form(plant), law, free))
+    alpha = tuple(float(a) for a in samples.alpha[k])
+    facts = limit, None, worst, alpha, values_at(plant, alpha)
     if worst > most:
-        return VerifiedBound(limit, "refuted", *own[1:])
+        return VerifiedBound(limit, "refuted", *facts[1:])
     bound = best_bound(plant, law, free)
     answer = "proved" if bound is not None and bound.level <= most else "undecided"
-    return VerifiedBound(limit, answer, bound, *own[2:])
+    return VerifiedBound(limit, answer, bound, *facts[2:])

@@ -42,12 +42,12 @@ def lyapunov_matrices(plant: UncertainPlant, law: Law, part: Region) -> list[np.
     if X is None or any(X[i][i] <= 0 for i in range(n)):
         return []
     size = max(abs(x) for row in X for x in row)
-    found = []
+    texts = []
     for bits in DIGITS:
         unit = Fraction(2) ** (size.numerator.bit_length() - size.denominator.bit_length() - bits)
         text = [[str(round(x / unit) * unit) for x in row] for row in X]
-        found.append(np.array([text], dtype=object))
-    return found
+        texts.append(np.array([text], dtype=object))
+    return texts
 
 
 def _solution(A: Rows, part: Region) -> Rows | None:
@@ -83,9 +83,9 @@ def _solved(rows: Rows) -> list[Fraction] | None:
         if pivot is None:
             return None
         rows[k], rows[pivot] = rows[pivot], rows[k]
-        own = rows[k] = [x / rows[k][k] for x in rows[k]]
+        pivoted = rows[k] = [x / rows[k][k] for x in rows[k]]
         for i in range(count):
             if i != k and rows[i][k]:
                 share = rows[i][k]
-                rows[i] = [x - share * y for x, y in zip(rows[i], own, strict=True)]
+                rows[i] = [x - share * y for x, y in zip(rows[i], pivoted, strict=True)]
     return [row[-1] for row in rows]

@@ -168,16 +168,18 @@ def refute_limits(
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if plant.period:
         raise InputError(f"{plant.name} is in discrete time; limits are refuted in continuous time")
-    for own in specifications:
-        require_type(own, Specification, "specifications", "for example Rms('force', 700)")
+    for specification in specifications:
+        require_type(
+            specification, Specification, "specifications", "for example Rms('force', 700)"
+        )
     asked = [
         s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
     ]
     for chosen in dict.fromkeys(s.scales(plant) for s in asked):
         together = tuple(s for s in asked if s.scales(plant) == chosen)
-        found = _refuted_together(plant, together, tuple(dampers))
-        if found is not None:
-            return found
+        refutation = _refuted_together(plant, together, tuple(dampers))
+        if refutation is not None:
+            return refutation
     return None
 
 
@@ -199,8 +201,8 @@ def lowest(
         As `refute_limits` does.
     """
     tiny = BELOW * near
-    found = refute_limits(plant, [replace(specification, at_most=tiny)], dampers)
-    return None if found is None else (found, tiny * found.factor)
+    refutation = refute_limits(plant, [replace(specification, at_most=tiny)], dampers)
+    return None if refutation is None else (refutation, tiny * refutation.factor)
 
 
 def _refuted_together(
@@ -210,8 +212,10 @@ def _refuted_together(
     larger, bare = with_weights(plant, asked)
     disturbance(larger)
     limits = tuple(
-        RmsLimit(s.exact_outputs(larger), Fraction(own.at_most or 0.0), Fraction(own.density) / 2)
-        for own, s in zip(asked, bare, strict=True)
+        RmsLimit(
+            s.exact_outputs(larger), Fraction(limit.at_most or 0.0), Fraction(limit.density) / 2
+        )
+        for limit, s in zip(asked, bare, strict=True)
     )
     semi_active = tuple(damper.of(larger) for damper in dampers)
     for claim in _claims(larger, limits, asked[0].scales(larger), semi_active):
@@ -239,14 +243,14 @@ def _claims(
             [v.exact_E for v in plant.vertices],
         )
     )
-    each = tuple(map(Fraction, scales))
+    exact_scales = tuple(map(Fraction, scales))
     driven = E
     if scales:
-        driven = [[[x * s for x, s in zip(row, each, strict=True)] for row in M] for M in E]
+        driven = [[[x * s for x, s in zip(row, exact_scales, strict=True)] for row in M] for M in E]
     owner = np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
     # the noise goes into the outputs; each is over its limit
     unit = np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
-    found: list[tuple[float, int, Array, Regular, Regulated]] = []
+    vertices: list[tuple[float, int, Array, Regular, Regulated]] = []
     for j in range(len(A)):
         outputs = [output for limit in limits for output in limit.outputs]
         C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
@@ -258,18 +262,18 @@ def _claims(
         floats = _regulated(exact, unit, owner, dampers, j)
         weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
         if cost > 1:
-            found.append((cost, j, weights, exact, floats))
-    for _, j, weights, exact, floats in sorted(found, key=lambda each: -round(each[0], 5)):
+            vertices.append((cost, j, weights, exact, floats))
+    for _, j, weights, exact, floats in sorted(vertices, key=lambda vertex: -round(vertex[0], 5)):
         count = len(limits)
         scaled = tuple(Fraction(x) for x in (weights[:count] * unit**2).tolist())
         taus = zip(weights[count:].tolist(), floats.units, strict=True)
         multipliers = tuple(Fraction(tau) * Fraction(size) for tau, size in taus)
         allowed = sum(a * y.level**2 / y.intensity for a, y in zip(scaled, limits, strict=True))
-        for own in _matrices(floats, weights):
-            factor = _factor(exact, own, allowed)
+        for P_reduced in _matrices(floats, weights):
+            factor = _factor(exact, P_reduced, allowed)
             if factor >= 1:
-                P = _lifted(own, exact.T)
-                evidence = (j, scaled, P, factor, dampers, multipliers, each)
+                P = _lifted(P_reduced, exact.T)
+                evidence = (j, scaled, P, factor, dampers, multipliers, exact_scales)
                 yield RmsRefutation(A, B, E, limits, *evidence)
 
 
@@ -290,11 +294,11 @@ def _regulated(
     # the cost is positive without multipliers, and where they are small
     both, n = np.hstack([C, D]), len(A)
     units = [
-        SMALL * float(np.linalg.norm(both[:, n + own.number]) or np.linalg.norm(both)) ** 2
-        for own in dampers
+        SMALL * float(np.linalg.norm(both[:, n + damper.number]) or np.linalg.norm(both)) ** 2
+        for damper in dampers
     ]
-    products = [_product_of(own, vertex, B.shape[1]) for own in dampers]
-    forms = tuple(size * own for size, own in zip(units, products, strict=True))
+    products = [_product_of(damper, vertex, B.shape[1]) for damper in dampers]
+    forms = tuple(size * form for size, form in zip(units, products, strict=True))
     return Regulated(A, B, E, C, D, owner, forms, tuple(units))
 
 
@@ -310,8 +314,8 @@ def _matrices(plant: Regulated, weights: Array) -> Iterator[Rationals]:
             P = plant.riccati(weights)
             for decay, _ in MARGINS[: len(MARGINS) // 2]:
                 less = decay * rate * np.diag(np.abs(np.diag(P)))
-                own = plant.riccati(weights, less=less)
-                yield [[Fraction(x) for x in row] for row in own.tolist()]
+                solution = plant.riccati(weights, less=less)
+                yield [[Fraction(x) for x in row] for row in solution.tolist()]
         return
     for decay, share in MARGINS:
         try:
@@ -356,10 +360,10 @@ def regular(A: Rationals, B: Rationals, E: Rationals, C: Rationals, D: Rationals
     """Return the plant of fewer states; None if no state or input is left."""
     plant = _without_unseen(Regular(A, B, E, C, D, identity(len(A))))
     while hidden := _null_space(plant.D):
-        found = _without_inputs(plant, hidden)
-        if found is None:
+        fewer = _without_inputs(plant, hidden)
+        if fewer is None:
             return None
-        plant = found
+        plant = fewer
     return _without_zeros(plant)
 
 
@@ -470,8 +474,8 @@ def _reduced(matrix: Rationals) -> tuple[Rationals, list[int]]:
         first = rows.pop(k)
         first = [x / first[j] for x in first]
         rows, done = (
-            [[x - row[j] * f for x, f in zip(row, first, strict=True)] for row in each]
-            for each in (rows, done)
+            [[x - row[j] * f for x, f in zip(row, first, strict=True)] for row in others]
+            for others in (rows, done)
         )
         done.append(first)
         pivots.append(j)
@@ -620,7 +624,7 @@ def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Arra
 
     bounds = [(max(LEAST, x / reach), min(1.0, x * reach)) for x in centre[:count]]
     bounds += [(x / reach, x * reach) for x in centre[count:]]
-    found = linprog(
+    optimum = linprog(
         np.append(np.zeros(len(centre)), -1.0),
         np.hstack([-cuts, np.ones((len(cuts), 1))]),
         np.zeros(len(cuts)),
@@ -628,6 +632,6 @@ def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Arra
         [1.0],
         [*bounds, (None, None)],
     )
-    if not found.success or found.x is None:
+    if not optimum.success or optimum.x is None:
         return centre, 0.0
-    return np.asarray(found.x[:-1]), float(found.x[-1])
+    return np.asarray(optimum.x[:-1]), float(optimum.x[-1])

@@ -59,20 +59,20 @@ def running(plant: UncertainPlant, design: Design) -> Running:
         If it is no such design, the plant has another shape, inputs act more than a sample late, or
         the law cannot be written so.
     """
-    own = design.plant.sampling
-    if own is None or design.plant.sample_time is None:
+    sampling = design.plant.sampling
+    if sampling is None or design.plant.sample_time is None:
         raise InputError(f"{design.plant.name}: the design has no sample time")
-    if plant.sample_time is not None or own.plant.shape != plant.shape:
+    if plant.sample_time is not None or sampling.plant.shape != plant.shape:
         raise InputError(f"{plant.name} is not the plant that the design samples")
-    if own.delay > 1:
+    if sampling.delay > 1:
         raise InputError(
-            f"inputs that act {own.delay} samples late cannot be "
+            f"inputs that act {sampling.delay} samples late cannot be "
             "simulated; design for a delay of 0 or 1"
         )
-    late, T = own.delay * plant.shape[1], float(design.plant.sample_time)
+    late, T = sampling.delay * plant.shape[1], float(design.plant.sample_time)
     kept = own_states(design.plant)
-    found = _law(design, plant, late, kept, T) if late or kept else design.law
-    return Running(with_states(plant, late + kept), found, Sampling(T, bool(own.delay), True))
+    law = _law(design, plant, late, kept, T) if late or kept else design.law
+    return Running(with_states(plant, late + kept), law, Sampling(T, bool(sampling.delay), True))
 
 
 def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) -> Law:
@@ -93,7 +93,7 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
         Z = np.concatenate([Z, rates], axis=1)
         return ScheduledGain(W, Z, law.parameters, law.degree, law.domain.sizes)
     measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
-    own = states(with_states(plant, late + kept))[n : n + late]
+    late_states = states(with_states(plant, late + kept))[n : n + late]
     r = len(measured)
     powers, ones = list(law.powers), law.one
     powers += [e for e in ones if e not in powers]
@@ -102,7 +102,7 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
         G = law.gains[k] if k < len(law.gains) else np.zeros((m + kept, r))
         wide = np.hstack([G, np.zeros((m + kept, late))])
         gains[k] = _rows(wide, r, m, late, T, ones.get(e, 0))
-    return PolynomialGain(tuple(powers), gains, (*measured, *own), law.parameters)
+    return PolynomialGain(tuple(powers), gains, (*measured, *late_states), law.parameters)
 
 
 def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Array:

@@ -272,8 +272,8 @@ class _Work:
 
     @property
     def most_cells(self) -> int:
-        each = max(cell_work(self.exactly, *form) for form in FORMS) * len(self.parts)
-        return min(MAX_CELLS, MAX_WORK // each)
+        work = max(cell_work(self.exactly, *form) for form in FORMS) * len(self.parts)
+        return min(MAX_CELLS, MAX_WORK // work)
 
     def decided(self, low: Point, high: Point, last: bool) -> Cell | None:
         """Return a cell with its answer, or None where it is to be halved: never the last time."""
@@ -282,9 +282,9 @@ class _Work:
         if distance.max() >= 0 and some and not last:
             return None
         if distance.max() >= 0:
-            found = self._counterexample(points[int(np.argmax(distance))], low, high)
-            if found is not None:
-                return found
+            outside = self._counterexample(points[int(np.argmax(distance))], low, high)
+            if outside is not None:
+                return outside
         evidence = self._proof(low, high)
         if evidence is None:
             return Cell(low, high, "undecided") if last else None
@@ -322,17 +322,17 @@ class _Work:
         claim = cell_claim(self.exactly, self.parts, low, high, ())
         loop, evidence = _loop(claim), []
         for region, part in zip(self.question.region.parts, self.parts, strict=True):
-            found = _evidence(replace(claim, region=(part,)), loop, region)
-            if found is None:
+            proof = _evidence(replace(claim, region=(part,)), loop, region)
+            if proof is None:
                 return None
-            evidence.append(found)
+            evidence.append(proof)
         return tuple(evidence)
 
 
 def _evidence(claim: Poles, loop: Loop, part: Region) -> Evidence | None:
     for form in FORMS:
-        for found in points_inside(loop, part, form):
-            X = [[[Fraction(e) for e in row] for row in Q] for Q in found.Q.tolist()]
+        for polynomial in points_inside(loop, part, form):
+            X = [[[Fraction(e) for e in row] for row in Q] for Q in polynomial.Q.tolist()]
             evidence = Evidence(X, *form)
             if prove(replace(claim, evidence=(evidence,))).proved:
                 return evidence
@@ -360,11 +360,11 @@ def _cells(axes: tuple[Axis, ...]) -> list[tuple[Point, Point]]:
     count = prod(len(side) for side in sides)
     if count > MAX_CELLS:
         raise InputError(f"the grid has {count} cells; at most {MAX_CELLS} are checked")
-    found = []
+    boxes = []
     for choice in product(*sides):
         low, high = zip(*choice, strict=True)
-        found.append((low, high))
-    return found
+        boxes.append((low, high))
+    return boxes
 
 
 def _halves(low: Point, high: Point, axes: tuple[Axis, ...]) -> list[tuple[Point, Point]]:

@@ -120,8 +120,8 @@ class GainQuestion:
                 E, H = kron(M1, B * left), error * kron(M2.T, Y @ right)
                 mu = np.linalg.norm(H) / max(float(np.linalg.norm(E)), np.finfo(float).tiny)
                 one, other = E @ E.swapaxes(-1, -2), H @ H.swapaxes(-1, -2)
-                each = (mu * share for share in SHARES)
-                if not any(are_positive(F - mu * one - other / mu) for mu in each):
+                multipliers = (mu * share for share in SHARES)
+                if not any(are_positive(F - mu * one - other / mu) for mu in multipliers):
                     return False
             if loop.spread is not None and error > self._covered(loop, loop.elevation or 0, cover):
                 return False

@@ -117,12 +117,12 @@ def proved_at(
 
 def subject_of(design: Design, region: Region, reached: Reached) -> Subject:
     """Return what a claim is about: a design and a region, and how finely it is proved."""
-    own = design.certificate.at_rest.claim()
+    whole = design.certificate.at_rest.claim()
     ranges = ranges_of(design.plant)
-    claim = replace(own, region=parts_of(region.document()))
+    claim = replace(whole, region=parts_of(region.document()))
     if reached.cover != 1:
         claim = replace(
-            claim, evidence=tuple(_covering(each, reached.cover) for each in own.evidence)
+            claim, evidence=tuple(_covering(proof, reached.cover) for proof in whole.evidence)
         )
     return Subject(claim, ranges, (reached.pieces,) * len(ranges), reached.elevation)
 
@@ -167,11 +167,11 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
     about constant parameters, so is what proves it.
     """
     kept = design.region if region is None else region
-    own = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
-    if design.method in own:
+    methods = ("scheduled", "quadratic", *(("lyapunov",) if kept == design.region else ()))
+    if design.method in methods:
         return design
-    found = analyse(design.plant.at_rest, design.law, kept).certificate
-    return None if found is None else at_rest(found, design.plant)
+    certificate = analyse(design.plant.at_rest, design.law, kept).certificate
+    return None if certificate is None else at_rest(certificate, design.plant)
 
 
 def at_rest(certificate: Certificate, plant: UncertainPlant) -> Design:

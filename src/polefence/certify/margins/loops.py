@@ -119,12 +119,14 @@ class Balanced:
         if self.curve is not None:
             curve = bernstein(domain, self.curve, d)
             plant = {e: P + curve[e] for e, P in plant.items()}
-        each = (
+        polynomials = (
             (bernstein(domain, self.W, self.degree), elevation + d),
             (times(plant, bernstein(domain, W, self.degree)), elevation),
             ({e: P[:, n:] for e, P in plant.items()}, total - d),
         )
-        X, N, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in each)
+        X, N, B = (
+            _stacked(elevated(P, domain, power), domain, total)[None] for P, power in polynomials
+        )
         return X, N, B
 
     def seen(self, C: Array, elevation: int) -> Array:
@@ -132,9 +134,9 @@ class Balanced:
         domain, d = self.domain, self.plant_degree
         C = C if self.corners is None else np.tensordot(self.corners, C, 1)
         moved = bernstein(domain, np.swapaxes(C @ self.T, 1, 2), 1)
-        found = times(bernstein(domain, self.W, self.degree), moved)
-        found = elevated(found, domain, elevation + d - 1)
-        return _stacked(found, domain, self.degree + d + elevation)
+        signals = times(bernstein(domain, self.W, self.degree), moved)
+        signals = elevated(signals, domain, elevation + d - 1)
+        return _stacked(signals, domain, self.degree + d + elevation)
 
     def lost(self, M: Array, cover: float = 1.0) -> Array:
         """Return what a remainder takes of the inequality of one L, M, for a multiple of Omega."""
@@ -149,10 +151,10 @@ class Balanced:
         if self.spread is None:
             raise InputError("the plant has no remainder")
         domain = self.domain
-        own = np.concatenate([self.W, self.spread.states @ self.W, self.spread.inputs @ self.Z], 1)
-        raised = elevated(bernstein(domain, own, self.degree), domain, elevation)
-        found = _stacked(raised, domain, self.degree + elevation)
-        return found[:, : self.W.shape[1]], found[:, self.W.shape[1] :]
+        rows = np.concatenate([self.W, self.spread.states @ self.W, self.spread.inputs @ self.Z], 1)
+        raised = elevated(bernstein(domain, rows, self.degree), domain, elevation)
+        stacked = _stacked(raised, domain, self.degree + elevation)
+        return stacked[:, : self.W.shape[1]], stacked[:, self.W.shape[1] :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +170,12 @@ class Spread:
     inputs: Array
 
     @classmethod
-    def of(cls, found: Mapping[str, Any], T: Array, m: int) -> Spread:
+    def of(cls, remainder: Mapping[str, Any], T: Array, m: int) -> Spread:
         """Return it for coordinates y, x = T y, and m inputs."""
         n, back = len(T), np.linalg.inv(T)
-        omega, rows, columns = (np.asarray(found[key]) for key in ("omega", "rows", "columns"))
-        own = columns[:n, None] * T, np.diag(columns[n : n + m])
-        return cls(back * rows, back @ omega @ back.T, *own)
+        omega, rows, columns = (np.asarray(remainder[key]) for key in ("omega", "rows", "columns"))
+        sides = columns[:n, None] * T, np.diag(columns[n : n + m])
+        return cls(back * rows, back @ omega @ back.T, *sides)
 
 
 def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
@@ -189,40 +191,42 @@ def balanced(design: Design, region: Region) -> tuple[Balanced, ...]:
     """
     if design.method == "slack":
         raise InputError("nothing is proved for service from a design of method 'slack'")
-    found = list(lyapunovs(design.certificate))
+    pieces = list(lyapunovs(design.certificate))
     if design.method == "lyapunov":
-        return tuple(_balanced(design, own, part) for part, own in found)
-    return (_balanced(design, found[0][1], region),)
+        return tuple(_balanced(design, lyapunov, part) for part, lyapunov in pieces)
+    return (_balanced(design, pieces[0][1], region),)
 
 
-def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
+def _balanced(design: Design, lyapunov: Lyapunov, region: Region) -> Balanced:
     """Return the value for a Lyapunov polynomial of the region."""
     law, plant, domain = design.law, design.plant, design.certificate.domain
-    if own.box is not None and plant.remainder is not None:
-        plant = inside(plant, *(tuple(map(Fraction, ends)) for ends in (own.box.low, own.box.high)))
-    A, B, X, degree, first = plant.A, plant.B, own.X, own.degree, None
+    if lyapunov.box is not None and plant.remainder is not None:
+        plant = inside(
+            plant, *(tuple(map(Fraction, ends)) for ends in (lyapunov.box.low, lyapunov.box.high))
+        )
+    A, B, X, degree, first = plant.A, plant.B, lyapunov.X, lyapunov.degree, None
     N, (n, m) = len(A), plant.shape
     if plant.curve_degree > 1:
         A = np.concatenate([A, plant.curve[:, :, :n]])
         B = np.concatenate([B, plant.curve[:, :, n : n + m]])
-    if own.box is not None and plant.remainder is None:
-        A, B = plant.at(own.box.alpha(domain, np.eye(domain.corners)))
+    if lyapunov.box is not None and plant.remainder is None:
+        A, B = plant.at(lyapunov.box.alpha(domain, np.eye(domain.corners)))
     if law.K is not None:
         KX: Array = law.K @ X
     elif law.W is None:
         form = bernstein(domain, law.form, law.degree)
-        form = form if own.box is None else own.box.polynomial(form, domain)
+        form = form if lyapunov.box is None else lyapunov.box.polynomial(form, domain)
         both = times(form, bernstein(domain, X, degree))
         degree += law.degree
         X, KX = np.split(_stacked(both, domain, degree), [plant.shape[0]], axis=1)
-    elif own.multiple is None:
+    elif lyapunov.multiple is None:
         KX = law.form[:, n:]
     else:
         # X = W V, K X = Z V with V = multiple + Q W, in the law's own coordinates first
         first, (W, Z) = law.coordinates, law.even
         w = bernstein(domain, W, law.degree)
         V = times(bernstein(domain, first.duals(X), degree), w)
-        scalars = bernstein(domain, own.multiple[:, None, None] * np.eye(n), degree)
+        scalars = bernstein(domain, lyapunov.multiple[:, None, None] * np.eye(n), degree)
         for e, matrix in elevated(scalars, domain, law.degree).items():
             V[e] = V[e] + matrix
         both = times(bernstein(domain, np.concatenate([W, Z], axis=1), law.degree), V)
@@ -247,12 +251,12 @@ def _balanced(design: Design, own: Lyapunov, region: Region) -> Balanced:
         len(plant.parameters),
         region.pairs(),
         all(part.kind == "disk" for part in region.parts),
-        own.elevation,
-        not (own.degree if law.W is None else degree),
+        lyapunov.elevation,
+        not (lyapunov.degree if law.W is None else degree),
         np.concatenate([A[N:], B[N:]], axis=2) if plant.curve_degree > 1 else None,
         plant.curve_degree,
-        None if own.remainder is None else Spread.of(own.remainder, T, m),
-        None if own.box is None else own.box.alpha(domain, np.eye(domain.corners)),
+        None if lyapunov.remainder is None else Spread.of(lyapunov.remainder, T, m),
+        None if lyapunov.box is None else lyapunov.box.alpha(domain, np.eye(domain.corners)),
     )
 
 
@@ -349,10 +353,10 @@ def lattice(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> tuple[Array, Ar
     nodes, inverse = np.zeros((1, 0)), np.ones((1, 1))
     for size, degree in zip(sizes, degrees, strict=True):
         domain = Domain((size,))
-        own = np.array(domain.monomials(degree), dtype=float) / max(degree, 1)
-        own = own if degree else np.full((1, size), 1 / size)
-        values = domain.basis(own, degree) if degree else np.ones((1, 1))
-        nodes = np.hstack([np.repeat(nodes, len(own), axis=0), np.tile(own, (len(nodes), 1))])
+        grid = np.array(domain.monomials(degree), dtype=float) / max(degree, 1)
+        grid = grid if degree else np.full((1, size), 1 / size)
+        values = domain.basis(grid, degree) if degree else np.ones((1, 1))
+        nodes = np.hstack([np.repeat(nodes, len(grid), axis=0), np.tile(grid, (len(nodes), 1))])
         inverse = np.kron(inverse, np.linalg.inv(values))
     return nodes, inverse
 

@@ -228,8 +228,8 @@ class _Inside:
             loop = loop_of(plant, law)
         if self.full:
             return None
-        for polynomial in self._candidates(plant, law, loop):
-            evidence = in_rationals(with_remainder(plant, law, polynomial))
+        for candidate in self._candidates(plant, law, loop):
+            evidence = in_rationals(with_remainder(plant, law, candidate))
             with suppress(work.FormatError), work.counted() as count:
                 if prove(replace(claim, evidence=(evidence,))).proved:
                     self.spent += count.spent

@@ -277,7 +277,7 @@ def verify(
     """Call `analyse` by its old name."""
     warn_renamed("verify", "analyse")
     if isinstance(law, GainTable):
-        raise InputError("a table of gains is analysed, not limit: polefence.analyse")
+        raise InputError("a table of gains is analysed, not verified: polefence.analyse")
     return analyse(plant, law, region, budget, limits=limits, lyapunov=lyapunov)
 
 

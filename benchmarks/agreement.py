@@ -23,7 +23,7 @@ from polefence.lmi.conditions.methods import build
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import Reached, lyapunov_mean
 from polefence.lmi.solve.smallest import FLOOR
-from polefence.search.place import smallest_disk
+from polefence.search.by_lmi import smallest_disk
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.margin import largest_margin

@@ -53,7 +53,7 @@ from polefence.lmi.solve.search import Reached
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
-from polefence.search.place import smallest_disk
+from polefence.search.by_lmi import smallest_disk
 
 TOLERANCE = 1e-4  # of the bracket, relative to its upper end
 TOP = 1.25  # first upper end, in units of sigma

@@ -115,7 +115,7 @@ from polefence.search.observer import (
     observe as observe,
 )
 from polefence.search.optimise import Optimised as Optimised, optimise as optimise
-from polefence.search.placed import place as place, tightest as tightest
+from polefence.search.place import place as place, tightest as tightest
 from polefence.search.rows import RunOptions as RunOptions
 from polefence.search.semi_active import SemiActiveLaw as SemiActiveLaw, semi_active as semi_active
 from polefence.search.tradeoff import Asked as Asked, Front as Front, tradeoff as tradeoff

@@ -36,8 +36,8 @@ from polefence.proof import matrices as exactly
 from polefence.proof import polynomials, regions, roots
 from polefence.proof.matrices import mix
 from polefence.region.text import digits_up
+from polefence.search.by_lmi import _designs
 from polefence.search.limits import Limit
-from polefence.search.place import _designs
 
 # A helicopter and a moored floating platform, HE1 and MFP of F. Leibfritz, COMPleib: constrained
 # matrix-optimization problem library, 2004.

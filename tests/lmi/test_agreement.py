@@ -12,7 +12,7 @@ from polefence.base.errors import PlantError, UncontrollableError
 from polefence.lmi.solve.interior_point import MAX_ITERATIONS
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import ROUNDS, lyapunov_mean
-from polefence.search.place import smallest_disk
+from polefence.search.by_lmi import smallest_disk
 from support.margin import largest_margin
 from support.paths import FAMILIES
 

@@ -28,7 +28,7 @@ def test_a_search_without_a_start_leaves_a_row_undecided(monkeypatch, make_rando
     def fail(*_, **__):
         raise SolverError("no point to start from")
 
-    monkeypatch.setattr("polefence.search.place.smallest", fail)
+    monkeypatch.setattr("polefence.search.by_lmi.smallest", fail)
     plant = make_random(1, 2, 1, 2)
     rows = limits(plant, [-2.0, -3.0], ["quadratic", "scheduled"])
     assert [row.answer for row in rows] == ["undecided"] * 4

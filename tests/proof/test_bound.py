@@ -15,8 +15,8 @@ from polefence.lmi.conditions.methods import method_name
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine
 from polefence.lmi.solve.smallest import smallest
+from polefence.search.by_lmi import smallest_disk
 from polefence.search.many import tightest
-from polefence.search.place import smallest_disk
 
 compiled = pytest.mark.skipif(
     not hasattr(engine.kernel(), "lower"), reason="installed without a compiler: no second prover"
@@ -60,7 +60,7 @@ def test_its_bounds_are_those_of_rationals(case, method, make_random):
 @compiled
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_the_car_is_bounded_without_rationals(method, physical, monkeypatch):
-    monkeypatch.setattr("polefence.search.place.lower_bound", lambda *_: pytest.fail("asked"))
+    monkeypatch.setattr("polefence.search.by_lmi.lower_bound", lambda *_: pytest.fail("asked"))
     design, found = smallest_disk(physical, -40.0, method)
     assert found.r * (1 - 1e-6) <= design.lower < found.r
 

@@ -17,7 +17,7 @@ from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine
 from polefence.lmi.solve.smallest import smallest
 from polefence.proof.claims.poles import Poles
-from polefence.search.place import rounded
+from polefence.search.by_lmi import rounded
 
 compiled = pytest.mark.skipif(
     not hasattr(engine.kernel(), "poles"), reason="installed without a compiler: no second prover"

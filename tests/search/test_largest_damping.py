@@ -12,7 +12,7 @@ T = 0.05
 def test_the_largest_damping_ratio_is_bracketed(monkeypatch):
     """A feedback of the position alone cannot damp as one likes: each gain that it may have."""
     close = 0.05
-    monkeypatch.setattr("polefence.search.placed.CLOSE", close)  # each failure takes long
+    monkeypatch.setattr("polefence.search.place.DAMPINGS", 5)  # each failure takes long
     position = Structure(measured=("x1",), schedule=(), largest_gain=3.0)
     light = UncertainPlant.from_vertices(
         [[[1, T], [-T * k, 0.97]] for k in (1, 2)], [[[0], [T]]] * 2, sample_time="0.05"

@@ -17,7 +17,7 @@ from polefence import (
     UncertainPlant,
     UncontrollableError,
 )
-from polefence.search.place import rounded, smallest_disk
+from polefence.search.by_lmi import rounded, smallest_disk
 
 
 def chain(count: int) -> UncertainPlant:

@@ -10,7 +10,7 @@ import pytest
 import polefence as pf
 from polefence.certify.bounds import sampled
 from polefence.plant.points import seeded
-from polefence.search import placed
+from polefence.search import structured
 
 ROUNDING = 1 + 1e-3  # searches and proofs end that near to their end
 
@@ -141,11 +141,11 @@ def test_a_disk_of_a_higher_order_is_no_larger(seed):
 
 
 def test_a_disk_is_that_of_the_lower_order_where_no_higher_is_better(monkeypatch):
-    plant, search = loop(1), placed._Sought.tightest
+    plant, search = loop(1), structured.Sought.tightest
     lower = smallest(plant, 0)
     for found in (None, lower):
         monkeypatch.setattr(
-            placed._Sought,
+            structured.Sought,
             "tightest",
             lambda own, *rest, found=found: found if own.structure.order else search(own, *rest),
         )

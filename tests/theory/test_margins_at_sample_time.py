@@ -32,7 +32,7 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
-from polefence.search import estimated, nearby
+from polefence.search import driver, estimated
 from support.specs import SPRING
 
 T = 0.02
@@ -294,17 +294,16 @@ def test_what_breaks_by_one_error_alone_breaks_by_all_at_once(design, monkeypatc
 
 
 def test_one_gain_is_kept_where_no_scheduled_one_is_proved(plant, monkeypatch):
-    def placed(own, region, *_):
-        law = analyse(plant, FixedGain(np.array([[-30.0, -12.0]])), region).design
-        calls.append(own)
-        if len(calls) == 1:
-            raise NotProvedError("not proved")
-        return law
+    def kept(whole, law, region):
+        calls.append(law.fixed)
+        return driver.kept(whole, law, region) if law.fixed and one_gain else None
 
-    calls = []
-    monkeypatch.setattr(nearby, "placed", placed)
-    assert place(plant, HalfPlane(2), structure=Structure(schedule=("k",))).proved
-    assert len(calls) == 2
-    calls.clear()
-    with pytest.raises(NotProvedError):
+    calls, one_gain = [], True
+    monkeypatch.setattr("polefence.search.place.kept", kept)
+    design = place(plant, HalfPlane(2), structure=Structure(schedule=("k",)))
+    assert design.law.fixed
+    assert prove(design.certificate.claim()).proved
+    assert not calls[0]
+    one_gain = False
+    with pytest.raises(NotProvedError, match="not within the interpolation-error bound"):
         place(plant, HalfPlane(2), structure=Structure(schedule=()))

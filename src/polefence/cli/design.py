@@ -30,7 +30,7 @@ from polefence.lmi.conditions.methods import Method, Scheduled
 from polefence.plant.parameters import exact
 from polefence.plant.spec import load
 from polefence.proof.text import digits_down, exactly
-from polefence.search.placed import place
+from polefence.search.place import place
 from polefence.search.rows import plant_summary
 
 

@@ -65,7 +65,7 @@ def law_of_spec(plant: UncertainPlant, spec: str) -> tuple[UncertainPlant, Named
     that says why.
     """
     from polefence.search.optimise import optimise
-    from polefence.search.placed import place
+    from polefence.search.place import place
     from polefence.vehicle.compare import NoLaw
 
     (least, limits), region = load_specifications(spec), load_region(spec)

@@ -27,7 +27,7 @@ from polefence.plant.spec import load
 from polefence.proof.text import exactly
 from polefence.region.regions import Disk
 from polefence.region.text import digits_down, digits_up, parse_region, short_text
-from polefence.search.placed import tightest
+from polefence.search.place import tightest
 from polefence.search.rows import plant_summary
 
 

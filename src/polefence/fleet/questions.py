@@ -57,8 +57,8 @@ from polefence.requirements.specification import Specification
 from polefence.requirements.text import load_specifications
 from polefence.response.stationary import velocity_density
 from polefence.search import many
+from polefence.search.driver import require_kind
 from polefence.search.optimise import Optimised, optimise
-from polefence.search.place import require_kind
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
 
 PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"

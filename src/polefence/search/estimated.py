@@ -11,17 +11,19 @@ the plant by the law's own W.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, NotProvedError, SolverError, suggest
+from polefence.base.errors import InputError, NotProvedError, suggest
+from polefence.certify.certificate import Certificate
 from polefence.certify.checks import (
-    in_time_of,
     require_checkable,
     require_domain,
     require_movable,
@@ -45,7 +47,6 @@ from polefence.certify.margins.estimate import (
 from polefence.certify.margins.loops import balanced
 from polefence.lmi.conditions.methods import Method, Scheduled, Slack, method_label, options
 from polefence.lmi.conditions.target import Patch
-from polefence.lmi.solve.search import Reached as Point
 from polefence.plant.boxes import Box
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
@@ -54,84 +55,72 @@ from polefence.plant.system import Array
 from polefence.proof.claims.estimate import Estimate, segments
 from polefence.region.regions import Region
 from polefence.response.samples import at_sample_time
-from polefence.search.place import points_in, proved_at, rounded
+from polefence.search.by_lmi import laws_in, proved
+from polefence.search.driver import Source
 
 ROOM = (1.0, 1.05, 1.25)  # times the errors that a design is for, until the errors are proved
 
 
-def placed(
-    plant: UncertainPlant,
-    region: Region,
-    method: Method | None,
-    errors: Mapping[str, Any],
-    narrower: Sequence[Region] = (),
-) -> Design:
-    """Design a law that keeps a region for all estimates that are off by so much.
+def sources(
+    plant: UncertainPlant, region: Region, method: Method | None, errors: Mapping[str, Any]
+) -> list[Source]:
+    """Return laws for a region for all estimates that are off by so much, and a little more.
+
+    What is proved has the claim of the errors among its ``more``.
 
     Parameters
     ----------
     errors : mapping
         Of each parameter's name to how far its estimate may be off, in its unit; others are known.
-    narrower : sequence of Region
-        In which laws are looked for besides, where those of the region itself are not proved.
-
-    Returns
-    -------
-    Design
-        With the claim of the errors among its ``more``.
 
     Raises
     ------
     NotProvedError
-        If no law was found that is proved.
+        If a proof would be too large.
     InputError
         If a name or an error is none, or the method is none that schedules.
     """
     own = _errors(plant, errors)
     method = _boxed(method)
-    region = in_time_of(plant, region)
     require_domain(plant, method)
     require_region(plant, region, method)
     require_movable(plant, region)
     require_checkable(plant, method, len(region.parts))
     plant = _countable(plant, region, method, own)
-    bare = plant.combinations
-    for room in ROOM:
+    said = ", ".join(
+        f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, own, strict=True) if e
+    )
+
+    def laws(room: float, inside: Region) -> Iterator[Certificate]:
         wider = [
             min(Fraction(room) * e, p.high - p.low)
             for e, p in zip(own, plant.parameters, strict=True)
         ]
-        for searched in (region, *narrower):
-            try:
-                found, pairs = list[Point](), patches(plant, wider)
-                for point in points_in(bare, searched, method, found, pairs):
-                    design = _kept(plant, region, method, point)
-                    claim = None if design is None else _claim(design, own)
-                    if design is not None and claim is not None and design.runs:
-                        return Design(design.certificate, more=(claim,))
-            except SolverError as error:
-                if searched != region:
-                    break
-                raise NotProvedError(f"undecided: {method_label(method)}: {error}") from error
-    said = ", ".join(
-        f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, own, strict=True) if e
-    )
-    raise NotProvedError(
-        f"not proved: {method_label(method)} gives no proof for {region} with {said}; try smaller "
-        "errors, a wider region, or one gain, which needs no estimates"
-    )
+        return laws_in(plant.combinations, inside, method, patches(plant, wider), refusal(region))
+
+    def certified(found: Certificate, region: Region) -> Design | None:
+        design = _kept(plant, found, region)
+        claim = None if design is None else _claim(design, own)
+        return None if design is None or claim is None else replace(design, more=(claim,))
+
+    def refusal(region: Region) -> NotProvedError:
+        return NotProvedError(
+            f"not proved: {method_label(method)} gives no proof for {region} with {said}; try "
+            "smaller errors, a wider region, or one gain, which needs no estimates"
+        )
+
+    return [Source(plant, partial(laws, room), certified, refusal) for room in ROOM]
 
 
-def _kept(plant: UncertainPlant, region: Region, method: Scheduled, point: Point) -> Design | None:
+def _kept(plant: UncertainPlant, found: Certificate, region: Region) -> Design | None:
     """Return the design of a point, None where it is not proved: with X = W for a remainder."""
     if plant.remainder is None:
-        return proved_at(plant, region, method, point)
-    n, found = plant.shape[0], {"degree": 0, "elevation": method.elevation}
-    with suppress(SolverError, np.linalg.LinAlgError):
-        law = rounded(plant.combinations, region, method, point).law
-        own = found | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
-        evidence = with_remainder(plant, law, own)
-        certificate = certificate_of(plant, law, region, [evidence] * len(region.parts))
+        return proved(found, region)
+    n, shape = plant.shape[0], {"degree": 0, "elevation": found.evidence.get("elevation", 1)}
+    with suppress(np.linalg.LinAlgError):
+        own = shape | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
+        evidence = with_remainder(plant, found.law, own)
+        certificate = certificate_of(plant, found.law, region, [evidence] * len(region.parts))
         return Design(certificate) if certificate.holds() else None
     return None
 

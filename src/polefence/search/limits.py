@@ -43,8 +43,9 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.reading import MAX_BYTES, parse
 from polefence.proof.short import Short
 from polefence.region.regions import Disk
-from polefence.search import place
-from polefence.search.place import radius_of
+from polefence.search import by_lmi
+from polefence.search.by_lmi import radius_of
+from polefence.search.driver import Kind
 from polefence.search.rows import Key, Row, Run, RunOptions, plant_summary
 
 # What a row keeps of its design: with the plant, its centre and its radius all that proves it.
@@ -211,7 +212,8 @@ def _row(plant: UncertainPlant, task: Task, bounds: bool) -> tuple[int, Limit]:
     name, start = method_label(method), time.perf_counter()
     with stage(f"centre {centre:g} {name}"):
         try:
-            design = place.tightest(plant, centre, method, bounds=bounds).checkable
+            kind = Kind("disk", centre)
+            design = by_lmi.tightest(plant, kind, method, bounds=bounds).checkable
         except NotProvedError:
             design = None
     seconds = time.perf_counter() - start

@@ -24,8 +24,8 @@ from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, method_name
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Region
-from polefence.search import placed
-from polefence.search.place import require_kind
+from polefence.search import place as one
+from polefence.search.driver import require_kind
 
 Answer = TypeVar("Answer")
 Task = TypeVar("Task")
@@ -65,7 +65,7 @@ def place(
     plants = _listed(plants, "plants")
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     _require_one(method, structure)
-    alone = partial(placed.place, region=region, method=method, structure=structure)
+    alone = partial(one.place, region=region, method=method, structure=structure)
     return _answers(alone, plants, executor)
 
 
@@ -111,7 +111,7 @@ def tightest(
     require_kind(of)
     plants = _listed(plants, "plants")
     pairs = list(zip(plants, _centres(centre, len(plants)), strict=True))
-    asked = partial(placed.tightest, method=method, of=of, within=within, structure=structure)
+    asked = partial(one.tightest, method=method, of=of, within=within, structure=structure)
     return _answers(partial(_tightest, asked, bounds), pairs, executor)
 
 
@@ -138,7 +138,7 @@ def check(
 def _require_one(method: Method | None, structure: Structure | None) -> None:
     """Refuse what no plant has an answer to: a method beside a structure, or an unknown one."""
     if structure is not None:
-        placed.require_structure_alone(method)
+        one.require_structure_alone(method)
     elif method is not None:
         method_name(method)
 

@@ -24,7 +24,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array, Exact
 from polefence.proof.short import Short
 from polefence.region.regions import Region
-from polefence.search.placed import place, tightest
+from polefence.search.place import place, tightest
 
 
 @explained

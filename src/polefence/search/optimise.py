@@ -49,7 +49,7 @@ from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
-from polefence.search.placed import as_sampled
+from polefence.search.structured import as_sampled
 from polefence.search.task import Candidate, Missing, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR

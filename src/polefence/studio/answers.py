@@ -16,7 +16,7 @@ from polefence.certify.progress import progress
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region
-from polefence.search.placed import tightest
+from polefence.search.place import tightest
 from polefence.studio.question import Found, Question
 from polefence.studio.subject import Subject
 

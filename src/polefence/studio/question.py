@@ -17,7 +17,7 @@ from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.requirements.specification import Specification, listed
 from polefence.search.optimise import Optimised, optimise
-from polefence.search.placed import place
+from polefence.search.place import place
 from polefence.studio.subject import Subject, Wanted
 
 SCHEDULED = "scheduled"

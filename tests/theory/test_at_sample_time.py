@@ -431,14 +431,15 @@ def test_laws_are_designed_and_their_files_proved(tmp_path, spring, plant, metho
         read(json.dumps(data))
 
 
-def test_the_smallest_disk_is_a_little_wider_than_without_a_remainder(spring, plant):
+def test_the_smallest_disk_is_near_the_worst_sample_and_that_of_the_method(spring, plant):
     exact = replace(plant, remainder=None, sampling=None)
     least, found = (tightest(each, 0.3, "quadratic") for each in (exact, plant))
-    assert least.region.radius < found.region.radius < 1.05 * least.region.radius
+    worst = 0.0
     for alpha in inside(200):
         A, B, _ = samples(spring, alpha, T, plant.shape[0] - 2)
         z = np.linalg.eigvals(A + B @ found.law.gain(alpha))
-        assert np.abs(z - 0.3).max() < found.region.radius
+        worst = max(worst, np.abs(z - 0.3).max())
+    assert 0.95 * found.region.radius < worst < found.region.radius < 1.001 * least.region.radius
 
 
 def test_laws_are_optimised_at_a_sample_time(tmp_path, spring, plant):

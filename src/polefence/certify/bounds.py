@@ -341,10 +341,8 @@ def _in_parts(question: _Question) -> Iterator[Bound]:
 
 def _along_motions(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of polynomials that are interpolated, where parameters move."""
-    every = sorted(question.along_motions, key=lambda polynomial: polynomial.level)
-    bound = first(
-        question.stepped(question.along(polynomial), polynomial.level) for polynomial in every
-    )
+    every = sorted(question.along_motions, key=lambda along: along.level)
+    bound = first(question.stepped(question.along(along), along.level) for along in every)
     if bound is not None:
         yield bound
 
@@ -594,18 +592,16 @@ def _proved(
     return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 
 
-def _evidences(polynomial: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
+def _evidences(point: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:
     """Yield Q as floats have it, and as the exact product that it is of what was found."""
-    multiple = (
-        () if polynomial.multiple is None else tuple(map(Fraction, polynomial.multiple.tolist()))
-    )
-    rounded = Evidence([_rationals(Q) for Q in polynomial.Q], form[0], form[1], multiple)
-    rounded = replace(rounded, pieces=polynomial.pieces)
-    if polynomial.held is not None:
-        rounded = with_held(rounded, polynomial.held, polynomial.held_degree)
+    multiple = () if point.multiple is None else tuple(map(Fraction, point.multiple.tolist()))
+    rounded = Evidence([_rationals(Q) for Q in point.Q], form[0], form[1], multiple)
+    rounded = replace(rounded, pieces=point.pieces)
+    if point.held is not None:
+        rounded = with_held(rounded, point.held, point.held_degree)
     yield rounded
-    left = _rationals(polynomial.left)
-    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in polynomial.scaled]
+    left = _rationals(point.left)
+    products = [_congruent(left, _rationals((S + S.T) / 2)) for S in point.scaled]
     yield replace(rounded, X=products)
 
 
@@ -716,17 +712,17 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
     whose poles are too fast for doubles, does not keep the bound once doubles evaluate it. Where
     what is left is rounding, of the signal's own parts, the bound is raised above it.
     """
-    specification, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
+    asked, alpha = bound.specification, seeded(plant, len(plant.vertices) + FEW)
     try:
-        worst = sampled(plant, law, specification, alpha).worst
+        worst = sampled(plant, law, asked, alpha).worst
         if worst <= bound.level * (1 + AGREED):
             return bound
         near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(
-            plant, law, specification, alpha
+            plant, law, asked, alpha
         )
     except (InputError, np.linalg.LinAlgError):
         return None
-    return raised(bound, worst * (1 + AGREED)) if near and specification.at_most is None else None
+    return raised(bound, worst * (1 + AGREED)) if near and asked.at_most is None else None
 
 
 def _parts(plant: UncertainPlant, law: Any, specification: Specification, alpha: Array) -> float:

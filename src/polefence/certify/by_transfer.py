@@ -140,7 +140,5 @@ class ByTransfer:
         """Whether all polynomials of a level are positive, as far as its share of the work goes."""
         claim = replace(self.claim, level=Fraction(level))
         with suppress(FormatError), counted(MAX_WORK // SHARE):
-            return all(
-                positive(polynomial).proved for _, polynomial in claim.polynomials(self.transfer)
-            )
+            return all(positive(P).proved for _, P in claim.polynomials(self.transfer))
         return False

@@ -313,23 +313,21 @@ def _evidence(claim: Poles) -> dict[str, Any]:
     return ({"on": claim.on} if claim.law.fixed else {}) | {"parts": parts}
 
 
-def part_of(evidence: laws.Evidence) -> dict[str, Any]:
+def part_of(proof: laws.Evidence) -> dict[str, Any]:
     """Return the evidence for one part of a region."""
-    if evidence.cells:
-        bounds = ({"low": piece.low, "high": piece.high} for piece in evidence.cells)
+    if proof.cells:
+        bounds = ({"low": piece.low, "high": piece.high} for piece in proof.cells)
         ends = [{key: np.array(list(map(float, p))) for key, p in box.items()} for box in bounds]
-        pairs = zip(ends, evidence.cells, strict=True)
+        pairs = zip(ends, proof.cells, strict=True)
         return {"cells": tuple(box | part_of(piece.evidence) for box, piece in pairs)}
-    part = {"X": _exactly(evidence.X), "degree": evidence.degree, "elevation": evidence.elevation}
-    if evidence.pieces:
-        part["pieces"] = evidence.pieces
-    if evidence.multiple:
-        part["multiple"] = np.array([float(v) for v in evidence.multiple])
-    if evidence.spread is not None:
+    part = {"X": _exactly(proof.X), "degree": proof.degree, "elevation": proof.elevation}
+    if proof.pieces:
+        part["pieces"] = proof.pieces
+    if proof.multiple:
+        part["multiple"] = np.array([float(v) for v in proof.multiple])
+    if proof.spread is not None:
         keys = ("omega", "rows", "columns")
-        part["remainder"] = {
-            key: np.array(getattr(evidence.spread, key), dtype=float) for key in keys
-        }
+        part["remainder"] = {key: np.array(getattr(proof.spread, key), dtype=float) for key in keys}
     return part
 
 
@@ -483,12 +481,8 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
     """
     try:
         outputs = tuple(
-            Output(
-                output.name,
-                output.unit,
-                *([row for (row,) in rows] for rows in (output.C, output.D, output.F)),
-            )
-            for output in plant.outputs
+            Output(z.name, z.unit, *([row for (row,) in rows] for rows in (z.C, z.D, z.F)))
+            for z in plant.outputs
         )
         family = UncertainPlant.from_vertices(
             plant.A,

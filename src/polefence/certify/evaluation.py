@@ -163,13 +163,11 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
     if certificate.method == "lyapunov":
         scheduled = law.W is not None
         for part, divided in zip(parts, evidence["parts"], strict=True):
-            for piece in divided.get("cells", [divided]):
-                degree, X = int(piece["degree"]), in_floats(piece["X"])
-                multiple = (
-                    np.asarray(piece.get("multiple", np.zeros(len(X)))) if scheduled else None
-                )
-                box = Box(tuple(piece["low"]), tuple(piece["high"])) if "low" in piece else None
-                more = multiple, int(piece["elevation"]), box, piece.get("remainder")
+            for cell in divided.get("cells", [divided]):
+                degree, X = int(cell["degree"]), in_floats(cell["X"])
+                multiple = np.asarray(cell.get("multiple", np.zeros(len(X)))) if scheduled else None
+                box = Box(tuple(cell["low"]), tuple(cell["high"])) if "low" in cell else None
+                more = multiple, int(cell["elevation"]), box, cell.get("remainder")
                 yield part, Lyapunov(X, degree, *more)
         return
     if law.W is not None:

@@ -343,11 +343,9 @@ def in_rationals(evidence: dict[str, Any]) -> Evidence:
     multiple = tuple(map(Fraction, evidence["multiple"].tolist())) if "multiple" in evidence else ()
     spread = None
     if "remainder" in evidence:
-        remainder = evidence["remainder"]
-        omega = [[Fraction(e) for e in row] for row in remainder["omega"].tolist()]
-        rows, columns = (
-            tuple(map(Fraction, remainder[key].tolist())) for key in ("rows", "columns")
-        )
+        rest = evidence["remainder"]
+        omega = [[Fraction(e) for e in row] for row in rest["omega"].tolist()]
+        rows, columns = (tuple(map(Fraction, rest[key].tolist())) for key in ("rows", "columns"))
         spread = Spread(omega, rows, columns)
     return Evidence(X, evidence["degree"], evidence["elevation"], multiple, spread=spread)
 

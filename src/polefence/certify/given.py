@@ -258,9 +258,8 @@ def analyse(
         reason = certificate.prove().reason
         analysis = Analysis(plant, law, region, "proved", reason, certificate)
     asked = limits if analysis.kept != "refuted" else ()
-    analysis = replace(
-        analysis, lyapunov=given, bounds=tuple(bounded(plant, law, limit) for limit in asked)
-    )
+    bounds = tuple(bounded(plant, law, limit) for limit in asked)
+    analysis = replace(analysis, lyapunov=given, bounds=bounds)
     if analysis.certificate is not None:
         analysis.certificate.require_checkable(analysis.design.more)
     return analysis
@@ -488,9 +487,7 @@ def _tried(
 
     points = _points(loop_of(plant, law), question, form)
     steps = STEPS if plant.remainder is None else (*STEPS, *WITH_REMAINDER)
-    return first(
-        proved(polynomial, polynomial.r * (1 + step)) for polynomial in points for step in steps
-    )
+    return first(proved(point, point.r * (1 + step)) for point in points for step in steps)
 
 
 def _beyond(

@@ -168,10 +168,8 @@ def refute_limits(
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     if plant.period:
         raise InputError(f"{plant.name} is in discrete time; limits are refuted in continuous time")
-    for specification in specifications:
-        require_type(
-            specification, Specification, "specifications", "for example Rms('force', 700)"
-        )
+    for limit in specifications:
+        require_type(limit, Specification, "specifications", "for example Rms('force', 700)")
     asked = [
         s for s in specifications if isinstance(s, Rms) and s.limits_rms and s.at_most is not None
     ]

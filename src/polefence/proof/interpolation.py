@@ -164,10 +164,7 @@ def _magnitudes(M: Rationals) -> Integers:
 
 def _largest(matrices: Iterable[Integers]) -> Integers:
     """Return the largest of each entry."""
-    return [
-        [max(entries) for entries in zip(*rows, strict=True)]
-        for rows in zip(*matrices, strict=True)
-    ]
+    return [[max(xs) for xs in zip(*rows, strict=True)] for rows in zip(*matrices, strict=True)]
 
 
 def _less(M: Rationals, N: Rationals) -> Rationals:

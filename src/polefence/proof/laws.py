@@ -133,10 +133,7 @@ class Law(Short):
         if self.fixed and len(self.K or []) == 1:
             return self
         if self.scheduled:
-            W, Z = (
-                restricted(coefficients or [], self.degree, low, high)
-                for coefficients in (self.W, self.Z)
-            )
+            W, Z = (restricted(P or [], self.degree, low, high) for P in (self.W, self.Z))
             return replace(self, W=W, Z=Z)
         if not self.polynomial or len(self.powers[0]) != len(low):
             raise FormatError("cells belong to one gain, or to a law polynomial in the parameters")

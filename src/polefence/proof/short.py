@@ -85,14 +85,14 @@ def _of_several(value: Collection[Any], most: int) -> str:
 def _of_fields(value: Any, most: int) -> str:
     """Return what a dataclass is made of; of fields too long for the line their names alone."""
     name = type(value).__qualname__
-    named = [
+    said = [
         (f.name, getattr(value, f.name)) for f in fields(value) if f.repr and _is_said(value, f)
     ]
-    parts = [f"{key}={short(item, INNER)}" for key, item in named]
+    parts = [f"{key}={short(item, INNER)}" for key, item in said]
     for k in sorted(range(len(parts)), key=lambda k: -len(parts[k])):
         if len(name) + 2 + sum(map(len, parts)) + 2 * len(parts) <= most:
             break
-        parts[k] = f"{named[k][0]}=..."
+        parts[k] = f"{said[k][0]}=..."
     return within(f"{name}({', '.join(parts)})", most)
 
 

@@ -119,14 +119,12 @@ class Balanced:
         if self.curve is not None:
             curve = bernstein(domain, self.curve, d)
             plant = {e: P + curve[e] for e, P in plant.items()}
-        polynomials = (
+        terms = (
             (bernstein(domain, self.W, self.degree), elevation + d),
             (times(plant, bernstein(domain, W, self.degree)), elevation),
             ({e: P[:, n:] for e, P in plant.items()}, total - d),
         )
-        X, N, B = (
-            _stacked(elevated(P, domain, power), domain, total)[None] for P, power in polynomials
-        )
+        X, N, B = (_stacked(elevated(P, domain, power), domain, total)[None] for P, power in terms)
         return X, N, B
 
     def seen(self, C: Array, elevation: int) -> Array:

@@ -112,10 +112,8 @@ class Bordered(MarginClaim):
             design = subject.design
             for part, evidence in zip(region, design.evidence, strict=True):
                 for k, piece in enumerate(evidence.cells):
-                    for inequality in self._of_given(
-                        design.inside(piece), part, piece.evidence, numbers
-                    ):
-                        yield replace(inequality, piece=f", cell {k + 1}")
+                    for F in self._of_given(design.inside(piece), part, piece.evidence, numbers):
+                        yield replace(F, piece=f", cell {k + 1}")
                 if not evidence.cells:
                     yield from self._of_given(design, part, evidence, numbers)
             return

@@ -429,10 +429,7 @@ def _signal_scales(claim: Rounded) -> tuple[Fraction, ...] | None:
 def _largest_entries(claim: Rounded) -> Rationals:
     """Return the largest absolute values of the entries of what is measured."""
     C = claim.gain.subject.design.law.C
-    return [
-        [max(map(abs, values)) for values in zip(*rows, strict=True)]
-        for rows in zip(*C, strict=True)
-    ]
+    return [[max(map(abs, xs)) for xs in zip(*rows, strict=True)] for rows in zip(*C, strict=True)]
 
 
 def _gain(claim: Rounded) -> Rationals:

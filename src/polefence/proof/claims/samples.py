@@ -208,10 +208,8 @@ class Samples(Short, Claim):
         """Yield the points of the box at which F, G and H are known, with these."""
         count = len(self.plant.ranges)
         vertices = zip(self.plant.A, self.plant.B, self.plant.E or [[]] * len(self.A), strict=True)
-        for at, vertex in zip(
-            corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True
-        ):
-            yield at, self._step(*vertex)
+        for at, ABE in zip(corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True):
+            yield at, self._step(*ABE)
         for node in self.plant.nodes:
             yield node.at, self._step(node.A, node.B, node.E)
 
@@ -238,15 +236,13 @@ class Samples(Short, Claim):
         """
         apart, left, rest = self._compared()
         rows, columns = apart.shape
-        coefficients = [
+        terms = [
             (matrix, apart.whole * multinomial(e, apart.sizes)) for e, matrix in apart.terms.items()
         ]
 
         def largest(i: int, j: int) -> Fraction:
-            magnitude = max(
-                (Fraction(abs(M[i][j]), whole) for M, whole in coefficients), default=NONE
-            )
-            return magnitude + left[i][j]
+            most = max((Fraction(abs(M[i][j]), whole) for M, whole in terms), default=NONE)
+            return most + left[i][j]
 
         return [[largest(i, j) for j in range(columns)] for i in range(rows)], rest
 

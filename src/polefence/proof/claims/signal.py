@@ -557,11 +557,10 @@ class SignalClaim(Short, Claim):
         require_work(sum(claim.least for claim in pieces), self.allowed)
 
     def _with(self, piece: Piece) -> Self:
-        remainder = self.subject.remainder
-        remainder = remainder and remainder.inside(piece.low, piece.high)
+        rest = self.subject.remainder
+        rest = rest and rest.inside(piece.low, piece.high)
         return replace(
-            self,
-            subject=replace(self.subject, evidence=piece.evidence, remainder=remainder, nodes=()),
+            self, subject=replace(self.subject, evidence=piece.evidence, remainder=rest, nodes=())
         )
 
     def _require_parts(self) -> None:

@@ -88,9 +88,7 @@ def series_error(
     """
     n, width = len(M[0]), len(M[0][0])
     require_moderate(len(M), n, width, terms, sizes)
-    short = [
-        [[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in matrix] for matrix in M
-    ]
+    short = [[[Fraction(round(x * 2**BITS), 2**BITS) for x in row] for row in V] for V in M]
     size = max(map(norm, short))
     off = root(Fraction(n * width)) / (1 << (BITS + 1))
     if 2 * size >= terms + 2:

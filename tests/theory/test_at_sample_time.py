@@ -35,7 +35,7 @@ from polefence import (
 from polefence.base.errors import InputError
 from polefence.certify.bounds import _dual_evidence, best_bound, kept_bound
 from polefence.certify.evidence import certificate_of, evidence_at
-from polefence.lmi.solve.gramians import DEGREES, _each, in_parts
+from polefence.lmi.solve.gramians import DEGREES, _duals, in_parts
 from polefence.plant.boxes import Box
 from polefence.plant.delta import delta_form
 from polefence.plant.samples import claim_of_samples
@@ -646,7 +646,7 @@ def divided_in_four(problem, level):
     for a, b in product((0.0, 0.5), repeat=2):
         box = Box((a, b), (a + 0.5, b + 0.5))
         dual = next(
-            own for own in _each(replace(problem, box=box), level, DEGREES) if own.level < level
+            own for own in _duals(replace(problem, box=box), level, DEGREES) if own.level < level
         )
         ends = (tuple(map(Fraction, own)) for own in (box.low, box.high))
         found.append(Piece(*ends, _dual_evidence(dual)))
@@ -673,9 +673,10 @@ def test_a_curve_that_does_not_fit_is_refused(tmp_path, spring):
     alone = {**data, "claims": data["claims"][:1]}
     with pytest.raises(FormatError, match="a claim of kind samples has to say"):
         read(json.dumps(alone))
-    # the method's laws on the simplex of alpha are no polynomials of the parameters
-    with pytest.raises(InputError, match="ask for a law on the box"):
-        place(at_sample_time(spring, T, 0, 2), HalfPlane(1), Scheduled(1, 0, "simplex"))
+    # a law that is found on the simplex of alpha is written, and proved, as one on the box
+    found = place(at_sample_time(spring, T, 0, 2), HalfPlane(1), Scheduled(1, 0, "simplex"))
+    assert found.law.domain.on == "box"
+    assert prove(read(found.save(tmp_path / "box").read_text()).claims[0]).proved
 
 
 def test_samples_of_other_numbers_of_vertices_are_refused(spring):

@@ -45,7 +45,7 @@ def test_a_law_that_is_worse_has_a_gain_smaller_by_a_fifth(gains, chosen):
     for turn in (1, -1):  # whatever came first
         k, best = least(each[::turn], ())
         assert each[::turn][k] is each[chosen]
-        assert best == (replace(each[0], own=gains[chosen]) if chosen else None)
+        assert best == (replace(each[0], smaller=gains[chosen]) if chosen else None)
     # of the same level the smaller one
     assert least([Closer(1.0, 3.0, 3.0), Closer(1.0, 2.9, 2.9)], ()) == (1, None)
     # beyond a thousandth none is taken, whatever its gain

@@ -311,7 +311,7 @@ def _closer_lines(done: Optimised) -> Iterator[str]:
     """Say what the last thousandth would cost, where that is much."""
     if done.closer is None:
         return
-    times = done.closer.gain / done.closer.own if done.closer.own > 0 else 0.0
+    times = done.closer.gain / done.closer.smaller if done.closer.smaller > 0 else 0.0
     if times >= 1.2:  # a smaller price is not worth a line
         share = digits_up(100 * (1 - done.closer.level / done.bounds[0].level), 2)
         yield f"  {share} % less would take a gain {times:.2g} times as large, in typical sizes"

@@ -109,25 +109,25 @@ def source(plant: UncertainPlant, method: Method, region: Region) -> Source:
     require_checkable(plant, method, len(region.parts))
 
     def laws(inside: Region) -> Iterator[Certificate]:
-        found = laws_in if inside.circle is None else _laws_in_disk
-        return found(plant, inside, method)
+        search = laws_in if inside.circle is None else _laws_in_disk
+        return search(plant, inside, method)
 
     return Source(plant, laws, proved, lambda region: _refusal(method, region))
 
 
-def proved(found: Certificate, region: Region) -> Design | None:
+def proved(certificate: Certificate, region: Region) -> Design | None:
     """Return the design of a point's law for a region, None where its matrices do not prove it."""
-    own = replace(found, region=region)
-    return Design(own) if own.holds() else None
+    claimed = replace(certificate, region=region)
+    return Design(claimed) if claimed.holds() else None
 
 
 def _laws_in_disk(plant: UncertainPlant, disk: Region, method: Method) -> Iterator[Certificate]:
     """Yield the law of a point inside a disk, and of the smallest disk of the same centre."""
     centre, radius = disk.circle or (0.0, 0.0)
     with suppress(SolverError):
-        found = smallest(plant.A, plant.B, Disks(centre), method, enough=radius)
-        if found.r <= radius:
-            yield rounded(plant, disk, method, found)
+        point = smallest(plant.A, plant.B, Disks(centre), method, enough=radius)
+        if point.r <= radius:
+            yield rounded(plant, disk, method, point)
     best = smallest_disk(plant, centre, method)[0]
     if radius_of(best) > radius:
         raise _refusal(method, disk, best)
@@ -227,8 +227,8 @@ def _smallest(
     patches: tuple[Patch, ...] = (),
 ) -> Reached:
     """Return the least r of a goal, while the parameters move as the plant says."""
-    own, motion = (plant.A, plant.B, goal, method, near, enough), Motion.of(plant)
-    return smallest(*own, tolerance=tolerance, motion=motion, patches=patches)
+    problem, motion = (plant.A, plant.B, goal, method, near, enough), Motion.of(plant)
+    return smallest(*problem, tolerance=tolerance, motion=motion, patches=patches)
 
 
 def climb(
@@ -267,8 +267,8 @@ def climb(
         try:
             return place(step)
         except NotProvedError as answer:
-            found = [own for own in (best, answer.best) if own is not None]
-            best = min(found, key=radius_of, default=None)
+            designs = [design for design in (best, answer.best) if design is not None]
+            best = min(designs, key=radius_of, default=None)
     reached = f"; the smallest radius proved is {digits_up(radius_of(best))}" if best else ""
     raise NotProvedError(
         f"undecided: not proved for {region} with degree and elevation {', '.join(tried)}; {why}"
@@ -328,36 +328,36 @@ def smallest_disk(
     """Return the design of the smallest radius, ``proved`` or not, and its point."""
     where = f"{method_label(method)} at centre {centre:g}"
     try:
-        found = smallest(plant.A, plant.B, Disks(centre), method)
-        if plant.sample_time is not None and abs(centre) + found.r >= 1:
+        point = smallest(plant.A, plant.B, Disks(centre), method)
+        if plant.sample_time is not None and abs(centre) + point.r >= 1:
             raise NotProvedError(
                 f"not proved: {where}: no disk within the unit circle, the smallest radius found "
-                f"is {found.r:.6g}; {plant.name} is hardly controllable at this sample time"
+                f"is {point.r:.6g}; {plant.name} is hardly controllable at this sample time"
             )
-        design = Kind("disk", centre).runnable(_designs(plant, centre, method, found))
+        design = Kind("disk", centre).runnable(_designs(plant, centre, method, point))
         if design is None:
-            unproved = rounded(plant, Disk(centre, found.r), method, found)
-            return Design(unproved, proved=False), found
+            unproved = rounded(plant, Disk(centre, point.r), method, point)
+            return Design(unproved, proved=False), point
     except SolverError as error:
         raise NotProvedError(f"undecided: {where}: {error}") from error
-    lower = bound_of(plant, -centre, method, found) if bounds else None
-    return replace(design, lower=lower), replace(found, trails=())
+    lower = bound_of(plant, -centre, method, point) if bounds else None
+    return replace(design, lower=lower), replace(point, trails=())
 
 
 def _designs(
-    plant: UncertainPlant, centre: float, method: Method, found: Reached
+    plant: UncertainPlant, centre: float, method: Method, reached: Reached
 ) -> list[Design | None]:
     """Return designs in the order of their radii; the last is the first that runs, or nearly so.
 
     Rounding needs room: more of it a step outside the point found, or at a point on the way to it,
     each at its own radius.
     """
-    nearest = proved_at(plant, Disk(centre, found.r * (1 + STEPS[0])), method, found)
+    nearest = proved_at(plant, Disk(centre, reached.r * (1 + STEPS[0])), method, reached)
     if nearest is not None and nearest.runs:  # mostly: what else there is need not be unpacked
         return [nearest]
-    candidates = [(found, step) for step in STEPS]
-    candidates += [(point, STEPS[0]) for point in found.path() if point.r > found.r]
-    candidates.sort(key=lambda own: own[0].r * (1 + own[1]))
+    candidates = [(reached, step) for step in STEPS]
+    candidates += [(point, STEPS[0]) for point in reached.path() if point.r > reached.r]
+    candidates.sort(key=lambda candidate: candidate[0].r * (1 + candidate[1]))
     designs: dict[int, Design | None] = {0: nearest}
 
     def runs(place: int) -> bool:
@@ -373,23 +373,23 @@ def _designs(
 
 
 @stage("lower bound")
-def bound_of(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
+def bound_of(plant: UncertainPlant, sigma: float, method: Method, point: Reached) -> float | None:
     """Return a lower bound, from a closer run where there is a gap, else from a looser one."""
     if not _is_bounded(method):
         return None
-    return closer_bound(plant, sigma, method, found, _lower(plant, sigma, method, found))
+    return closer_bound(plant, sigma, method, point, _lower(plant, sigma, method, point))
 
 
 def closer_bound(
-    plant: UncertainPlant, sigma: float, method: Method, found: Reached, lower: float | None
+    plant: UncertainPlant, sigma: float, method: Method, point: Reached, lower: float | None
 ) -> float | None:
     """Return the lower bound of a point, or that of another run where it leaves a gap."""
-    if found.r > sigma or (lower is not None and lower > found.r * (1 - GAP)):
+    if point.r > sigma or (lower is not None and lower > point.r * (1 - GAP)):
         return lower
-    for near, tolerance in ((found, CLOSER), (None, EARLIER)):
+    for near, tolerance in ((point, CLOSER), (None, EARLIER)):
         with suppress(SolverError):
-            own = smallest(plant.A, plant.B, Disks(-sigma), method, near, tolerance=tolerance)
-            others = lower, _lower(plant, sigma, method, own)
+            closer = smallest(plant.A, plant.B, Disks(-sigma), method, near, tolerance=tolerance)
+            others = lower, _lower(plant, sigma, method, closer)
             lower = max((b for b in others if b), default=None)
         if lower is not None:
             break
@@ -402,20 +402,20 @@ def _is_bounded(method: Method) -> bool:
     return rhs or isinstance(normal(method), str)
 
 
-def _lower(plant: UncertainPlant, sigma: float, method: Method, found: Reached) -> float | None:
+def _lower(plant: UncertainPlant, sigma: float, method: Method, point: Reached) -> float | None:
     """Return a radius proved infeasible for the method, None where no proof came of it."""
     rhs = isinstance(method, Scheduled) and method.right_hand_sides
     method = normal(method)
-    if found.dual is None:
+    if point.dual is None:
         return None
-    name, Y = method_name(method), found.dual.matrices()
-    close = lower_radius(plant, name, sigma, found.r, Y, rhs)
+    name, Y = method_name(method), point.dual.matrices()
+    close = lower_radius(plant, name, sigma, point.r, Y, rhs)
     # of disks that reach beyond stability rationals find next to nothing more
-    if close is not None or (found.r > sigma and is_there()):
+    if close is not None or (point.r > sigma and is_there()):
         return close
     A = [[list(row) for row in v.exact_A] for v in plant.vertices]
     B = [[list(row) for row in v.exact_B] for v in plant.vertices]
-    bound = lower_bound(name, A, B, Fraction(sigma), found.r, Y, rhs)
+    bound = lower_bound(name, A, B, Fraction(sigma), point.r, Y, rhs)
     return None if bound is None else float(bound.r)
 
 
@@ -442,10 +442,10 @@ def _largest(plant: UncertainPlant, kind: Kind, method: Method) -> Design:
         return design
 
     def attempt(region: Region) -> Design:
-        found = placed(region, source(plant, method, region))
-        if design is not None and not found.runs:
+        candidate = placed(region, source(plant, method, region))
+        if design is not None and not candidate.runs:
             raise NotProvedError("not proved of a law that doubles can run")
-        return found
+        return candidate
 
     low, high, first = LEAST, MOST, 0.1
     if kind.of == "half_plane":
@@ -477,28 +477,28 @@ def _direct(
             return
         near = replace(start, r=0.0)
         for tolerance in TOLERANCES:
-            found = _smallest(plant, goal, method, near, tolerance=tolerance)
-            if not found.converged:
+            point = _smallest(plant, goal, method, near, tolerance=tolerance)
+            if not point.converged:
                 return
             for step in (*STEPS, 1e-3):
-                r = found.r * (1 + step)
+                r = point.r * (1 + step)
                 value = kind.wider(fastest - r, step) if decays else damping_of(r)
                 region = kind.region(value if decays else min(max(value, LEAST), MOST))
-                yield proved_at(plant, region, method, found)
+                yield proved_at(plant, region, method, point)
 
 
 def proved_at(
-    plant: UncertainPlant, region: Region, method: Method, found: Reached
+    plant: UncertainPlant, region: Region, method: Method, point: Reached
 ) -> Design | None:
     """Return the design of a point for a region, None where it is not proved."""
     try:
-        design = Design(rounded(plant, region, method, found))
+        design = Design(rounded(plant, region, method, point))
     except SolverError:
         return None
     return design if design.certificate.holds() else None
 
 
-def rounded(plant: UncertainPlant, region: Region, method: Method, found: Reached) -> Certificate:
+def rounded(plant: UncertainPlant, region: Region, method: Method, point: Reached) -> Certificate:
     """Round a point to the law and evidence that ship; the proof is about these very numbers.
 
     Raises
@@ -508,7 +508,7 @@ def rounded(plant: UncertainPlant, region: Region, method: Method, found: Reache
     """
     name = method_name(method)
     try:
-        law, evidence = _LAWS[name](plant, region, method, found)
+        law, evidence = _LAWS[name](plant, region, method, point)
     except np.linalg.LinAlgError as error:
         raise SolverError("a Lyapunov matrix is numerically singular") from error
     return Certificate(plant, region, name, law, evidence)
@@ -520,9 +520,9 @@ def _quadratic(*args: Any) -> tuple[FixedGain, dict[str, Any]]:
 
 
 def _scheduled(
-    plant: UncertainPlant, _: Region, method: Method, found: Reached
+    plant: UncertainPlant, _: Region, method: Method, point: Reached
 ) -> tuple[ScheduledGain, dict[str, Any]]:
-    o, values = options(method), found.values
+    o, values = options(method), point.values
     degree, domain = int(o.degree), Domain.of(o.on, len(plant.vertices))
     W, Z = coefficients(values, "W"), coefficients(values, "Z")
     evidence: dict[str, Any] = {"tau": np.array(values["tau"].item() if "tau" in values else 0.0)}
@@ -532,16 +532,16 @@ def _scheduled(
 
 
 def _slack(
-    _: UncertainPlant, region: Region, method: Method, found: Reached
+    _: UncertainPlant, region: Region, method: Method, point: Reached
 ) -> tuple[FixedGain, dict[str, Any]]:
-    method, values = normal(method), found.values
+    method, values = normal(method), point.values
     o = method if isinstance(method, Slack) else Slack()
     evidence: dict[str, Any] = {"P": coefficients(values, "P"), "G": values["G"]}
     if isinstance(method, Slack):
         evidence |= {"degree": o.degree, "elevation": o.elevation, "on": o.on}
     if region.circle is None:
         # e is in units of the search's own time
-        evidence["epsilon"] = o.epsilon / found.rate
+        evidence["epsilon"] = o.epsilon / point.rate
     return FixedGain(right_divide(values["L"], values["G"])), evidence
 
 

@@ -44,15 +44,21 @@ def refuted(task: Task, conflict: Sequence[Any] = ()) -> Refutation | None:
     if task.asked is None or task.plant.step:
         return None
     plant, limits = task.asked
-    own = [a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)]
-    if own and len(own) == len(conflict) and (found := refute_limits(plant, own)) is not None:
-        return found
-    found = refute_limits(plant, limits)
-    if found is not None:
-        for each in found.specifications:
-            fewer = [s for s in found.specifications if s is not each]
-            found = refute_limits(plant, fewer) or found
-    return found
+    conflicting = [
+        a for a, s in zip(limits, task.limits, strict=True) if any(s is p for p in conflict)
+    ]
+    if (
+        conflicting
+        and len(conflicting) == len(conflict)
+        and (refutation := refute_limits(plant, conflicting)) is not None
+    ):
+        return refutation
+    refutation = refute_limits(plant, limits)
+    if refutation is not None:
+        for specification in refutation.specifications:
+            fewer = [s for s in refutation.specifications if s is not specification]
+            refutation = refute_limits(plant, fewer) or refutation
+    return refutation
 
 
 def _conflict(task: Task) -> list[Any]:
@@ -60,8 +66,8 @@ def _conflict(task: Task) -> list[Any]:
     if _feasible(task, task.limits, task.region):
         return []
     parts: list[Any] = [*task.limits, *task.region.parts]
-    for own in list(parts):
-        fewer = [p for p in parts if p is not own]
+    for part in list(parts):
+        fewer = [p for p in parts if p is not part]
         if not _feasible(task, *_split(fewer)):
             parts = fewer
     return parts

@@ -88,8 +88,8 @@ def placed(region: Region, *sources: Source) -> Design:
         inside = stable_region(source.plant)
         for share in source.shares:
             searched = region.tighter(share, inside) if share else region
-            for found in source.laws(searched):
-                yield source.certified(found, region)
+            for law in source.laws(searched):
+                yield source.certified(law, region)
             if effort.ended():
                 break
 
@@ -135,12 +135,12 @@ def require_kind(of: str) -> None:
         raise InputError(f"of = {of!r} is unknown; use 'disk', 'half_plane' or 'sector'")
 
 
-def kept_simply(plant: UncertainPlant, found: Any, region: Region) -> Design | None:
+def kept_simply(plant: UncertainPlant, candidate: Any, region: Region) -> Design | None:
     """Return the proof of one part with a Lyapunov polynomial of low degree, if there is one."""
     for form in FORMS:
-        evidence = evidence_at(plant, found.law, region, form)
+        evidence = evidence_at(plant, candidate.law, region, form)
         if evidence is not None:
-            return Design(certificate_of(plant, found.law, region, [evidence]))
+            return Design(certificate_of(plant, candidate.law, region, [evidence]))
     return None
 
 
@@ -182,8 +182,8 @@ class Kind:
         """Return the region of a number."""
         if self.centre is not None:
             return Disk(self.centre, value)
-        own = HalfPlane(value) if self.of == "half_plane" else Sector(value)
-        return own if self.within is None else own & self.within
+        region = HalfPlane(value) if self.of == "half_plane" else Sector(value)
+        return region if self.within is None else region & self.within
 
     def number(self, design: Design) -> float:
         """Return the number of a design's region."""
@@ -222,7 +222,7 @@ class Kind:
             return design
         return replace(design, unrunnable=self.number(sharpest))
 
-    def least(self, source: Source, found: Any, most: float = np.inf) -> Design | None:
+    def least(self, source: Source, candidate: Any, most: float = np.inf) -> Design | None:
         """Return the smallest region that a law is proved to keep, None where none near it is.
 
         Parameters
@@ -233,7 +233,7 @@ class Kind:
             The region is to be smaller than that of this `size`.
         """
         plant, T = source.plant, source.plant.sample_time
-        poles = close(plant, found.law, seeded(plant, SAMPLES), disturbed=False).poles()
+        poles = close(plant, candidate.law, seeded(plant, SAMPLES), disturbed=False).poles()
         worst = self.worst(poles if T is None else 1 + float(T) * poles)
         proved = list[Design]()
 
@@ -241,7 +241,7 @@ class Kind:
             wider = self.wider(worst, 1 / near, T is not None)
             if self.sign * wider >= most:
                 return True
-            design = source.certified(found, self.region(wider))
+            design = source.certified(candidate, self.region(wider))
             proved.extend([] if design is None else [design])
             return design is not None and design.runs
 
@@ -262,13 +262,13 @@ class Kind:
         room = 1 - abs(self.centre or 0.0) - radius  # up to the unit circle
         best, most = None, np.inf
         for share in FARTHER:
-            wider, found = radius + share * room, list[Any]()
+            wider, laws = radius + share * room, list[Any]()
             if wider >= most:
                 break
             with suppress(NotProvedError):  # a tuned one may be found of a wider disk
-                found = [*islice(source.laws(self.region(wider)), 1)] if share else [smallest]
-            for own in found:
-                best = self.least(source, own, most) or best
+                laws = [*islice(source.laws(self.region(wider)), 1)] if share else [smallest]
+            for law in laws:
+                best = self.least(source, law, most) or best
                 most = np.inf if best is None else self.size(best)
         return best
 

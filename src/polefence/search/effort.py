@@ -40,13 +40,13 @@ class Closer(Short):
     level : float
         What is proved of what is minimised; of a law that is not proved, as much less than of the
         smaller one as it is in floats.
-    gain, own : float
+    gain, smaller : float
         The norms of its gain and of the smaller one, in typical sizes.
     """
 
     level: float
     gain: float
-    own: float
+    smaller: float
 
 
 def gain_norm(plant: UncertainPlant) -> GainNorm:
@@ -72,12 +72,12 @@ def least(
     most : float
         Level that is not to be exceeded, if one of them keeps it.
     """
-    lowest = min(own.level for own in every)
-    best = min((*every, *better), key=lambda own: own.level)
+    lowest = min(law.level for law in every)
+    best = min((*every, *better), key=lambda law: law.level)
     limit = max(min(best.level + NEAR * abs(best.level), max(most, lowest)), lowest)
-    k = taken([own.level for own in every], [own.gain for own in every], limit)
-    own = every[k]
-    return k, replace(best, own=own.gain) if best.level < own.level else None
+    k = taken([law.level for law in every], [law.gain for law in every], limit)
+    chosen = every[k]
+    return k, replace(best, smaller=chosen.gain) if best.level < chosen.level else None
 
 
 def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
@@ -92,14 +92,14 @@ def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
     return bool(np.abs(poles).max() > FASTEST * fastest)
 
 
-def calmer(task: Task, found: Reached) -> Law | None:
+def calmer(task: Task, point: Reached) -> Law | None:
     """Return the LMI's law of the least gain for nearly the level of a point, if it can be built.
 
     Near its least a level bounds some directions of a gain by nothing but floats.
     """
     if task.minimise is None or not task.minimise.of_signal:
         return None
-    near = replace(task.minimise, at_most=level_of(task, found) * (1 + NEARLY))
+    near = replace(task.minimise, at_most=level_of(task, point) * (1 + NEARLY))
     asked = replace(task, minimise=gain_norm(task.plant), limits=(*task.limits, near))
     with suppress(SolverError, InputError):
         law = asked.law(asked.reached(task.region, GAP))

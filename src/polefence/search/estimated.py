@@ -80,27 +80,27 @@ def sources(
     InputError
         If a name or an error is none, or the method is none that schedules.
     """
-    own = _errors(plant, errors)
+    offsets = _errors(plant, errors)
     method = _boxed(method)
     require_domain(plant, method)
     require_region(plant, region, method)
     require_movable(plant, region)
     require_checkable(plant, method, len(region.parts))
-    plant = _countable(plant, region, method, own)
+    plant = _countable(plant, region, method, offsets)
     said = ", ".join(
-        f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, own, strict=True) if e
+        f"{p.name} off by {float(e):g}" for p, e in zip(plant.parameters, offsets, strict=True) if e
     )
 
     def laws(room: float, inside: Region) -> Iterator[Certificate]:
         wider = [
             min(Fraction(room) * e, p.high - p.low)
-            for e, p in zip(own, plant.parameters, strict=True)
+            for e, p in zip(offsets, plant.parameters, strict=True)
         ]
         return laws_in(plant.combinations, inside, method, patches(plant, wider), refusal(region))
 
-    def certified(found: Certificate, region: Region) -> Design | None:
-        design = _kept(plant, found, region)
-        claim = None if design is None else _claim(design, own)
+    def certified(certificate: Certificate, region: Region) -> Design | None:
+        design = _kept(plant, certificate, region)
+        claim = None if design is None else _claim(design, offsets)
         return None if design is None or claim is None else replace(design, more=(claim,))
 
     def refusal(region: Region) -> NotProvedError:
@@ -112,15 +112,15 @@ def sources(
     return [Source(plant, partial(laws, room), certified, refusal) for room in ROOM]
 
 
-def _kept(plant: UncertainPlant, found: Certificate, region: Region) -> Design | None:
+def _kept(plant: UncertainPlant, point: Certificate, region: Region) -> Design | None:
     """Return the design of a point, None where it is not proved: with X = W for a remainder."""
     if plant.remainder is None:
-        return proved(found, region)
-    n, shape = plant.shape[0], {"degree": 0, "elevation": found.evidence.get("elevation", 1)}
+        return proved(point, region)
+    n, shape = plant.shape[0], {"degree": 0, "elevation": point.evidence.get("elevation", 1)}
     with suppress(np.linalg.LinAlgError):
-        own = shape | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
-        evidence = with_remainder(plant, found.law, own)
-        certificate = certificate_of(plant, found.law, region, [evidence] * len(region.parts))
+        plain = shape | {"X": np.zeros((1, n, n)), "multiple": np.ones(1)}
+        evidence = with_remainder(plant, point.law, plain)
+        certificate = certificate_of(plant, point.law, region, [evidence] * len(region.parts))
         return Design(certificate) if certificate.holds() else None
     return None
 
@@ -139,8 +139,8 @@ def _countable(
     while True:
         d = plant.curve_degree
         degrees = int(method.degree) * (1 if plant.remainder is None else 2), d
-        each = count_pairs((2,) * q, degrees, q, sizes, 1, method.elevation)
-        count = each * len(region.pairs())
+        per_pair = count_pairs((2,) * q, degrees, q, sizes, 1, method.elevation)
+        count = per_pair * len(region.pairs())
         if count <= MOST:
             return plant
         if plant.sampling is None or d == 1:
@@ -161,17 +161,21 @@ def _boxed(method: Method | None) -> Scheduled:
     InputError
         If it schedules nothing, or asks for a search for a degree.
     """
-    own = Scheduled(1, 1, "box") if method in (None, "scheduled") else options(method or "")
-    if isinstance(own, Slack) or own.degree == 0:
+    scheduled = Scheduled(1, 1, "box") if method in (None, "scheduled") else options(method or "")
+    if isinstance(scheduled, Slack) or scheduled.degree == 0:
         raise InputError(
             "errors of estimates need a scheduled law of degree 1 or more, not "
             f"{method_label(method or '')}; one gain needs no estimates"
         )
-    if own.degree == "auto":
+    if scheduled.degree == "auto":
         raise InputError(
             "errors of estimates need a scheduled law of a fixed degree, 1 or more, not auto"
         )
-    return own if own.on == "box" else Scheduled(own.degree, own.elevation, "box")
+    return (
+        scheduled
+        if scheduled.on == "box"
+        else Scheduled(scheduled.degree, scheduled.elevation, "box")
+    )
 
 
 def _errors(plant: UncertainPlant, errors: Mapping[str, Any]) -> list[Fraction]:
@@ -182,29 +186,29 @@ def _errors(plant: UncertainPlant, errors: Mapping[str, Any]) -> list[Fraction]:
     for name in errors:
         if name not in names:
             raise InputError(f"errors: no parameter {name!r}; {suggest(str(name), names)}")
-    own = [exact(errors.get(name, 0), f"error of {name}") for name in names]
-    for p, e in zip(plant.parameters, own, strict=True):
+    offsets = [exact(errors.get(name, 0), f"error of {name}") for name in names]
+    for p, e in zip(plant.parameters, offsets, strict=True):
         if e < 0 or float(e) > float(p.high - p.low):
             raise InputError(
                 f"error of {p.name} = {float(e):g} must be zero or more, at most the width of its "
                 f"range, {float(p.high - p.low):g}"
             )
-    if not any(own):
+    if not any(offsets):
         raise InputError("errors: each is zero; leave them out")
-    return [min(e, p.high - p.low) for p, e in zip(plant.parameters, own, strict=True)]
+    return [min(e, p.high - p.low) for p, e in zip(plant.parameters, offsets, strict=True)]
 
 
 def patches(plant: UncertainPlant, errors: list[Fraction]) -> tuple[Patch, ...]:
     """Return pairs of parameters and estimates: on each side of the errors, up to the bounds."""
-    each = [
-        [(_weights(own, p), _weights(own, q)) for (p,), q in segments(r, e, 1)]
-        for own, r, e in zip(plant.parameters, ranges_of(plant), errors, strict=True)
+    sides = [
+        [(_weights(parameter, p), _weights(parameter, q)) for (p,), q in segments(r, e, 1)]
+        for parameter, r, e in zip(plant.parameters, ranges_of(plant), errors, strict=True)
     ]
-    return tuple(_patches(each))
+    return tuple(_patches(sides))
 
 
-def _patches(each: list[list[tuple[Array, Array]]]) -> Iterator[Patch]:
-    for chosen in product(*each):
+def _patches(sides: list[list[tuple[Array, Array]]]) -> Iterator[Patch]:
+    for chosen in product(*sides):
         whole: Array = np.ones((1, 1))
         for p, _ in chosen:
             whole = np.asarray(np.kron(whole, np.stack([1 - p, p], axis=1)), dtype=float)
@@ -212,9 +216,9 @@ def _patches(each: list[list[tuple[Array, Array]]]) -> Iterator[Patch]:
         yield Patch(whole, Box(low, high))
 
 
-def _weights(own: Any, ends: tuple[Fraction, Fraction]) -> Array:
+def _weights(parameter: Any, ends: tuple[Fraction, Fraction]) -> Array:
     """Return the weights of a parameter's upper end at two values."""
-    return np.array([float(own.weights(value)[1]) for value in ends])
+    return np.array([float(parameter.weights(value)[1]) for value in ends])
 
 
 def _claim(design: Design, errors: list[Fraction]) -> Estimate | None:
@@ -223,10 +227,10 @@ def _claim(design: Design, errors: list[Fraction]) -> Estimate | None:
         return None
     loops, sizes = balanced(design, design.region), list(map(float, errors))
     for pieces, elevation in BOX:
-        own = sizes, pieces, elevation
-        if sum(count_blocks(loop, *own) for loop in loops) > MOST:
+        fineness = sizes, pieces, elevation
+        if sum(count_blocks(loop, *fineness) for loop in loops) > MOST:
             return None
-        points = (points_of(loop, design.plant.parameters, *own) for loop in loops)
+        points = (points_of(loop, design.plant.parameters, *fineness) for loop in loops)
         if not all(map(estimate_holds, loops, points)):  # in floats, which take no time
             continue
         subject = subject_of(design, design.region, Reached(1.0, pieces, elevation))

@@ -91,15 +91,15 @@ class Limit(Short):
     found: InitVar[Design | None] = None
     unrunnable: float | None = None
 
-    def __post_init__(self, found: Design | None) -> None:
+    def __post_init__(self, design: Design | None) -> None:
         # no field: rows are plain values, and a design is a plant, a law and a proof
-        object.__setattr__(self, "_design", found)
+        object.__setattr__(self, "_design", design)
 
     @property
     def design(self) -> Design | None:
         """The law of ``radius``, with its proof; None where nothing was proved."""
-        found: Design | None = vars(self)["_design"]
-        return found
+        design: Design | None = vars(self)["_design"]
+        return design
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
@@ -257,8 +257,8 @@ def sweep(
             run.on_kept(row)
     tasks = [(c, named[label]) for c, label in order if (c, label) not in done]
     fresh = (
-        ((own.centre, own.method), own.as_row(gain) | {"proof": _proof(own.design)}, own)
-        for _, own in as_finished(plant, tasks, run.executor)
+        ((limit.centre, limit.method), limit.as_row(gain) | {"proof": _proof(limit.design)}, limit)
+        for _, limit in as_finished(plant, tasks, run.executor)
     )
 
     run.complete(done, order, fresh, lambda path, rows: write_text(path, _dumps(plant, rows)))
@@ -309,13 +309,13 @@ def _finished(path: Path, plant: UncertainPlant, gain: bool, asked: Set[Key]) ->
     if version != VERSION:
         other = str(version)[:40]
         raise InputError(f"{path}: a sweep by polefence {other}; remove it to start anew")
-    found = {}
+    kept = {}
     with work.counted() as count:
         for row in proved:
             if row.get("proof") is not None:
                 key = row["centre"], row["method"]
-                found[key] = _reproved(path, row, plant, gain, count if key in asked else None)
-    return found
+                kept[key] = _reproved(path, row, plant, gain, count if key in asked else None)
+    return kept
 
 
 def _reproved(
@@ -333,10 +333,10 @@ def _reproved(
     try:
         work.spend(reading, 0)
         region = Disk(row["centre"], row["radius"])
-        own, claim = row["proof"], {"kind": Poles.kind, "region": region.document()}
-        claim |= {key: own[key] for key in PROOF}
+        proof, claim = row["proof"], {"kind": Poles.kind, "region": region.document()}
+        claim |= {key: proof[key] for key in PROOF}
         head = {"format": document.FORMAT, "version": document.VERSION}
-        parts = {"plant": file_plant(plant).write(), "law": own["law"], "claims": [claim]}
+        parts = {"plant": file_plant(plant).write(), "law": proof["law"], "claims": [claim]}
         certificate = Certificate.of(document.from_plain(head | parts))
         design = Design(certificate)
         verdict = certificate.prove()
@@ -350,8 +350,8 @@ def _reproved(
         raise InputError(
             f"{where} is not proved by what it holds{why}; remove the file to start anew"
         )
-    found = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
-    kept = replace(found, lower=row.get("lower"), found=design).as_row(gain)
+    limit = Limit(region.centre, row["method"], region.radius, "proved", row["seconds"])
+    kept = replace(limit, lower=row.get("lower"), found=design).as_row(gain)
     mark = {} if kept["lower"] is None else {"lower_from_file": True}
     return kept | mark | {"proof": _proof(design)}
 

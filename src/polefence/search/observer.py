@@ -114,8 +114,8 @@ class Observer(Short):
         require_kind(self.design.certificate, observer=True)
         dual, plant = self.design.plant, self.plant
         matrices = [transposed(v.exact_A) for v in dual.vertices]
-        own = [v.exact_A for v in plant.vertices]
-        same = matrices == own and dual.sample_time == plant.sample_time
+        of_plant = [v.exact_A for v in plant.vertices]
+        same = matrices == of_plant and dual.sample_time == plant.sample_time
         near = plant.remainder and plant.remainder.transposed(*dual.shape)
         if not same or dual.remainder != near or not _same_parameters(dual, plant):
             raise InputError(
@@ -321,6 +321,6 @@ def _closed_loop(A: Any, B: Any, C: Any, K: Any, L: Any) -> Any:
 
 def _same_parameters(one: UncertainPlant, other: UncertainPlant) -> bool:
     ours, theirs = (
-        [(p.name, p.low, p.high, p.through) for p in each.parameters] for each in (one, other)
+        [(p.name, p.low, p.high, p.through) for p in plant.parameters] for plant in (one, other)
     )
     return ours == theirs

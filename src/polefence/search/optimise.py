@@ -101,7 +101,7 @@ class Optimised(Short):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        bounds = [("proved", str(own)) for own in self.bounds]
+        bounds = [("proved", str(bound)) for bound in self.bounds]
         return card(self.plant.name, [*bounds, ("poles", f"proved: in {self.design.region}")])
 
     @property
@@ -122,9 +122,9 @@ class Optimised(Short):
         InputError
             If there is none.
         """
-        for own in self.bounds:
-            if own.specification.name == name:
-                return own
+        for bound in self.bounds:
+            if bound.specification.name == name:
+                return bound
         raise InputError(f"no specification of {name!r}")
 
     def save(self, directory: str | Path) -> Path:
@@ -138,7 +138,7 @@ class Optimised(Short):
         OutputError
             If the folder cannot be written.
         """
-        return save(self.design.certificate, [own.claim for own in self.bounds], directory)
+        return save(self.design.certificate, [bound.claim for bound in self.bounds], directory)
 
 
 @explained
@@ -197,7 +197,7 @@ def optimise(
     """
     question = minimise, subject_to, region, method, budget, structure
     done = _optimised(plant, *question, fewer_states)
-    done.design.certificate.require_checkable([own.claim for own in done.bounds])
+    done.design.certificate.require_checkable([bound.claim for bound in done.bounds])
     return done
 
 
@@ -229,10 +229,10 @@ def _optimised(
         method = "quadratic"
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
     require_region(plant, asked)
-    for own in subject_to:
-        require_type(own, Specification, "subject_to", "for example Rms('force', at_most=700)")
-        if own.at_most is None:
-            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    for limit in subject_to:
+        require_type(limit, Specification, "subject_to", "for example Rms('force', at_most=700)")
+        if limit.at_most is None:
+            raise InputError(f"the limit of {limit.name!r} is missing; give at_most")
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
@@ -259,9 +259,9 @@ def _in_words(plant: UncertainPlant, region: Region | None, asked: Region) -> tu
     """Return the parts of the region in the plant's time in words, as they were asked for."""
     if is_stability(plant, asked):
         return ("stability",)
-    own = asked if region is None else region
-    same = len(own.parts) == len(asked.parts)
-    return tuple(map(str, own.parts if same else asked.parts))
+    designed = asked if region is None else region
+    same = len(designed.parts) == len(asked.parts)
+    return tuple(map(str, designed.parts if same else asked.parts))
 
 
 def _as_sampled(done: Optimised, region: Region) -> Optimised:
@@ -297,7 +297,7 @@ def _of_a_kind(task: Task, deadline: Deadline) -> Optimised:
         tuned = _best_tuned(*structured(task, structure_of(task.method)), starts)
     if given is None and tuned is None and law is not None and task.minimise is not None:
         given = _bounded(task, candidate(task, law))
-    every = [own for own in (given, tuned) if own is not None]
+    every = [done for done in (given, tuned) if done is not None]
     if not every:
         raise refusal(task, reason)
     cut = str(effort) if effort.ended else ""
@@ -311,19 +311,19 @@ def _of_lmi(task: Task) -> tuple[Law | None, Optimised | None, str]:
     no proofs where that one matrix gives none.
     """
     try:
-        found = task.reached(task.region)
-        law = task.law(found)
+        point = task.reached(task.region)
+        law = task.law(point)
     except SolverError as error:
         _refute(task)
         return None, None, str(error)
     if is_too_fast(task.plant, law):
-        calm = calmer(task, found)
+        calm = calmer(task, point)
         given = None if calm is None else _bounded(task, candidate(task, calm))
         if calm is None or given is None:
             return None, None, ""
-        gain, own = (gain_of(task.plant, each) for each in (law, calm))
-        return calm, replace(given, closer=Closer(level_of(task, found), gain, own)), ""
-    proofs = together(task, law, found)
+        gain, smaller = (gain_of(task.plant, choice) for choice in (law, calm))
+        return calm, replace(given, closer=Closer(level_of(task, point), gain, smaller)), ""
+    proofs = together(task, law, point)
     if proofs is None:
         return law, None, ""
     certificate, bounds = proofs
@@ -362,12 +362,16 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     """
     orders = orders_below(structure.order)
     with bounded(MOST_WORK) as effort:
-        own = Orders(structure, [structured(task, replace(structure, order=k)) for k in orders])
+        searches = Orders(
+            structure, [structured(task, replace(structure, order=k)) for k in orders]
+        )
         last = len(orders) - 1
         if last and fewer:
-            best = _best_order(own)
+            best = _best_order(searches)
         else:
-            best = _best_tuned(*own.each[-1], own.starts(last), own.found(last) if last else ())
+            best = _best_tuned(
+                *searches.problems[-1], searches.starts(last), searches.tuned(last) if last else ()
+            )
     cut = str(effort) if effort.ended else ""
     if best is not None:
         return replace(best, cut=cut)
@@ -376,7 +380,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
         raise NotProvedError("; ".join(filter(None, (reason, cut))))
     _refute(task)
     with bounded(MOST_WORK * ADVICE) as looked:
-        near = list(_attainable(*own.each[-1], own.starts(last)))
+        near = list(_attainable(*searches.problems[-1], searches.starts(last)))
     advice = "dropping any single limit does not help either"
     if looked.ended:
         advice = "the search with one of them left out stopped at its bound of work"
@@ -391,31 +395,31 @@ def _best_order(orders: Orders) -> Optimised | None:
     """Return the best law that is proved, of the lowest order that is as good as any."""
     every = list[Optimised]()
     for k in orders.promising:
-        known = orders.found(k)
+        known = orders.tuned(k)
         below = min(map(_level, every), default=np.inf) * (1 + NEAR)
         if known and known[0].level >= below:  # at rest and in samples: no proof is lower
             continue
-        found = _best_tuned(*orders.each[k], orders.starts(k), known, below)
-        every += [] if found is None else [found]
+        done = _best_tuned(*orders.problems[k], orders.starts(k), known, below)
+        every += [] if done is None else [done]
         enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
-        if found is not None and (orders.each[k][0].minimise is None or _level(found) <= enough):
+        if done is not None and (orders.problems[k][0].minimise is None or _level(done) <= enough):
             break
     lowest = min(map(_level, every), default=0.0) * (1 + NEAR)
-    some = [own for own in every if _level(own) <= lowest] or every
-    return min(some, key=lambda own: own.plant.shape[0], default=None)
+    some = [result for result in every if _level(result) <= lowest] or every
+    return min(some, key=lambda result: result.plant.shape[0], default=None)
 
 
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
     """Yield for each limit what it would have to be for a law that keeps all others."""
-    for own in task.limits[:MOST_NEAR]:
+    for limit in task.limits[:MOST_NEAR]:
         if ended():
             return
-        others = tuple(other for other in task.limits if other is not own)
-        found = _best_tuned(
-            replace(task, minimise=replace(own, at_most=None), limits=others), structure, starts
+        others = tuple(other for other in task.limits if other is not limit)
+        done = _best_tuned(
+            replace(task, minimise=replace(limit, at_most=None), limits=others), structure, starts
         )
-        if found is not None:
-            yield f"{own.title} <= {digits_up(_level(found))}"
+        if done is not None:
+            yield f"{limit.title} <= {digits_up(_level(done))}"
 
 
 def _best_tuned(
@@ -448,24 +452,24 @@ def _best_tuned(
     def proved() -> float:
         return min([below, *map(_level, every)])
 
-    for own, tuned, lowest in tuned_candidates(task, structure, starts, known, proved):
-        found = _bounded(task, own)
-        if found is not None:
-            found = replace(found, structure=structure, bounded_by=tuned.bounded_by)
-            every.append(replace(found, closer=_closer(found, tuned)))
+    for answer, tuned, lowest in tuned_candidates(task, structure, starts, known, proved):
+        done = _bounded(task, answer)
+        if done is not None:
+            done = replace(done, structure=structure, bounded_by=tuned.bounded_by)
+            every.append(replace(done, closer=_closer(done, tuned)))
         # where a better law of the search has no proof, one within tighter limits may have one
         if every and (task.minimise is None or proved() <= lowest * (1 + ENOUGH)):
             break
     return _least(*every, most=most) if every else None
 
 
-def _closer(found: Optimised, tuned: Tuned) -> Closer | None:
+def _closer(done: Optimised, tuned: Tuned) -> Closer | None:
     """Return the law that a search made smaller, its level beside the proved one as in floats."""
     if tuned.larger is None or not tuned.level:
         return None
     law, level = tuned.larger
-    gain, own = (gain_of(found.plant, each) for each in (law, found.law))
-    return Closer(_level(found) * level / tuned.level, gain, own)
+    gain, smaller = (gain_of(done.plant, choice) for choice in (law, done.law))
+    return Closer(_level(done) * level / tuned.level, gain, smaller)
 
 
 def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
@@ -474,9 +478,9 @@ def structured(task: Task, structure: Structure) -> tuple[Task, Structure]:
     structure.require_fit(plant)
     require_detectable(plant, structure.outputs(plant), task.region)
     asked = (task.minimise, *task.limits) if task.minimise else task.limits
-    larger, gain, found = _with_own_states(structure, plant, asked)
-    limits = found[1:] if task.minimise else found
-    return replace(task, plant=larger, limits=limits, minimise=task.minimise and found[0]), gain
+    larger, gain, extended = _with_own_states(structure, plant, asked)
+    limits = extended[1:] if task.minimise else extended
+    return replace(task, plant=larger, limits=limits, minimise=task.minimise and extended[0]), gain
 
 
 def _with_own_states(
@@ -485,7 +489,13 @@ def _with_own_states(
     """Return the plant with the states of a law, its gain's structure, and what is asked of it."""
     larger, gain = structure.extended(plant)
     n, more = plant.shape[0], larger.shape[0] - plant.shape[0]
-    return larger, gain, tuple(own.extended(n, more) if more else own for own in asked)
+    return (
+        larger,
+        gain,
+        tuple(
+            specification.extended(n, more) if more else specification for specification in asked
+        ),
+    )
 
 
 def method_for(plant: UncertainPlant, method: Method | None) -> Method:
@@ -504,9 +514,9 @@ def _require_method(plant: UncertainPlant, method: Method) -> None:
         )
 
 
-def _level(own: Optimised) -> float:
+def _level(done: Optimised) -> float:
     """Return the first bound, that of what is minimised where something is."""
-    return own.bounds[0].level
+    return done.bounds[0].level
 
 
 def _least(*every: Optimised, most: float = np.inf) -> Optimised:
@@ -520,25 +530,25 @@ def _least(*every: Optimised, most: float = np.inf) -> Optimised:
     if len(every) == 1:
         return every[0]
 
-    gains = [gain_of(own.plant, own.law) for own in every]
-    known = [Closer(_level(own), gain, gain) for own, gain in zip(every, gains, strict=True)]
-    k, closer = least(known, [own.closer for own in every if own.closer is not None], most)
+    gains = [gain_of(done.plant, done.law) for done in every]
+    known = [Closer(_level(done), gain, gain) for done, gain in zip(every, gains, strict=True)]
+    k, closer = least(known, [done.closer for done in every if done.closer is not None], most)
     chosen = every[k]
     return replace(chosen, closer=closer)
 
 
-def _bounded(task: Task, own: Candidate | Missing) -> Optimised | None:
+def _bounded(task: Task, answer: Candidate | Missing) -> Optimised | None:
     """Prove the bound on what is minimised, where alpha lives there; None where there is none."""
-    if isinstance(own, Missing):
+    if isinstance(answer, Missing):
         return None
     if task.minimise is None:
-        return Optimised(Design(own.certificate), own.limits, 0.0, task.region)
+        return Optimised(Design(answer.certificate), answer.limits, 0.0, task.region)
     first: Bound | None = None
-    law = own.certificate.law
+    law = answer.certificate.law
     with suppress(SolverError), singular_is_failure():
         first = best_bound(task.plant, law, task.minimise)
         # of a law that doubles cannot evaluate a proof is of no use
         first = None if first is None else agreed_bound(task.plant, law, first)
     if first is None:
         return None
-    return Optimised(Design(own.certificate), (first, *own.limits), np.inf, task.region)
+    return Optimised(Design(answer.certificate), (first, *answer.limits), np.inf, task.region)

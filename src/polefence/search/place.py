@@ -116,7 +116,10 @@ def _sources(
     every = [structure]
     if plant.remainder is not None and structure.degree and structure.schedule != ():
         every.append(replace(structure, schedule=()))
-    return [_whole(own.extended(plant)[0], Sought.of(bare, own, region).source) for own in every]
+    return [
+        _whole(combination.extended(plant)[0], Sought.of(bare, combination, region).source)
+        for combination in every
+    ]
 
 
 def _whole(plant: UncertainPlant, source: Source) -> Source:
@@ -126,7 +129,7 @@ def _whole(plant: UncertainPlant, source: Source) -> Source:
     return replace(
         source,
         plant=plant,
-        certified=lambda found, region: kept(plant, found.law, region),
+        certified=lambda point, region: kept(plant, point.law, region),
         refusal=lambda region: NotProvedError(
             f"not proved: the law keeps {region} for the interpolated samples of {plant.name}, but "
             "not within the interpolation-error bound; take a shorter sample time, or narrower "
@@ -202,8 +205,8 @@ def _tightest(
             raise InputError(
                 f"{plant.name} is in discrete time, where a {kind.of} has no region within"
             )
-        found = _fastest if kind.of == "half_plane" else _most_damped
-        return found(plant, method, structure)
+        search = _fastest if kind.of == "half_plane" else _most_damped
+        return search(plant, method, structure)
     if plant.remainder is not None:
         return _with_remainder(plant, kind, method, structure)
     if structure is not None:
@@ -237,22 +240,22 @@ def _with_remainder(
     plant: UncertainPlant, kind: Kind, method: Method | None, structure: Structure | None
 ) -> Design:
     """Return the smallest disk that is proved of a plant with a remainder; one gain will do."""
-    found, failures = list[Design](), list[NotProvedError]()
+    designs, failures = list[Design](), list[NotProvedError]()
     methods = (None,) if structure is not None else (on_the_box(plant, method), "quadratic")
-    for own in dict.fromkeys(methods):
+    for chosen in dict.fromkeys(methods):
         try:
-            smallest = _tightest(plant.combinations, kind, own, structure=structure)
-            source = _sources(plant, smallest.region, own or "scheduled", structure)[0]
+            smallest = _tightest(plant.combinations, kind, chosen, structure=structure)
+            source = _sources(plant, smallest.region, chosen or "scheduled", structure)[0]
             simply = replace(source, certified=partial(kept_simply, source.plant))
-            found += filter(None, [kind.widened(simply, smallest)])
+            designs += filter(None, [kind.widened(simply, smallest)])
         except NotProvedError as error:
             failures.append(error)
-    if not found:
+    if not designs:
         raise next(iter(failures), None) or NotProvedError(
             f"not proved: no disk about {kind.centre:g} holds within the interpolation-error bound "
             f"of the samples of {plant.name}; take a shorter sample time, or narrower ranges"
         )
-    return min(found, key=kind.size)
+    return min(designs, key=kind.size)
 
 
 def require_structure_alone(method: Method | None, allow_unproved: bool = False) -> None:

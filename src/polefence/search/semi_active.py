@@ -171,13 +171,13 @@ def semi_active(
         m, n = plant.shape[::-1]
         raise InputError(f"K is {given.shape[0]} x {given.shape[1]}, not {m} x {n}")
     tried = list[int]()
-    for own in DEGREES if degree is None else (_even(degree),):
-        if degree is None and problem.moments(own) > MOST and own > DEGREES[-1]:
+    for even in DEGREES if degree is None else (_even(degree),):
+        if degree is None and problem.moments(even) > MOST and even > DEGREES[-1]:
             continue
-        tried.append(own)
-        found = problem.proved(own, given)
-        if found is not None:
-            return found
+        tried.append(even)
+        law = problem.proved(even, given)
+        if law is not None:
+            return law
     degrees = " or ".join(map(str, tried))
     raise problem.refusal(
         f"no polynomial of degree {degrees} was found that does", problem.narrower
@@ -268,17 +268,19 @@ class _Question:
             )
         specification.require_fit(plant)
         larger, filtered = with_weights(plant, (specification,))
-        bare = next(own for own in filtered if isinstance(own, Rms))
-        pairs = sorted(((own.of(larger), own) for own in dampers), key=lambda pair: pair[0].number)
-        exact = tuple(own for own, _ in pairs)
-        if [own.number for own in exact] != list(range(plant.shape[1])):
+        bare = next(signal for signal in filtered if isinstance(signal, Rms))
+        pairs = sorted(
+            ((damper.of(larger), damper) for damper in dampers), key=lambda pair: pair[0].number
+        )
+        exact = tuple(damper for damper, _ in pairs)
+        if [damper.number for damper in exact] != list(range(plant.shape[1])):
             raise InputError(f"{plant.name}: give one damper for each of {plant.shape[1]} inputs")
         E = bare.entering(larger) * (bare.density / 2) ** 0.5
         outputs, N = bare.exact_outputs(larger), len(plant.A)
         C, D = (
             np.array([[_row(getattr(y, k)[j]) for y in outputs] for j in range(N)]) for k in "CD"
         )
-        rates = np.array([[_row(own.rate[j]) for own in exact] for j in range(N)])
+        rates = np.array([[_row(damper.rate[j]) for damper in exact] for j in range(N)])
         asked = (plant, specification, larger, bare, tuple(damper for _, damper in pairs))
         return cls(*asked, exact, larger.A, larger.B, E, C, D, rates)
 
@@ -301,8 +303,8 @@ class _Question:
                 "choose states so that they do not",
             )
         _ = self.passive  # without it there is nothing to be better than
-        for j, own in enumerate(self.loops(self.bounds[:, 0])):
-            if np.linalg.eigvals(own).real.max() >= 0:
+        for j, loop in enumerate(self.loops(self.bounds[:, 0])):
+            if np.linalg.eigvals(loop).real.max() >= 0:
                 lows = " and ".join(f"{d.force} = {float(d.low):g} v" for d in self.dampers)
                 raise self.refusal(
                     f"with all dampers at their lower bounds, {lows}, vertex {j + 1} is not stable",
@@ -351,14 +353,14 @@ class _Question:
         """Return the rms with these coefficients at every vertex, infinite where not stable."""
         from scipy.linalg import solve_continuous_lyapunov
 
-        found = list[float]()
+        values = list[float]()
         for j in range(len(self.A)):
             A, C = self.loop(j, self.stays(j, c))
             if np.linalg.eigvals(A).real.max() >= 0:
                 return [np.inf] * len(self.A)
             X = solve_continuous_lyapunov(A, -self.E[j] @ self.E[j].T)
-            found.append(float(np.sqrt(np.trace(C @ X @ C.T))))
-        return found
+            values.append(float(np.sqrt(np.trace(C @ X @ C.T))))
+        return values
 
     def rms(self, c: Array) -> float:
         """Return the worst rms with these coefficients, infinite where one is not stable."""
@@ -367,8 +369,8 @@ class _Question:
     @cached_property
     def hardest(self) -> int:
         """The vertex where the best dampers that stay have the largest rms."""
-        found = self.each_rms(self.best)
-        return next(j for j, own in enumerate(found) if own > (1 - LEVEL) * max(found))
+        values = self.each_rms(self.best)
+        return next(j for j, value in enumerate(values) if value > (1 - LEVEL) * max(values))
 
     @cached_property
     def best(self) -> Array:
@@ -382,12 +384,12 @@ class _Question:
         for _ in range(10):
             last = c.copy()
             for k, (low, high, start) in enumerate(bounds):
-                each = [float(f"{x:.{DIGITS}g}") for x in np.geomspace(start, high, STEPS)]
-                each = each if low == start else [low, *each]
-                tried = [c.copy() for _ in each]
-                for own, x in zip(tried, each, strict=True):
-                    own[k] = min(max(x, low), high)
-                values = [round(self.rms(own), 12) for own in tried]
+                grid = [float(f"{x:.{DIGITS}g}") for x in np.geomspace(start, high, STEPS)]
+                grid = grid if low == start else [low, *grid]
+                tried = [c.copy() for _ in grid]
+                for candidate, x in zip(tried, grid, strict=True):
+                    candidate[k] = min(max(x, low), high)
+                values = [round(self.rms(candidate), 12) for candidate in tried]
                 c = tried[int(np.argmin(values))]
             if np.array_equal(c, last):
                 break
@@ -402,13 +404,13 @@ class _Question:
         NotProvedError
             If none keeps every vertex stable.
         """
-        found = self.rms(self.best)
-        if not np.isfinite(found):
+        value = self.rms(self.best)
+        if not np.isfinite(value):
             raise NotProvedError(
                 f"{self.plant.name}: no dampers that stay, between their bounds, keep it stable "
                 "for every value; nothing is proved of those that change"
             )
-        return found
+        return value
 
     @cached_property
     def demand(self) -> Array:
@@ -447,7 +449,7 @@ class _Question:
     def shown(self) -> Array:
         """How forces show in the signals before their filters, at the hardest vertex."""
         signals = self.specification.outputs(self.plant)
-        return np.array([own.arrays(self.plant)[1][self.hardest] for own in signals])
+        return np.array([signal.arrays(self.plant)[1][self.hardest] for signal in signals])
 
     @cached_property
     def mean(self) -> Array:
@@ -468,21 +470,22 @@ class _Question:
         balanced, (scale, _) = matrix_balance(self.mean, permute=False, separate=True)
         E = self.E[0] / scale[:, None]
         X = np.diag(solve_continuous_lyapunov(balanced, -E @ E.T))
-        for own, variance in zip(states(self.larger), X, strict=True):
+        for state, variance in zip(states(self.larger), X, strict=True):
             if not variance > UNREACHED * X.max():
                 raise self.refusal(
-                    f"no disturbance reaches {own.name}", "leave that state out of the plant"
+                    f"no disturbance reaches {state.name}", "leave that state out of the plant"
                 )
         return np.asarray(2.0 ** np.round(np.log2(np.sqrt(X) * scale)), dtype=np.float64)
 
     def proved(self, degree: int, given: Array | None = None) -> SemiActiveLaw | None:
         """Return the law with what is proved of it by this degree, None if nothing is."""
         passive, X = self.passive, self.common  # first of all: quick, and the others need them
-        own = self.rounded if given is None else np.asarray(given, np.float32).astype(float)
-        K = np.pad(own, ((0, 0), (0, len(self.units) - own.shape[1])))  # a filter's states stay out
-        each = pieces_of(self.sizes, len(self.dampers))
-        pieces = [self.piece(group, choice, K) for group, choice in each]
-        search = self.search([own for own, _ in pieces], degree)
+        gains = self.rounded if given is None else np.asarray(given, np.float32).astype(float)
+        # a filter's states stay out
+        K = np.pad(gains, ((0, 0), (0, len(self.units) - gains.shape[1])))
+        choices = pieces_of(self.sizes, len(self.dampers))
+        pieces = [self.piece(group, choice, K) for group, choice in choices]
+        search = self.search([piece for piece, _ in pieces], degree)
         for tolerance in NEAR:
             with suppress(SolverError, FormatError, np.linalg.LinAlgError):
                 mean = search(tolerance)
@@ -492,7 +495,7 @@ class _Question:
                 if verdict.proved:
                     asked = (self.plant, self.specification, self.dampers)
                     stays = (tuple(self.best.tolist()), passive)
-                    return SemiActiveLaw(*asked, own, level, *stays, claim, verdict.reason)
+                    return SemiActiveLaw(*asked, gains, level, *stays, claim, verdict.reason)
         return None
 
     def search(self, pieces: list[Piece], degree: int) -> Callable[[float], Mean]:
@@ -523,9 +526,11 @@ class _Question:
             _rationals(K),
             degree,
             tuple(_rationals([self.units])[0]),
-            [_rationals(own) for own in X],
+            [_rationals(matrix) for matrix in X],
             tuple(map(tuple, _rationals(mean.V))),
-            tuple(_squares(own, each) for own, each in zip(mean.grams, sizes, strict=True)),
+            tuple(
+                _squares(matrices, size) for matrices, size in zip(mean.grams, sizes, strict=True)
+            ),
             tuple(map(Fraction, spec.scales(self.larger))),
             self.sizes,
         )
@@ -545,8 +550,8 @@ class _Question:
         outs = [out @ S / self.passive for _, out in loops]
         Q = np.sum([outs[j].T @ outs[k] for j, k in group], axis=0)
         motions = tuple((j, back @ loops[k][0] @ S) for j, k in group)
-        own = (len(group), motions, back @ self.E[0], (Q + Q.T) / 2, tuple(forms))
-        return Piece(*own, GIVEN not in choice), sizes
+        terms = (len(group), motions, back @ self.E[0], (Q + Q.T) / 2, tuple(forms))
+        return Piece(*terms, GIVEN not in choice), sizes
 
     @cached_property
     def common(self) -> list[Array]:
@@ -566,30 +571,32 @@ class _Question:
             F.append(np.zeros((N * count, n, n)))
             F[-1][j * count : (j + 1) * count] = basis
         for c in cartesian(*self.bounds):
-            loops = [back @ own @ S for own in self.loops(np.array(c))]
+            loops = [back @ loop @ S for loop in self.loops(np.array(c))]
             for group in groups_of(self.sizes):
                 F.append(np.zeros((N * count, n, n)))
                 for j, k in group:
                     XA = basis @ loops[k]
                     F[-1][j * count : (j + 1) * count] -= XA + XA.swapaxes(1, 2)
         x = [
-            solve_continuous_lyapunov((back @ own @ S).T, -np.eye(n))[rows, columns]
-            for own in self.loops(self.best)
+            solve_continuous_lyapunov((back @ loop @ S).T, -np.eye(n))[rows, columns]
+            for loop in self.loops(self.best)
         ]
         trace = np.tile(np.trace(basis, axis1=1, axis2=2), N)[:, None, None]
         try:
-            found = inside([(0, f) for f in F], np.concatenate(x), trace, np.zeros((0, N * count)))
+            solution = inside(
+                [(0, f) for f in F], np.concatenate(x), trace, np.zeros((0, N * count))
+            )
         except SolverError as error:
             raise self.refusal(
                 "no quadratic function was found that falls whatever the dampers do", self.narrower
             ) from error
-        each = np.split(found, N)
-        return [back @ np.tensordot(own, basis, 1) @ back for own in each]
+        vectors = np.split(solution, N)
+        return [back @ np.tensordot(vector, basis, 1) @ back for vector in vectors]
 
 
-def _width(own: Parameter) -> float:
+def _width(parameter: Parameter) -> float:
     """Return how wide a range is beside its larger end."""
-    return float((own.high - own.low) / max(abs(own.high), abs(own.low)))
+    return float((parameter.high - parameter.low) / max(abs(parameter.high), abs(parameter.low)))
 
 
 def _row(row: Rationals) -> list[float]:
@@ -602,10 +609,10 @@ def _rationals(matrix: Any) -> Rationals:
 
 def _squares(grams: Sequence[Array], sizes: Sequence[float]) -> Squares:
     """Return the matrices of a piece as a claim has them, of forms as they are."""
-    each = (len(grams) - OWN) // len(sizes)
-    starts = [OWN + k * each for k in range(len(sizes))]
+    count = (len(grams) - OWN) // len(sizes)
+    starts = [OWN + k * count for k in range(len(sizes))]
     H = [
-        tuple(_rationals(G / size) for G in grams[start : start + each])
+        tuple(_rationals(G / size) for G in grams[start : start + count])
         for start, size in zip(starts, sizes, strict=True)
     ]
     return Squares(tuple(map(_rationals, grams[:OWN])), tuple(H))

@@ -82,16 +82,16 @@ class Sought:
         if not self.starts:
             self.starts.extend(observers(self.bare, self.structure, (), region))
 
-    def _kept(self, found: list[Tuned]) -> list[Tuned]:
-        self.starts.extend(own.law for own in found[:1])
-        return [own for own in found if own.kept]
+    def _kept(self, candidates: list[Tuned]) -> list[Tuned]:
+        self.starts.extend(candidate.law for candidate in candidates[:1])
+        return [candidate for candidate in candidates if candidate.kept]
 
-    def certified(self, found: Tuned, region: Region) -> Design | None:
+    def certified(self, candidate: Tuned, region: Region) -> Design | None:
         """Return the proof that a law keeps a region in the plant's time."""
         T = self.plant.sample_time
         if T is None:
-            return kept(self.plant, found.law, region)
-        design = kept(delta_form(self.plant), found.law, delta_plane(region, T))
+            return kept(self.plant, candidate.law, region)
+        design = kept(delta_form(self.plant), candidate.law, delta_plane(region, T))
         with suppress(NotProvedError):
             return None if design is None else as_sampled(design, region)
         return None
@@ -110,10 +110,10 @@ class Sought:
         self.begin(kind.within)
         for share in TIGHTER if kind.within is not None else (0.0,):
             goal = self._goal(kind, None if kind.within is None else kind.within.tighter(share))
-            found = tune_region(delta_form(self.plant), self.gain, goal, (), self.starts)
-            laws = self._kept(found)
-            designs = (kind.least(self.source, own) for own in laws)
-            design = next((own for own in designs if own is not None), None)
+            candidates = tune_region(delta_form(self.plant), self.gain, goal, (), self.starts)
+            laws = self._kept(candidates)
+            designs = (kind.least(self.source, law) for law in laws)
+            design = next((proved for proved in designs if proved is not None), None)
             if design is not None or not laws or effort.ended():
                 return design
         return None

@@ -71,8 +71,8 @@ class Task:
     @property
     def parts(self) -> dict[Region, str]:
         """The parts of the region, and each in words."""
-        own = self.region.parts
-        return dict(zip(own, self.words or map(str, own), strict=True))
+        parts = self.region.parts
+        return dict(zip(parts, self.words or map(str, parts), strict=True))
 
     @property
     def domain(self) -> Domain:
@@ -90,8 +90,8 @@ class Task:
         asked = [(s, None) for s in self.limits if s.of_signal]
         if self.minimise is not None and self.minimise.of_signal:
             asked.append((self.minimise, 1.0))
-        found = ((s, s.unweighted().condition(plant, self.domain, unit)) for s, unit in asked)
-        pairs = [(source, replace(output, name=s.title)) for s, (source, output) in found]
+        conditions = ((s, s.unweighted().condition(plant, self.domain, unit)) for s, unit in asked)
+        pairs = [(source, replace(output, name=s.title)) for s, (source, output) in conditions]
         pairs = [(s, replace(o, level=o.level * KEPT if o.fixed else o.level)) for s, o in pairs]
         sources = {source.name: source for source, _ in pairs}
         outputs = tuple(output for _, output in pairs)
@@ -131,34 +131,34 @@ class Task:
         failure = SolverError("nowhere to start from")
         for start, t in self._starts(question, region, scaling):
             try:
-                found = least(question, start, scaling, tolerance, t)
+                point = least(question, start, scaling, tolerance, t)
             except SolverError as error:
                 failure = error
                 continue
-            again = best is not None and best.converged and found.r >= best.r * (1 - AGREED)
-            holds = self._holds(found, region)
-            if best is None or (holds, -found.r) > (held, -best.r):
-                best, held = found, holds
+            again = best is not None and best.converged and point.r >= best.r * (1 - AGREED)
+            holds = self._holds(point, region)
+            if best is None or (holds, -point.r) > (held, -best.r):
+                best, held = point, holds
             if not holds:  # its r is of a W that doubles do not hold
                 continue
             ends += 1
-            ended = found.converged and not question.norms
+            ended = point.converged and not question.norms
             loose = tolerance > AGREED
-            ended = ended and (again or loose or found.residual() <= AGREED)
+            ended = ended and (again or loose or point.residual() <= AGREED)
             if self.minimise is None or ended or (question.norms and ends == ENDS):
                 break
         if best is None:
             raise failure
         return best
 
-    def _holds(self, found: Reached, region: Region | None) -> bool:
+    def _holds(self, point: Reached, region: Region | None) -> bool:
         """Whether the law of a point, as doubles have it, keeps the poles where its W puts them.
 
         Where the signals do not bound W it grows until its smallest directions are lost in
         rounding; the law that Z W^-1 then is in doubles is another.
         """
         try:
-            law = self.law(found)
+            law = self.law(point)
             loops = close(self.plant, law, np.eye(len(self.plant.vertices)), disturbed=False)
             poles = loops.poles()
         except (SolverError, InputError, np.linalg.LinAlgError):
@@ -198,7 +198,7 @@ class Task:
         return numbered("W", W) | numbered("Z", Z)
 
     @singular_is_failure()
-    def law(self, found: Reached) -> Law:
+    def law(self, point: Reached) -> Law:
         """Return the law of a point.
 
         Raises
@@ -207,7 +207,7 @@ class Task:
             If W is singular in floats, or the law's numbers are none that doubles hold.
         """
         degree = int(options(self.method).degree)
-        W, Z = coefficients(found.values, "W"), coefficients(found.values, "Z")
+        W, Z = coefficients(point.values, "W"), coefficients(point.values, "Z")
         try:
             if not degree:
                 return FixedGain(right_divide(Z, W)[0])
@@ -221,11 +221,11 @@ def numbered(name: str, coefficients: Iterable[Array]) -> dict[str, Array]:
     return {f"{name}{k}": matrix for k, matrix in enumerate(coefficients, 1)}
 
 
-def level_of(task: Task, found: Reached) -> float:
+def level_of(task: Task, point: Reached) -> float:
     """Return the bound on what is minimised that a point has in floats; zero where nothing is."""
     if task.minimise is None:
         return 0.0
-    return task.minimise.level(found.r)
+    return task.minimise.level(point.r)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +263,7 @@ def candidate(task: Task, law: Law) -> Candidate | Missing:
     return missing
 
 
-def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[Bound, ...]] | None:
+def together(task: Task, law: Law, point: Reached) -> tuple[Certificate, tuple[Bound, ...]] | None:
     """Prove region, what is minimised and all limits with the one W of the law's point.
 
     Returns
@@ -277,7 +277,7 @@ def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[B
         return None
     with suppress(SolverError), singular_is_failure():
         name = "quadratic"
-        evidence: dict[str, Any] = {"W": found.values["W1"]}
+        evidence: dict[str, Any] = {"W": point.values["W1"]}
         if law.W is not None:
             elevation = options(task.method).elevation
             name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
@@ -285,7 +285,7 @@ def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[B
         if not certificate.holds():
             return None
         for specification in (*asked, *task.limits):
-            bound = _bound(task, law, specification, found)
+            bound = _bound(task, law, specification, point)
             agreed = None if bound is None else agreed_bound(task.plant, law, bound)
             if agreed is None:
                 return None
@@ -294,16 +294,16 @@ def together(task: Task, law: Law, found: Reached) -> tuple[Certificate, tuple[B
     return None
 
 
-def _bound(task: Task, law: Law, asked: Specification, found: Reached) -> Bound | None:
+def _bound(task: Task, law: Law, asked: Specification, point: Reached) -> Bound | None:
     """Prove one specification with the point's W; a bound on the law itself needs none."""
     if not asked.of_signal:
         prove = best_bound if asked.at_most is None else kept_bound
         return prove(task.plant, law, asked)
-    t = found.t.get(f"t {asked.condition(task.plant, task.domain, 1.0)[0].name}", 0.0)
+    t = point.t.get(f"t {asked.condition(task.plant, task.domain, 1.0)[0].name}", 0.0)
     if any(asked.filters) or not t > 0:
         return None
-    evidence, prefix = own_evidence(law, coefficients(found.values, "W"), t), held_name(asked.title)
-    if any(name.startswith(prefix) for name in found.values):
-        held = coefficients(found.values, prefix)
+    evidence, prefix = own_evidence(law, coefficients(point.values, "W"), t), held_name(asked.title)
+    if any(name.startswith(prefix) for name in point.values):
+        held = coefficients(point.values, prefix)
         evidence = with_held(evidence, held / t, int(options(task.method).degree))
-    return known_bound(task.plant, law, asked, (evidence, asked.at_most or level_of(task, found)))
+    return known_bound(task.plant, law, asked, (evidence, asked.at_most or level_of(task, point)))

@@ -111,10 +111,10 @@ def tradeoff(
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     least, swept = (
-        replace(_checked(own, name), at_most=None)
-        for own, name in ((minimise, "minimise"), (over, "over"))
+        replace(_checked(specification, name), at_most=None)
+        for specification, name in ((minimise, "minimise"), (over, "over"))
     )
-    others = tuple(_checked(own, "subject_to") for own in subject_to)
+    others = tuple(_checked(specification, "subject_to") for specification in subject_to)
     asked_for = (swept, *others, least)
     region = stable_region(plant) if region is None else in_time_of(plant, region)
     asked = _asked(plant, asked_for, region, structure)
@@ -126,9 +126,9 @@ def tradeoff(
     kept = run.path if run.resume else None
     done = {} if kept is None else finished(kept, asked, set(order))
     tasks = [(x, named[label]) for x, label in order if (x, label) not in done]
-    found = workers.as_finished(run.executor, partial(_row_of, asked), tasks)
+    computed = workers.as_finished(run.executor, partial(_row_of, asked), tasks)
 
-    fresh = (((row["value"], row["method"]), row, row) for row in found)
+    fresh = (((row["value"], row["method"]), row, row) for row in computed)
     run.complete(done, order, fresh, lambda path, rows: write_rows(path, asked, rows))
     done = monotone(done)
     run.keep(done, order, lambda path, rows: write_rows(path, asked, rows))
@@ -165,12 +165,12 @@ def _named(
     return {method_label(method): method for method in methods}
 
 
-def _checked(own: Any, name: str) -> Specification:
-    require_type(own, Specification, name, "for example Rms('actuator force')")
-    if name == "subject_to" and own.at_most is None:
-        raise InputError(f"the limit of {own.name!r} is missing; give at_most")
-    found: Specification = own
-    return found
+def _checked(given: Any, name: str) -> Specification:
+    require_type(given, Specification, name, "for example Rms('actuator force')")
+    if name == "subject_to" and given.at_most is None:
+        raise InputError(f"the limit of {given.name!r} is missing; give at_most")
+    specification: Specification = given
+    return specification
 
 
 def _require(asked: Asked, values: list[float], methods: list[Method | None]) -> None:
@@ -191,10 +191,10 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
             )
         require_optimisable(plant, method_for(plant, method), 2 + len(asked.subject_to))
     require_region(plant, asked.region)
-    for own in (asked.minimise, asked.over, *asked.subject_to):
-        own.require_fit(plant)
-        if own.of_signal:
-            own.condition(plant, plant.domain)
+    for specification in (asked.minimise, asked.over, *asked.subject_to):
+        specification.require_fit(plant)
+        if specification.of_signal:
+            specification.condition(plant, plant.domain)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(
             f"{asked.over.kind} of {asked.over.name!r} is swept; minimise or limit something else"
@@ -211,7 +211,7 @@ def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
     value, method = task
     label = TUNED if method is None else method_label(method)
     start = time.perf_counter()
-    found: Row
+    answer: Row
     try:
         plant, (over, *others, least) = asked.bare
         limits = (replace(over, at_most=value), *others)
@@ -219,13 +219,13 @@ def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
             question = plant, least, limits, asked.region, method
             # rows are of one plant, that with all states of the law
             done = optimise(*question, structure=asked.structure, fewer_states=False)
-            found = _proved(asked, done, value)
+            answer = _proved(asked, done, value)
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
         nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
-        found = {"answer": "undecided", **nothing, "bounds": [], "reason": reason}
+        answer = {"answer": "undecided", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start
-    return {"value": value, "method": label} | found | {"seconds": seconds}
+    return {"value": value, "method": label} | answer | {"seconds": seconds}
 
 
 def _proved(asked: Asked, done: Optimised, value: float) -> Row:
@@ -234,7 +234,7 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
     least = best_bound(done.plant, done.law, over.specification)
     if least is not None and least.level < over.level:
         over = least
-    claims, certificate = [own.claim for own in (first, over, *others)], done.design.certificate
+    claims, certificate = [bound.claim for bound in (first, over, *others)], done.design.certificate
     certificate.require_checkable(claims)
     return proved_row(asked, certificate, claims, value)
 
@@ -275,19 +275,19 @@ class Asked(Short):
         return {
             "minimise": _as_read_from_json(self.minimise),
             "over": _as_read_from_json(self.over),
-            "subject_to": [_as_read_from_json(own) for own in self.subject_to],
+            "subject_to": [_as_read_from_json(specification) for specification in self.subject_to],
             "region": self.region.document(),
         } | law
 
 
-def _as_read_from_json(own: Specification) -> dict[str, Any]:
+def _as_read_from_json(specification: Specification) -> dict[str, Any]:
     # through JSON and back, so that it equals what is read from a file
-    found: dict[str, Any] = json.loads(
-        json.dumps({"kind": own.kind} | asdict(own), default=reading.plain)
+    document: dict[str, Any] = json.loads(
+        json.dumps({"kind": specification.kind} | asdict(specification), default=reading.plain)
     )
-    if found["disturbances"] is None:  # all, as in files that do not say
-        del found["disturbances"]
-    return found
+    if document["disturbances"] is None:  # all, as in files that do not say
+        del document["disturbances"]
+    return document
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -388,14 +388,14 @@ class Front(Short):
         What each other specification is proved and sampled at are columns with its title.
         """
         plain = ("value", "method", "answer", "proved", "sampled", "law_of", "own", "seconds")
-        found = []
+        rows = []
         for row in self.rows:
-            own = {key: row.get(key) for key in (*plain, "reason")}
+            cells = {key: row.get(key) for key in (*plain, "reason")}
             for bound in row["bounds"]:
                 title = bound["specification"]
-                own |= {f"{key} {title}": bound[key] for key in ("at_most", "proved", "sampled")}
-            found.append(own)
-        return found
+                cells |= {f"{key} {title}": bound[key] for key in ("at_most", "proved", "sampled")}
+            rows.append(cells)
+        return rows
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
@@ -445,10 +445,10 @@ def head(asked: Asked) -> dict[str, Any]:
     }
 
 
-def label_of(plant: UncertainPlant, own: Specification) -> str:
+def label_of(plant: UncertainPlant, specification: Specification) -> str:
     """Return kind, signal and unit of a specification."""
-    unit = own.unit(plant)
-    return own.title + (f" [{unit}]" if unit else "")
+    unit = specification.unit(plant)
+    return specification.title + (f" [{unit}]" if unit else "")
 
 
 def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
@@ -482,9 +482,9 @@ def finished(
     again = "remove the file to start anew, or name another one"
     try:
         document = reading.parse(read_text(path, reading.MAX_BYTES, InputError))
-        found = {key: document[key] for key in ("polefence", "plant", "question")}
+        heading = {key: document[key] for key in ("polefence", "plant", "question")}
         rows = {(row["value"], row["method"]): row for row in document["rows"]}
-        same = found == head(asked)
+        same = heading == head(asked)
         # as much as any file may take for rows that nobody asked for
         most = work.MAX_FILE * (1 + len(rows.keys() & wanted))
         with work.counted(most):
@@ -495,9 +495,9 @@ def finished(
             }
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no trade-off to resume; {again}") from error
-    if found["polefence"] != VERSION:
+    if heading["polefence"] != VERSION:
         raise InputError(
-            f"{path}: a trade-off by polefence {str(found['polefence'])[:40]}; {again}"
+            f"{path}: a trade-off by polefence {str(heading['polefence'])[:40]}; {again}"
         )
     if not same:
         raise InputError(f"{path}: a trade-off of another plant or other limits; {again}")
@@ -511,9 +511,11 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
     """Return what is proved of a row, None where that is not what it says."""
     numbers = (row["value"], row["proved"], row["law_of"], row["seconds"])
     real = all(isinstance(x, float | int) and math.isfinite(x) and x >= 0 for x in numbers)
-    own = row["own"] is None or row["own"] >= row["proved"]
+    in_order = row["own"] is None or row["own"] >= row["proved"]
     tuned = asked.structure is not None
-    if not (real and own and (row["method"] == TUNED if tuned else LABEL.fullmatch(row["method"]))):
+    if not (
+        real and in_order and (row["method"] == TUNED if tuned else LABEL.fullmatch(row["method"]))
+    ):
         return None
     document = from_plain(row["performance"])
     claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
@@ -540,15 +542,17 @@ def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[Bound
     """Prove the region and every bound of a row, as being about this plant and these signals."""
     if not _is_of(certificate, asked.plant) or certificate.region != asked.region:
         return False
-    limits = [row["value"], *(own.at_most for own in asked.subject_to)]
+    limits = [row["value"], *(limit.at_most for limit in asked.subject_to)]
     levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
     if any(proved > limit for proved, limit in zip(levels[1:], limits, strict=True)):
         return False
     wanted = (asked.minimise, asked.over, *asked.subject_to)
     law = certificate.law.exact
-    for claim, own, level in zip(claims, wanted, levels, strict=True):
+    for claim, specification, level in zip(claims, wanted, levels, strict=True):
         subject = claim.subject
-        same = claim_of(asked.plant, law, subject.on, own, subject.evidence, Fraction(level))
+        same = claim_of(
+            asked.plant, law, subject.on, specification, subject.evidence, Fraction(level)
+        )
         if claim != same or not prove(claim).proved:
             return False
     return certificate.prove().proved
@@ -561,7 +565,7 @@ def proved_row(
     plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
     wanted = (asked.minimise, replace(asked.over, at_most=value), *asked.subject_to)
     levels = [float(claim.level) for claim in claims]
-    worst = [_worst(plant, law, own, alpha) for own in wanted]
+    worst = [_worst(plant, law, specification, alpha) for specification in wanted]
     bounds = zip(wanted[1:], levels[1:], worst[1:], strict=True)
     return {
         "answer": "proved",
@@ -569,12 +573,12 @@ def proved_row(
         "sampled": worst[0],
         "bounds": [
             {
-                "specification": own.title,
-                "at_most": own.at_most,
+                "specification": specification.title,
+                "at_most": specification.at_most,
                 "proved": level,
                 "sampled": seen,
             }
-            for own, level, seen in bounds
+            for specification, level, seen in bounds
         ],
         "law_of": value,
         "own": levels[0],
@@ -583,8 +587,10 @@ def proved_row(
     }
 
 
-def _worst(plant: UncertainPlant, law: Law, own: Specification, alpha: Array) -> float | None:
+def _worst(
+    plant: UncertainPlant, law: Law, specification: Specification, alpha: Array
+) -> float | None:
     """Return the worst sampled value; what is proved does not depend on there being one."""
     with suppress(InputError):
-        return sampled(plant, law, own, alpha).worst
+        return sampled(plant, law, specification, alpha).worst
     return None

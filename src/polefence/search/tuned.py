@@ -56,7 +56,7 @@ def tuned_candidates(
         The least level that was proved of a law: one that is no better at rest is not looked at.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
-    cut_off = any(own.cut_off(task.plant) for own in asked_for)
+    cut_off = any(specification.cut_off(task.plant) for specification in asked_for)
     some, shares = False, (*TIGHTER, *FARTHER)
     for times in BEYOND if cut_off else (1.0,):
         room, lost = Room.first(task.plant), 0
@@ -65,28 +65,28 @@ def tuned_candidates(
                 return
             if max(room.region, room.limits) >= len(TIGHTER) and some and not task.plant.moving:
                 break
-            found = [] if cut_off else list(known)
-            found = found or _searched(task, structure, room, times, starts)
+            candidates = [] if cut_off else list(known)
+            candidates = candidates or _searched(task, structure, room, times, starts)
             known = ()
-            lost += not any(own.kept for own in found)
+            lost += not any(tuned.kept for tuned in candidates)
             if lost > 1:  # what is tighter is no easier, and the second began where the first ended
                 break
             missing: Missing | None = None
-            for number, own in enumerate(_promising(found)):
+            for number, tuned in enumerate(_promising(candidates)):
                 if number and ended():  # the best is looked at whatever it took to find
                     return
-                if task.minimise is not None and own.level >= proved():
+                if task.minimise is not None and tuned.level >= proved():
                     if number or cut_off:
                         break
                     return  # nor is one for tighter limits
-                law = candidate(task, own.law)
+                law = candidate(task, tuned.law)
                 if isinstance(law, Missing):
                     missing = missing or law
                     continue
                 some = True
-                yield law, own, found[0].level
+                yield law, tuned, candidates[0].level
             room = room.after(missing)
-            starts = (*starts, *(own.law for own in found[:1]))
+            starts = (*starts, *(tuned.law for tuned in candidates[:1]))
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,9 @@ def _searched(
     least, limits, region = _asked(task, room, times)
     faster = _faster(task.plant, region)
     if faster is not None:
-        found = tune(task.plant, structure, least, limits, faster, starts)
-        if any(own.kept for own in found):
-            return found
+        candidates = tune(task.plant, structure, least, limits, faster, starts)
+        if any(tuned.kept for tuned in candidates):
+            return candidates
     return tune(task.plant, structure, least, limits, region, starts)
 
 
@@ -129,20 +129,20 @@ def _faster(plant: UncertainPlant, region: Region) -> Region | None:
     no proof, and no meaning, while they move.
     """
     speeds = [
-        float(max(map(abs, own.rate)) / (own.high - own.low))
-        for own in plant.moving
-        if isinstance(own.rate, tuple)
+        float(max(map(abs, parameter.rate)) / (parameter.high - parameter.low))
+        for parameter in plant.moving
+        if isinstance(parameter.rate, tuple)
     ]
     if not speeds or plant.period:
         return None
     return region & HalfPlane(FASTER * max(speeds))
 
 
-def _promising(found: Sequence[Tuned]) -> Iterator[Tuned]:
-    kept = [own for own in found if own.kept]
-    for own in kept[:MOST]:
-        if own.level <= kept[0].level * (1 + WORSE):
-            yield own
+def _promising(candidates: Sequence[Tuned]) -> Iterator[Tuned]:
+    kept = [tuned for tuned in candidates if tuned.kept]
+    for tuned in kept[:MOST]:
+        if tuned.level <= kept[0].level * (1 + WORSE):
+            yield tuned
 
 
 def orders_below(order: int) -> list[int]:
@@ -159,27 +159,27 @@ class Orders:
     ----------
     structure : Structure
         With the highest order.
-    each : sequence of pairs of Task and Structure
+    problems : sequence of pairs of Task and Structure
         For each of `orders_below`: of the larger plant, and of the law's gain there.
     """
 
-    def __init__(self, structure: Structure, each: Sequence[tuple[Task, Structure]]) -> None:
-        self.structure, self.each = structure, each
+    def __init__(self, structure: Structure, problems: Sequence[tuple[Task, Structure]]) -> None:
+        self.structure, self.problems = structure, problems
         self.orders = orders_below(structure.order)
-        self._found = dict[int, list[Tuned]]()
+        self._tuned = dict[int, list[Tuned]]()
         self._starts = dict[int, list[Law]]()
 
-    def found(self, k: int) -> list[Tuned]:
+    def tuned(self, k: int) -> list[Tuned]:
         """Return what searches of the k-th order find for tighter limits, the best first."""
-        if k not in self._found:
-            found = _tuned(*self.each[k], self.starts(k))
-            self._found[k] = [own for own in found if own.kept]
-        return self._found[k]
+        if k not in self._tuned:
+            candidates = _tuned(*self.problems[k], self.starts(k))
+            self._tuned[k] = [tuned for tuned in candidates if tuned.kept]
+        return self._tuned[k]
 
     @property
     def least(self) -> float:
         """The least level of any order; infinite where no law was found that keeps everything."""
-        every = [own.level for k in range(len(self.each)) for own in self.found(k)]
+        every = [tuned.level for k in range(len(self.problems)) for tuned in self.tuned(k)]
         return min(every, default=np.inf)
 
     @property
@@ -189,39 +189,43 @@ class Orders:
         From the lowest on where nothing is minimised. Of orders below the last those alone that
         have a law.
         """
-        last = len(self.each) - 1
-        orders = (k for k in range(last + 1) if k == last or self.found(k))
-        if self.each[0][0].minimise is None:
+        last = len(self.problems) - 1
+        orders = (k for k in range(last + 1) if k == last or self.tuned(k))
+        if self.problems[0][0].minimise is None:
             yield from orders
             return
         every = list(orders)
         near = self.least + NEAR * abs(self.least)
-        first = next((k for k in every if any(own.level <= near for own in self.found(k))), None)
+        first = next(
+            (k for k in every if any(tuned.level <= near for tuned in self.tuned(k))), None
+        )
         yield from [] if first is None else [first]
         yield from (k for k in reversed(every) if k != first)
 
     def starts(self, k: int) -> list[Law]:
         """Return laws of the k-th order to start from: of one below, filters, observers."""
         if k and k not in self._starts:
-            (task, _), (before, gain) = self.each[k], self.each[k - 1]
+            (task, _), (before, gain) = self.problems[k], self.problems[k - 1]
             laws = (
-                beside_filters(own.law, before.plant, task.plant, gain, task.region)
-                for own in self.found(k - 1)
+                beside_filters(tuned.law, before.plant, task.plant, gain, task.region)
+                for tuned in self.tuned(k - 1)
             )
-            own = replace(self.structure, order=self.orders[k])
-            found = [law for law in laws if law is not None]
-            self._starts[k] = [*found, *_with_states(self.each[0][0], own)]
+            structure = replace(self.structure, order=self.orders[k])
+            known = [law for law in laws if law is not None]
+            self._starts[k] = [*known, *_with_states(self.problems[0][0], structure)]
         return self._starts.get(k, [])
 
 
 def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:
     """Return what searches of each degree find, from the lowest on; the best first."""
-    found = list[Tuned]()
-    for own in (*lower_degrees(task.plant, structure), structure):
-        known = (*starts, *(each.law for each in found[:1] if each.kept))
-        more = _searched(task, own, Room.first(task.plant), BEGINNING, known)
-        found = sorted([*found, *more[:MOST]], key=lambda each: (not each.kept, each.level))
-    return found[:MOST]
+    candidates = list[Tuned]()
+    for lower in (*lower_degrees(task.plant, structure), structure):
+        known = (*starts, *(tuned.law for tuned in candidates[:1] if tuned.kept))
+        more = _searched(task, lower, Room.first(task.plant), BEGINNING, known)
+        candidates = sorted(
+            [*candidates, *more[:MOST]], key=lambda tuned: (not tuned.kept, tuned.level)
+        )
+    return candidates[:MOST]
 
 
 def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Structure]:
@@ -254,10 +258,10 @@ def _asked(
     shares = (*TIGHTER, *FARTHER)
     least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
     limits = tuple(
-        own
-        if own.at_most is None
-        else replace(own, at_most=own.at_most * (1 - shares[room.limits]))
+        specification
+        if specification.at_most is None
+        else replace(specification, at_most=specification.at_most * (1 - shares[room.limits]))
         for limit in task.limits
-        for own in limit.tuned(times)
+        for specification in limit.tuned(times)
     )
     return least, limits, task.region.tighter(shares[room.region], stable(float(task.plant.step)))

@@ -227,7 +227,7 @@ class Kind:
 
         Parameters
         ----------
-        found : object
+        candidate : object
             What the source found.
         most : float
             The region is to be smaller than that of this `size`.

@@ -143,22 +143,22 @@ def descend(
         if ended:
             continue
         length = float(np.abs(d).max())
-        there, found, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
-        if found is None:
+        there, lower, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
+        if lower is None:
             reach = length / SHORTER
             shortest = SHORTEST * max(1.0, float(np.abs(theta).max()))
             ended = reach < shortest or foreseen < effort.worth / STALL
             if there is not None:
                 cuts = [*cuts, (theta + d, _high(here, there))][-CUTS:]
             continue
-        after, there = found
+        after, there = lower
         if share < BAD:
             reach = length / 2
         elif share > GOOD and length > 0.9 * reach:
             reach *= 2.5
         z = _shared(here, known, z)
         H = _updated(H, after - theta, _turn(here, there, after - theta, z), fresh)
-        cuts = [own for own in cuts if np.abs(own[0] - after).max() <= ALONG * length]
+        cuts = [cut for cut in cuts if np.abs(cut[0] - after).max() <= ALONG * length]
         theta, here, fresh = after, there, False
         merits.append(_merit(here, rho))
     return theta, here
@@ -172,8 +172,8 @@ def _high(here: Rows, there: Rows) -> Rows:
     """Return the rows of another point that are higher than the highest is here: those missed."""
     some = np.flatnonzero(there.values >= _top(here, there))
     some = some[np.argsort(-there.values[some], kind="stable")][:MISSED]
-    each = (there.values, there.slopes, there.groups, there.objective)
-    return Rows(*(own[some] for own in each))
+    columns = (there.values, there.slopes, there.groups, there.objective)
+    return Rows(*(column[some] for column in columns))
 
 
 def _top(here: Rows, other: Rows) -> Array:
@@ -187,22 +187,22 @@ def _with(here: Rows, theta: Array, cuts: Sequence[Cut]) -> Rows:
     if not cuts:
         return here
     far = [
-        replace(own, values=np.minimum(own.values + own.slopes @ (theta - at), _top(here, own)))
-        for at, own in cuts
+        replace(rows, values=np.minimum(rows.values + rows.slopes @ (theta - at), _top(here, rows)))
+        for at, rows in cuts
     ]
-    each = ([getattr(own, f.name) for own in (here, *far)] for f in fields(Rows))
-    return Rows(*(np.concatenate(parts) for parts in each))
+    columns = ([getattr(rows, f.name) for rows in (here, *far)] for f in fields(Rows))
+    return Rows(*(np.concatenate(parts) for parts in columns))
 
 
 def _shared(here: Rows, known: Rows, z: Array) -> Array:
     """Return the multipliers of the rows here, with those of the missed ones of each group."""
     count = len(here.values)
-    found = z[:count].copy()
+    multipliers = z[:count].copy()
     for k in np.flatnonzero(z[count:] > 0) + count:
-        own = np.flatnonzero(here.groups == known.groups[k])
-        if len(own):
-            found[own[here.values[own].argmax()]] += z[k]
-    return found
+        same = np.flatnonzero(here.groups == known.groups[k])
+        if len(same):
+            multipliers[same[here.values[same].argmax()]] += z[k]
+    return multipliers
 
 
 def _merit(rows: Rows, rho: float) -> float:
@@ -254,14 +254,14 @@ def _tried(
     merit = _merit(here, rho)
     there = evaluate(theta + d)
     share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
-    found = None if there is None else (theta + d, there)
+    lower = None if there is None else (theta + d, there)
     if there is not None and share < BAD and len(there.values) == len(here.values):
         bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
         again = evaluate(theta + bent)
         if again is not None and (merit - _merit(again, rho)) / foreseen > share:
             share = (merit - _merit(again, rho)) / foreseen
-            found = theta + bent, again
-    return there, (found if share > LEAST else None), share
+            lower = theta + bent, again
+    return there, (lower if share > LEAST else None), share
 
 
 def _multipliers(here: Rows, H: Array, rho: float, reach: float) -> Array:
@@ -308,7 +308,7 @@ def _updated(H: Array, s: Array, y: Array | None, fresh: bool) -> Array:
     size = float(s @ Hs)
     if not size > 0:
         return H
-    own = float(s @ y)
-    if own < 0.2 * size:
-        y = Hs + 0.8 * size / (size - own) * (y - Hs)
+    curvature = float(s @ y)
+    if curvature < 0.2 * size:
+        y = Hs + 0.8 * size / (size - curvature) * (y - Hs)
     return np.asarray(H - np.outer(Hs, Hs) / size + np.outer(y, y) / float(s @ y))

@@ -83,19 +83,19 @@ def observers(
         return ()
     region = region or stable(float(plant.step))
     larger, gain = structure.extended(plant)
-    own = typical(larger, gain.rows(larger).mean(axis=0)).states[plant.shape[0] :]
+    scales = typical(larger, gain.rows(larger).mean(axis=0)).states[plant.shape[0] :]
     even = np.full((1, len(plant.vertices)), 1 / len(plant.vertices))
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
     parts = _scaled(plant, structure, sizes, asked, even)
     K = [law.gain(even)[0] * sizes.states / sizes.inputs[:, None] for law in known]
     shifts = (*(s * _slowest(plant) for s in SHIFTS), FASTER * decay_of(region, plant))
-    pairs = [(each, 0.0, effort) for each, effort in product(K, EFFORTS)]
-    pairs += [(None, *each) for each in product(dict.fromkeys(shifts), EFFORTS)]
-    laws = (_observer(plant, own, structure.order, sizes, parts, pair) for pair in pairs)
+    pairs = [(of_known, 0.0, effort) for of_known, effort in product(K, EFFORTS)]
+    pairs += [(None, *point) for point in product(dict.fromkeys(shifts), EFFORTS)]
+    laws = (_observer(plant, scales, structure.order, sizes, parts, pair) for pair in pairs)
 
     def outside(law: FixedGain) -> float:
-        each = (np.linalg.eigvals(v.A + v.B @ law.K) for v in larger.vertices)
-        return max(float(region.distance(poles).max()) for poles in each)
+        spectra = (np.linalg.eigvals(v.A + v.B @ law.K) for v in larger.vertices)
+        return max(float(region.distance(poles).max()) for poles in spectra)
 
     return tuple(sorted((law for law in laws if law is not None), key=outside)[:NEAREST])
 
@@ -132,8 +132,8 @@ def _scaled(
     A, B, C = A / d[:, None] * d, B / d[:, None] * sizes.inputs, C / y[:, None]
     (n, m), r = B.shape, len(C)
     cost, noise = cost_of(plant, sizes, asked), np.zeros((n + r, n + r))
-    for each in (each for each in asked if each.of_signal):
-        E = each.unweighted().channel(plant, even).E[0]
+    for specification in (specification for specification in asked if specification.of_signal):
+        E = specification.unweighted().channel(plant, even).E[0]
     E = E / d[:, None]
     noise[:n, :n] = E @ E.T / (np.trace(E @ E.T) or 1.0) * n + FLOOR_NOISE * np.eye(n)
     return _Middle(A, B, C, cost * (n + m) / (np.trace(cost) or 1.0), noise)
@@ -141,7 +141,7 @@ def _scaled(
 
 def _observer(
     plant: UncertainPlant,
-    own: Array,
+    scales: Array,
     order: int,
     sizes: Sizes,
     at: _Middle,
@@ -151,7 +151,7 @@ def _observer(
 
     Parameters
     ----------
-    own : (order,) array
+    scales : (order,) array
         Sizes of the law's states.
     pair : tuple
         The regulator's gain, None for that of least cost; shift and effort.
@@ -165,12 +165,12 @@ def _observer(
         return None
     L = L.T * rate
     loop = np.block([[A, B @ K], [-L @ C, A + B @ K + L @ C]])
-    found = _reduced(loop, len(A), order, step)
-    if found is None:
+    reduced = _reduced(loop, len(A), order, step)
+    if reduced is None:
         return None
-    T, U = found
+    T, U = reduced
     parts = -U @ L, U @ loop[len(A) :, len(A) :] @ T, K @ T
-    return _compensator(plant, own, parts, C, (sizes.states, sizes.inputs))
+    return _compensator(plant, scales, parts, C, (sizes.states, sizes.inputs))
 
 
 def _reduced(loop: Array, n: int, order: int, step: float) -> tuple[Array, Array] | None:
@@ -190,7 +190,7 @@ def _reduced(loop: Array, n: int, order: int, step: float) -> tuple[Array, Array
 
 def _compensator(
     plant: UncertainPlant,
-    own: Array,
+    scales: Array,
     parts: tuple[Array, Array, Array],
     C: Array,
     units: tuple[Array, Array],
@@ -199,7 +199,7 @@ def _compensator(
 
     Parameters
     ----------
-    own : (k,) array
+    scales : (k,) array
         Sizes of the law's states.
     parts : tuple of array
         B_c, A_c and C_c, of states, signals and inputs in their sizes.
@@ -208,7 +208,7 @@ def _compensator(
     units : tuple of array
         Sizes of states and inputs.
     """
-    (b, a, c), (d, u), k = parts, units, len(own)
+    (b, a, c), (d, u), k = parts, units, len(scales)
     (m, n), used = (len(c), C.shape[1]), len(a)
     gains = np.zeros((m + k, n + k))
     gains[:m, n : n + used] = c * u[:, None]
@@ -218,8 +218,8 @@ def _compensator(
     rest = np.arange(used, k)
     gains[m + rest, :n] = rates[:, None] * C[rest % len(C)] / d
     gains[m + rest, n + rest] = -rates
-    gains[m:] *= own[:, None]
-    gains[:, n:] /= own
+    gains[m:] *= scales[:, None]
+    gains[:, n:] /= scales
     return FixedGain(gains)
 
 
@@ -258,20 +258,20 @@ def filtered(
     region = region or stable(float(plant.step))
     quick = QUICK * float(np.abs(np.linalg.eigvals(plant.A)).max()) / _slowest(plant)
     poles = dict.fromkeys(_pole(plant, region, speed) for speed in (*SPEEDS, quick))
-    found = list[tuple[float, PolynomialGain]]()
-    for (i, own), pole in product(enumerate(structure.outputs(plant)[:MOST]), poles):
+    laws = list[tuple[float, PolynomialGain]]()
+    for (i, signal), pole in product(enumerate(structure.outputs(plant)[:MOST]), poles):
         if pole is None:
             continue
-        label = f"{own.name}, filtered"
-        larger = with_dynamics(plant, (own,), ((-pole,),), ((pole,),), (label,))
+        label = f"{signal.name}, filtered"
+        larger = with_dynamics(plant, (signal,), ((-pole,),), ((pole,),), (label,))
         static = _with_signal(structure, plant, label)
         n = plant.shape[0]
         least = None if minimise is None else minimise.extended(n, 1)
-        best = rough(larger, static, least, [own.extended(n, 1) for own in limits], region)
+        best = rough(larger, static, least, [limit.extended(n, 1) for limit in limits], region)
         if best is not None:
             law = _of_order(best, static, larger, structure, plant, i, float(pole))
-            found += [(best.level, law)] if law is not None else []
-    return tuple(law for _, law in sorted(found, key=lambda each: each[0]))
+            laws += [(best.level, law)] if law is not None else []
+    return tuple(law for _, law in sorted(laws, key=lambda pair: pair[0]))
 
 
 def beside_filters(
@@ -292,10 +292,10 @@ def beside_filters(
     """
     k, n, names = larger.shape[0] - plant.shape[0], plant.shape[0], states(larger)
     y = structure.outputs(plant)
-    found = [_pole(plant, region, speed) for speed in np.geomspace(*SPEEDS, k)]
-    if None in found:
+    poles = [_pole(plant, region, speed) for speed in np.geomspace(*SPEEDS, k)]
+    if None in poles:
         return None
-    rates = np.array(found, dtype=float)
+    rates = np.array(poles, dtype=float)
     return law.with_filters(y, rates, states(plant), names[n:])
 
 
@@ -311,7 +311,7 @@ def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | Non
 
 def _with_signal(structure: Structure, plant: UncertainPlant, label: str) -> Structure:
     """Return a structure without states, of one free signal more."""
-    names = structure.measured or tuple(own.name for own in states(plant))
+    names = structure.measured or tuple(state.name for state in states(plant))
     pattern, most = structure.pattern, structure.largest_gain
     if pattern is not None:
         pattern = tuple((*row, f"{label} {i}") for i, row in enumerate(pattern))
@@ -322,7 +322,7 @@ def _with_signal(structure: Structure, plant: UncertainPlant, label: str) -> Str
 
 
 def _of_order(
-    found: Tuned,
+    tuned: Tuned,
     static: Structure,
     larger: UncertainPlant,
     structure: Structure,
@@ -339,13 +339,13 @@ def _of_order(
     if not whole:
         return None
     every = np.zeros((len(powers), m + k, r + k))
-    if found.law.K is None:
-        every[:, :m, : r + 1] = found.law.gains
+    if tuned.law.K is None:
+        every[:, :m, : r + 1] = tuned.law.gains
     else:
-        every[whole, :m, : r + 1] = found.law.K @ np.linalg.pinv(static.rows(larger)[0])
+        every[whole, :m, : r + 1] = tuned.law.K @ np.linalg.pinv(static.rows(larger)[0])
     for j in whole:
         for i, poles in enumerate(pole * FACTOR ** np.arange(k)):
             every[j, m + i, (filtered + i) % r] = poles
             every[j, m + i, r + i] = -poles
-    bigger, own = structure.extended(plant)
-    return own.law(bigger, every)
+    bigger, gain = structure.extended(plant)
+    return gain.law(bigger, every)

@@ -96,8 +96,8 @@ class Task:
 
     def unit(self, level: float) -> float:
         """Return what a level is measured in; a decay rate about zero in a rate of the plant."""
-        own = self.minimise
-        rated = isinstance(own, tuple) and not any(np.any(side.M1) for side in own)
+        minimise = self.minimise
+        rated = isinstance(minimise, tuple) and not any(np.any(side.M1) for side in minimise)
         return max(abs(level), self.sizes.rate) if rated else abs(level) or 1.0
 
     def at(self, alpha: Array) -> Points:
@@ -108,8 +108,11 @@ class Task:
         A, B = self.plant.at(alpha)
         D = np.zeros((len(alpha), 0, self.plant.shape[1]))
         bare = Channel(A, B, np.swapaxes(none, 1, 2), none, D, empty)
-        channels = [bare, *(own.channel(self.plant, alpha) for own in self.requirements)]
-        scaled = _shared([each.in_units(d) for each in channels])
+        channels = [
+            bare,
+            *(requirement.channel(self.plant, alpha) for requirement in self.requirements),
+        ]
+        scaled = _shared([channel.in_units(d) for channel in channels])
         return Points(self, alpha, self.unknowns.at(alpha), scaled)
 
 
@@ -139,8 +142,8 @@ class Points:
 
     def evaluable(self, modes: Modes) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
-        poles, own = modes.poles, self.task.minimise
-        turning = isinstance(own, tuple) and any(np.any(side.M1) for side in own)
+        poles, minimise = modes.poles, self.task.minimise
+        turning = isinstance(minimise, tuple) and any(np.any(side.M1) for side in minimise)
         if not self.task.requirements and not turning:
             return np.full(len(poles), True)
         rates = growth_of(poles, modes.step)
@@ -149,8 +152,8 @@ class Points:
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
         """Return the k-th requirement."""
         channel = self.channels[k + 1]
-        own = self.task.requirements[k].slopes(channel.closed(K, modes))
-        return Found(own.values, own.points, channel.slopes(own))
+        measure = self.task.requirements[k].slopes(channel.closed(K, modes))
+        return Found(measure.values, measure.points, channel.slopes(measure))
 
     def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
@@ -186,8 +189,8 @@ class Points:
 
     def size(self, K: Array) -> Found:
         """Return the norms of gains in typical units."""
-        own = self.task.unknowns
-        weight = own.signals / own.inputs[:, None]
+        unknowns = self.task.unknowns
+        weight = unknowns.signals / unknowns.inputs[:, None]
         values = np.sqrt(((K * weight) ** 2).sum(axis=(1, 2)))
         dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
         return Found(values, np.arange(len(K)), dK, inner=True)
@@ -196,34 +199,34 @@ class Points:
         self, K: Array, modes: Modes, kappa: float | None = None
     ) -> list[tuple[Found, float]]:
         """Return what loops must keep, but for requirements: kept where zero or less; margins."""
-        found = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
+        measures = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
         if np.isfinite(self.task.fastest):
-            own = self.speed(modes)
-            found.append((replace(own, values=own.values - 1), 0.0))
+            measure = self.speed(modes)
+            measures.append((replace(measure, values=measure.values - 1), 0.0))
         largest = self.task.unknowns.largest
         if np.any(np.isfinite(largest)):
-            own = self.entries(K, largest)
-            found.append((replace(own, values=own.values - 1), MARGIN))
-        return found
+            measure = self.entries(K, largest)
+            measures.append((replace(measure, values=measure.values - 1), MARGIN))
+        return measures
 
     def limited(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
         """Return the limits, kept where zero or less, and their margins."""
         first = len(self.task.requirements) - len(self.task.limits)
-        found = []
-        for k, own in enumerate(self.task.limits):
-            each, limit = self.requirement(first + k, K, modes), own.at_most or 1.0
-            values, dK = each.values / limit - 1, each.dK / limit
-            found.append((Found(values, each.points, dK), MARGIN))
-        return found
+        measures = []
+        for k, specification in enumerate(self.task.limits):
+            measure, limit = self.requirement(first + k, K, modes), specification.at_most or 1.0
+            values, dK = measure.values / limit - 1, measure.dK / limit
+            measures.append((Found(values, measure.points, dK), MARGIN))
+        return measures
 
     def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
         """Return what is minimised, at gains of all states, and of what is measured."""
         if self.task.minimise is None:
             return self.size(inner)
         if isinstance(self.task.minimise, tuple):
-            each = [self.side(side, modes, kappa) for side in self.task.minimise]
+            measures = [self.side(side, modes, kappa) for side in self.task.minimise]
             values, points, dK = (
-                np.concatenate([getattr(own, key) for own in each])
+                np.concatenate([getattr(measure, key) for measure in measures])
                 for key in ("values", "points", "dK")
             )
             return Found(values, points, dK)
@@ -254,33 +257,37 @@ class Points:
         spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), 1)
         if modes is None or not np.all(np.isfinite(modes.left)):
             return None
-        found = self.bounds(inner, modes, kappa if phase == REGION else None)
+        measures = self.bounds(inner, modes, kappa if phase == REGION else None)
         if phase != REGION:
             if not np.all(self.evaluable(modes)):
                 return None
-            found += self.limited(K, modes)
-        kept = [_kept(own, margin) for own, margin in found]
+            measures += self.limited(K, modes)
+        kept = [_kept(measure, margin) for measure, margin in measures]
         if phase == LEVEL:
-            own = self.level(K, inner, modes, kappa)
-            kept.insert(0, _scaled(own, unit))
+            level = self.level(K, inner, modes, kappa)
+            kept.insert(0, _scaled(level, unit))
         elif phase == SMALL:
             kept.insert(0, _scaled(self.size(inner), unit))
             if self.task.minimise is not None:
-                own = self.level(K, inner, modes)
-                kept.append(_kept(_less(own, most), 0.0))
+                level = self.level(K, inner, modes)
+                kept.append(_kept(_less(level, most), 0.0))
         return self._rows(kept, phase in (LEVEL, SMALL))
 
-    def _rows(self, each: Sequence[Found], first: bool) -> Rows | None:
+    def _rows(self, measures: Sequence[Found], first: bool) -> Rows | None:
         """Return all rows; the first alone are the objective, or all."""
         count, parts = len(self.alpha), []
-        for k, own in enumerate(each):
-            dK = own.dK if own.inner else own.dK @ np.swapaxes(self.unknowns.C[own.points], 1, 2)
-            objective = np.full(len(own.values), k == 0 or not first)
-            slope = self.unknowns.slopes(own.points, dK)
-            parts.append((own.values, slope, own.points + k * count, objective))
-        found = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        finite = np.all(np.isfinite(found.values)) and np.all(np.isfinite(found.slopes))
-        return found if finite else None
+        for k, measure in enumerate(measures):
+            dK = (
+                measure.dK
+                if measure.inner
+                else measure.dK @ np.swapaxes(self.unknowns.C[measure.points], 1, 2)
+            )
+            objective = np.full(len(measure.values), k == 0 or not first)
+            slope = self.unknowns.slopes(measure.points, dK)
+            parts.append((measure.values, slope, measure.points + k * count, objective))
+        rows = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        finite = np.all(np.isfinite(rows.values)) and np.all(np.isfinite(rows.slopes))
+        return rows if finite else None
 
     def worst(self, K: Array, inner: Array) -> Array:
         """Return the worst of each measure at each point, (measures, count): the level first.
@@ -293,14 +300,14 @@ class Points:
             return np.full((2, len(K)), np.inf)
         good = self.evaluable(modes)
         some = self if np.all(good) else self[good]
-        own = Modes(modes.A[good], modes.step)
-        bounds = [_largest(found, len(K)) for found, _ in self.bounds(inner, modes)]
+        evaluated = Modes(modes.A[good], modes.step)
+        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes)]
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):
-            found = [some.level(K[good], inner[good], own)]
-            found += [each for each, _ in some.limited(K[good], own)]
-            for row, each in zip(rest, found, strict=True):
-                row[good] = _largest(each, int(good.sum()))
+            measures = [some.level(K[good], inner[good], evaluated)]
+            measures += [measure for measure, _ in some.limited(K[good], evaluated)]
+            for row, measure in zip(rest, measures, strict=True):
+                row[good] = _largest(measure, int(good.sum()))
         return np.array([rest[0], *bounds, *rest[1:]])
 
     def __getitem__(self, some: Any) -> Points:
@@ -309,42 +316,42 @@ class Points:
             self,
             alpha=self.alpha[some],
             unknowns=at,
-            channels=_shared([each[some] for each in self.channels]),
+            channels=_shared([channel[some] for channel in self.channels]),
         )
 
 
 def _shared(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     """Return channels with one array for one noise, so that its covariance is found once."""
-    found = list[Channel]()
-    for own in channels:
-        same = [old.E for old in found if np.array_equal(old.E, own.E)]
-        found.append(replace(own, E=same[0]) if same else own)
-    return tuple(found)
+    shared = list[Channel]()
+    for channel in channels:
+        same = [old.E for old in shared if np.array_equal(old.E, channel.E)]
+        shared.append(replace(channel, E=same[0]) if same else channel)
+    return tuple(shared)
 
 
-def _largest(own: Found, count: int) -> Array:
-    found = np.full(count, -np.inf)
-    np.maximum.at(found, own.points, own.values)
-    return found
+def _largest(measure: Found, count: int) -> Array:
+    largest = np.full(count, -np.inf)
+    np.maximum.at(largest, measure.points, measure.values)
+    return largest
 
 
-def _kept(own: Found, margin: float) -> Found:
+def _kept(measure: Found, margin: float) -> Found:
     """Return values with their margin, beyond zero as logarithms."""
-    values = own.values + margin
+    values = measure.values + margin
     above = np.maximum(values, 0.0)
-    found = np.where(values > 0, np.log1p(above), values)
-    return replace(own, values=found, dK=own.dK / (1 + above)[:, None, None])
+    bent = np.where(values > 0, np.log1p(above), values)
+    return replace(measure, values=bent, dK=measure.dK / (1 + above)[:, None, None])
 
 
-def _scaled(own: Found, unit: float) -> Found:
+def _scaled(measure: Found, unit: float) -> Found:
     """Return values in a unit, beyond two of them as logarithms."""
-    share = own.values / unit
+    share = measure.values / unit
     above = np.maximum(share - 1, 0.0)
-    found = np.where(share > 1, 1 + np.log1p(above), share)
-    return replace(own, values=found, dK=own.dK / unit / (1 + above)[:, None, None])
+    bent = np.where(share > 1, 1 + np.log1p(above), share)
+    return replace(measure, values=bent, dK=measure.dK / unit / (1 + above)[:, None, None])
 
 
-def _less(own: Found, level: float) -> Found:
+def _less(measure: Found, level: float) -> Found:
     """Return values less a level, in shares of it."""
     size = abs(level) or 1.0
-    return replace(own, values=(own.values - level) / size, dK=own.dK / size)
+    return replace(measure, values=(measure.values - level) / size, dK=measure.dK / size)

@@ -44,10 +44,10 @@ def met(loop: Loop, theta: Array) -> tuple[Array, float] | None:
         while tries < MOST:
             tries += 1
             start = np.append(best[:-1], best[-1] * (1 + share))
-            found = _solved(loop, start, rate, False)
-            if found is None:
+            placed = _solved(loop, start, rate, False)
+            if placed is None:
                 break
-            best = found
+            best = placed
     return best[:-1], float(best[-1]) * rate
 
 
@@ -80,8 +80,8 @@ def _residual(loop: Loop, x: Array, rate: float) -> Array:
 
 def _slopes(loop: Loop, x: Array, rate: float) -> Array:
     steps = DIFFERENCE * np.maximum(np.abs(x), 1.0)
-    each = (
+    columns = (
         (_residual(loop, x + h * e, rate) - _residual(loop, x - h * e, rate)) / (2 * h)
         for h, e in zip(steps, np.eye(len(x)), strict=True)
     )
-    return np.stack(list(each), axis=1)
+    return np.stack(list(columns), axis=1)

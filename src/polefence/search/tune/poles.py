@@ -30,7 +30,7 @@ def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
     step : float
         Of a delta form [s].
     """
-    found = []
+    sides = []
     for part in region.parts:
         for L, M in part.pairs():
             slope = _steepest(M)
@@ -38,8 +38,8 @@ def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
             if step:
                 decay = part.decay_rate(step)
                 length = min(length, decay if decay > 0 else rate)
-            found.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
-    return found
+            sides.append(Side(L, -slope * length * np.eye(len(L)), M, np.zeros_like(M)))
+    return sides
 
 
 def _steepest(M: Array) -> float:

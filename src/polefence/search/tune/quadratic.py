@@ -35,8 +35,8 @@ def minimum(
     compiled = kernel()
     if compiled is None:
         return reference(P, q, G, h, reach, bounded)
-    each = (np.ascontiguousarray(own, dtype=float) for own in (P, q, G, h))
-    x, z = compiled.minimum(*each, reach, bounded)
+    arrays = (np.ascontiguousarray(array, dtype=float) for array in (P, q, G, h))
+    x, z = compiled.minimum(*arrays, reach, bounded)
     return x, z
 
 
@@ -93,23 +93,23 @@ class _Rows:
 
     def of(self, x: Array) -> Array:
         """Return rows times x."""
-        own = x[: self.bounded]
-        return np.concatenate([self.G @ x, own, -own])
+        first = x[: self.bounded]
+        return np.concatenate([self.G @ x, first, -first])
 
     def back(self, z: Array) -> Array:
         """Return the transpose of the rows times z."""
         m, n = len(self.G), self.bounded
-        found = self.G.T @ z[:m]
-        found[:n] += z[m : m + n] - z[m + n :]
-        return found
+        product = self.G.T @ z[:m]
+        product[:n] += z[m : m + n] - z[m + n :]
+        return product
 
     def gram(self, w: Array) -> Array:
         """Return the rows' squares, each times its weight."""
         m, n = len(self.G), self.bounded
-        found = (self.G.T * w[:m]) @ self.G
+        squares = (self.G.T * w[:m]) @ self.G
         diagonal = np.arange(n)
-        found[diagonal, diagonal] += w[m : m + n] + w[m + n :]
-        return found
+        squares[diagonal, diagonal] += w[m : m + n] + w[m + n :]
+        return squares
 
 
 def _reach(s: Array, ds: Array) -> float:

@@ -48,13 +48,13 @@ class Curve:
     def powers(self, z: Array) -> list[Any]:
         """Return the coefficients of a + b z_i + b' z_j' + e z_i z_j', lowest power of r first."""
         left, right = z[:, :, None], z.conj()[:, None, :]
-        found = []
+        coefficients = []
         for k in range(max(len(self.a), len(self.b))):
-            own = complex(self.a[k]) if k < len(self.a) else 0j
+            constant = complex(self.a[k]) if k < len(self.a) else 0j
             b = self.b[k] if k < len(self.b) else 0.0
-            found.append(own + b * left + np.conj(b) * right)
-        found[0] = found[0] + self.e * left * right
-        return found
+            coefficients.append(constant + b * left + np.conj(b) * right)
+        coefficients[0] = coefficients[0] + self.e * left * right
+        return coefficients
 
     def turn(self, r: Array) -> tuple[Any, Any]:
         """Return their derivatives."""
@@ -97,10 +97,10 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     powers = curve.powers(z)
 
     def inside(r: Array) -> Any:
-        found, each = powers[-1], r[:, None, None]
-        for own in powers[-2::-1]:
-            found = found * each + own
-        return found
+        value, length = powers[-1], r[:, None, None]
+        for coefficient in powers[-2::-1]:
+            value = value * length + coefficient
+        return value
 
     def trace(r: Array) -> Array:
         return np.asarray(-(S / inside(r)).real.sum(axis=(1, 2)))
@@ -117,7 +117,7 @@ def smooth_growth(side: Side, curve: Curve, modes: Modes, kappa: float) -> tuple
     both = b[:, None, None] * (X @ Q) + curve.e * (X @ np.swapaxes(A, 1, 2) @ Q)
     dA = 2 * np.swapaxes(both, 1, 2).real
     da, db = curve.turn(r)
-    da, db = (np.broadcast_to(own, r.shape)[:, None, None] for own in (da, db))
+    da, db = (np.broadcast_to(derivative, r.shape)[:, None, None] for derivative in (da, db))
     change = da * X + 2 * db * (A @ X)
     fall = np.einsum("aij,aji->a", Q, change).real
     return r, np.asarray(dA / -fall[:, None, None])

@@ -63,10 +63,10 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
     d = _even(A, B, measured)
     A, B, E = A / d[:, None] * d, B / d[:, None], E / d[:, None]
     moved = A.any(axis=0) | A.any(axis=1) | ~A.any()  # a law's own states have no rate yet
-    own = A[moved][:, moved]
-    poles = np.abs(np.linalg.eigvals(own))
-    if poles.max(initial=0.0) < ROUNDED * np.abs(own).max(initial=0.0):  # integrators alone
-        poles = np.array([np.abs(own).max()])
+    block = A[moved][:, moved]
+    poles = np.abs(np.linalg.eigvals(block))
+    if poles.max(initial=0.0) < ROUNDED * np.abs(block).max(initial=0.0):  # integrators alone
+        poles = np.array([np.abs(block).max()])
     rate = float(np.exp(np.log(np.maximum(poles, 1e-3 * max(poles.max(), 1e-30))).mean()))
     rate = rate if rate > 1e-20 else 1.0
     pushes = np.linalg.norm(B, axis=0)
@@ -81,8 +81,8 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
         X = Modes((A / rate + B * u / rate @ K)[None], step).lyapunov(noise[None])[0]
         forces = np.sqrt(np.maximum(np.diag(K @ X @ K.T), 0.0))
         sizes = u * np.maximum(forces, FLOOR * max(float(forces.max()), FLOOR))
-    own = np.sqrt(np.maximum(np.diag(X), FLOOR**2 * np.diag(X).max()))
-    return Sizes(own * d, sizes, X / np.outer(own, own), rate)
+    deviations = np.sqrt(np.maximum(np.diag(X), FLOOR**2 * np.diag(X).max()))
+    return Sizes(deviations * d, sizes, X / np.outer(deviations, deviations), rate)
 
 
 def _even(A: Array, B: Array, C: Array) -> Array:
@@ -139,8 +139,8 @@ def regulators(
         if part.circle is not None:
             centre, radius = part.circle
             turned = A - centre * np.eye(n)
-            each = (_of_disk(turned / radius, B / radius, e) for e in EFFORTS)
-            yield from (K * u[:, None] for K in each if K is not None)
+            gains = (_of_disk(turned / radius, B / radius, e) for e in EFFORTS)
+            yield from (K * u[:, None] for K in gains if K is not None)
     if plant.sample_time is not None:
         return
     cost = cost_of(plant, sizes, asked)
@@ -184,14 +184,18 @@ def cost_of(plant: UncertainPlant, sizes: Sizes, asked: Sequence[Specification])
     """
     n, m = plant.shape
     N = len(plant.vertices)
-    found = np.zeros((n + m, n + m))
-    limited = all(own.at_most for own in asked)
-    for own in asked:
-        channel = own.unweighted().channel(plant, np.full((1, N), 1 / N))
-        if not own.of_signal:
+    cost = np.zeros((n + m, n + m))
+    limited = all(specification.at_most for specification in asked)
+    for specification in asked:
+        channel = specification.unweighted().channel(plant, np.full((1, N), 1 / N))
+        if not specification.of_signal:
             continue
         rows = np.hstack([channel.C[0] * sizes.states, channel.D[0] * sizes.inputs])
         spread = rows[:, :n] @ sizes.covariance @ rows[:, :n].T + rows[:, n:] @ rows[:, n:].T
-        size = own.at_most**2 if limited and own.at_most else float(np.trace(spread)) or 1.0
-        found += rows.T @ rows / size
-    return found if asked else np.eye(n + m)
+        size = (
+            specification.at_most**2
+            if limited and specification.at_most
+            else float(np.trace(spread)) or 1.0
+        )
+        cost += rows.T @ rows / size
+    return cost if asked else np.eye(n + m)

@@ -172,7 +172,7 @@ def tune_region(
 def _of_region(
     plant: UncertainPlant, structure: Structure, goal: Goal, limits: Sequence[Specification]
 ) -> Task:
-    sides = tuple(own for own in goal.target(1.0).sides if np.any(own.L1) or np.any(own.M1))
+    sides = tuple(side for side in goal.target(1.0).sides if np.any(side.L1) or np.any(side.M1))
     within = getattr(goal, "within", None)
     return _task(plant, structure, sides, tuple(limits), within)
 
@@ -205,12 +205,12 @@ def _task(
     region: Region | None,
 ) -> Task:
     structure.require_fit(plant)
-    for own in (minimise, *limits):
-        if isinstance(own, Specification):
-            own.require_fit(plant)
-    for own in limits:
-        if own.at_most is None:
-            raise InputError(f"the limit of {own.name!r} is missing; give at_most")
+    for asked in (minimise, *limits):
+        if isinstance(asked, Specification):
+            asked.require_fit(plant)
+    for limit in limits:
+        if limit.at_most is None:
+            raise InputError(f"the limit of {limit.name!r} is missing; give at_most")
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
     free = isinstance(minimise, tuple) and plant.sample_time is not None
     if region is None:
@@ -229,10 +229,10 @@ def _task(
 def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
     """Return what a search finds; one gain, a special case, is first if no such law is given."""
     structure = task.unknowns.structure
-    if task.unknowns.terms > 1 and all(own.W is not None for own in starts):
+    if task.unknowns.terms > 1 and all(law.W is not None for law in starts):
         one = replace(task.unknowns, structure=replace(structure, schedule=()))
         simple = _Search(replace(task, unknowns=one)).run(starts)
-        starts = (*starts, *(own.law for own in simple[:1]))
+        starts = (*starts, *(tuned.law for tuned in simple[:1]))
     return _Search(task).run(starts)
 
 
@@ -283,28 +283,28 @@ class _Search:
     def run(self, laws: Sequence[Law]) -> list[Tuned]:
         """Return what all starts lead to, the best first."""
         nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
-        if self.task.minimise is None and (own := self._given(nothing)).kept:
-            return [own]
+        if self.task.minimise is None and (zero := self._given(nothing)).kept:
+            return [zero]
         quick = self._quick(laws)
         # beside laws that are given stand some at random, for which none of these makes way
         first = quick[: len(laws)] if len(laws) >= ENOUGH else quick
         followed = dict.fromkeys((*_distinct(first)[:BEST], *_distinct(quick)[:BEST]))
         reached = [
-            min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
-            for own in counted(list(followed), "better start")
+            min(self._improved(start.theta, self.first), start, key=attrgetter("rank"))
+            for start in counted(list(followed), "better start")
         ]
         reached += self._meeting(_distinct(reached)[:1])
         best = counted(_distinct(reached)[:LAST], "best start")
-        found = [self._tuned(self._finished(own)) for own in best]
+        results = [self._tuned(self._finished(end)) for end in best]
         given = [self._given(law) for law in laws if self._of_structure(law)]
-        found += [own for own in given if own.kept]
-        found.sort(key=lambda own: (not own.kept, own.level))
-        kept = [own for own in found if own.kept]
+        results += [tuned for tuned in given if tuned.kept]
+        results.sort(key=lambda tuned: (not tuned.kept, tuned.level))
+        kept = [tuned for tuned in results if tuned.kept]
         if kept and isinstance(self.task.minimise, Specification):
             near = kept[0].level + NEAR * abs(kept[0].level)
-            k = taken([own.level for own in kept], [own.size for own in kept], near)
-            found.insert(0, found.pop(k))
-        return found
+            k = taken([tuned.level for tuned in kept], [tuned.size for tuned in kept], near)
+            results.insert(0, results.pop(k))
+        return results
 
     def rough(self, laws: Sequence[Law], alone: bool = False) -> Tuned | None:
         """Return what the best start leads to at the corners, None where it does not keep them.
@@ -316,8 +316,8 @@ class _Search:
             quick = [self._improved(theta, self.first, QUICK) for theta in starts]
         else:
             quick = self._quick(laws)
-        for own in _distinct(quick)[:1]:
-            best = min(self._improved(own.theta, self.first), own, key=attrgetter("rank"))
+        for start in _distinct(quick)[:1]:
+            best = min(self._improved(start.theta, self.first), start, key=attrgetter("rank"))
             if best.excess <= FEASIBLE:
                 law = self.task.unknowns.law(best.theta)
                 return Tuned(law, best.level, self.first.alpha[0], True, "")
@@ -326,10 +326,10 @@ class _Search:
     def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
         """Return what all starts lead to at the corners; with patience if none is inside."""
         starts = self._starts(laws)
-        each = counted(starts, "start")
-        found = [self._improved(theta, self.first, QUICK) for theta in each]
-        if any(self._outside(self.first, own.theta) <= FEASIBLE for own in found):
-            return found
+        beginnings = counted(starts, "start")
+        ends = [self._improved(theta, self.first, QUICK) for theta in beginnings]
+        if any(self._outside(self.first, end.theta) <= FEASIBLE for end in ends):
+            return ends
         return [self._improved(theta, self.first) for theta in counted(starts, "start")]
 
     def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
@@ -340,9 +340,9 @@ class _Search:
         of_poles = isinstance(self.task.minimise, tuple)
         if not of_poles or len(self.cloud.alpha) > 1 or len(self.task.plant.vertices) > 1:
             return []
-        found = list[_Reached]()
-        for own in best:
-            theta, unit = own.theta, self.task.unit(own.level)
+        ends = list[_Reached]()
+        for start in best:
+            theta, unit = start.theta, self.task.unit(start.level)
             for kappa in CLOSER:
                 evaluate = partial(self.first.rows, phase=LEVEL, unit=unit, kappa=kappa)
                 lower = descend(evaluate, theta, effort=PATIENT)
@@ -350,16 +350,16 @@ class _Search:
                     break
                 theta = lower[0]
             there = met(self._loop, theta)
-            for each in (theta, *([] if there is None else [there[0]])):
-                rows = self.first.rows(each, LIMITS)
+            for numbers in (theta, *([] if there is None else [there[0]])):
+                rows = self.first.rows(numbers, LIMITS)
                 excess = rows.level if rows is not None else np.inf
-                found.append(_Reached(each, self.first, excess, self._level(self.first, each)))
-        return found
+                ends.append(_Reached(numbers, self.first, excess, self._level(self.first, numbers)))
+        return ends
 
     def _loop(self, theta: Array) -> Array:
         """Return A + B K at the first point, states in their sizes."""
-        inner, own = self.first.unknowns.gains(theta), self.first.channels[0]
-        return np.asarray(own.A[0] + own.B[0] @ inner[0] @ self.first.unknowns.C[0])
+        inner, channel = self.first.unknowns.gains(theta), self.first.channels[0]
+        return np.asarray(channel.A[0] + channel.B[0] @ inner[0] @ self.first.unknowns.C[0])
 
     @staticmethod
     def _outside(points: Points, theta: Array) -> float:
@@ -368,28 +368,28 @@ class _Search:
         return np.inf if rows is None else rows.level
 
     def _given_starts(self, laws: Sequence[Law]) -> list[Array]:
-        own, alpha = self.task.unknowns, self._few
-        few, root = own.at(alpha), _root(self.task.sizes.covariance)
-        return [few.nearest(np.asarray(law.gain(alpha)) * own.states, root) for law in laws]
+        unknowns, alpha = self.task.unknowns, self._few
+        few, root = unknowns.at(alpha), _root(self.task.sizes.covariance)
+        return [few.nearest(np.asarray(law.gain(alpha)) * unknowns.states, root) for law in laws]
 
     @property
     def _few(self) -> Array:
         return self.cloud.alpha[:: max(1, len(self.cloud.alpha) // FEW)]
 
     def _starts(self, laws: Sequence[Law]) -> list[Array]:
-        found = self._given_starts(laws)
+        starts = self._given_starts(laws)
         random = np.random.default_rng(SEED)
-        if len(found) >= ENOUGH:
+        if len(starts) >= ENOUGH:
             size = self.task.unknowns.size
-            return [*found, *(random.normal(size=size) for _ in range(BESIDE))]
-        task, own, alpha = self.task, self.task.unknowns, self._few
-        few, root = own.at(alpha), _root(task.sizes.covariance)
+            return [*starts, *(random.normal(size=size) for _ in range(BESIDE))]
+        task, unknowns, alpha = self.task, self.task.unknowns, self._few
+        few, root = unknowns.at(alpha), _root(task.sizes.covariance)
         some = regulators(task.plant, task.sizes, task.region, task.requirements)
-        found += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
-        found.append(np.zeros(own.size))
-        found += [random.normal(size=own.size) for _ in range(RANDOM)]
+        starts += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
+        starts.append(np.zeros(unknowns.size))
+        starts += [random.normal(size=unknowns.size) for _ in range(RANDOM)]
         # none is exactly where poles coincide
-        return [theta + NUDGE * random.normal(size=own.size) for theta in found]
+        return [theta + NUDGE * random.normal(size=unknowns.size) for theta in starts]
 
     def _improved(
         self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
@@ -401,10 +401,10 @@ class _Search:
             # the smoothest measure stays positive well inside the region: it only leads the way
             most = effort if kappa == SMOOTH[0] else FULL
             evaluate = partial(points.rows, phase=phase, kappa=kappa)
-            found = descend(evaluate, theta, 0.0, most)
-            if found is None:
+            minimum = descend(evaluate, theta, 0.0, most)
+            if minimum is None:
                 return _Reached(theta, points, np.inf, np.inf)
-            theta, rows = found
+            theta, rows = minimum
             if rows.level > FEASIBLE and kappa is None:
                 return _Reached(theta, points, rows.level, self._level(points, theta))
         theta = self._lowered(theta, points, effort, smooth)
@@ -413,9 +413,9 @@ class _Search:
             evaluate = partial(
                 points.rows, phase=LEVEL, unit=self.task.unit(self._level(points, theta))
             )
-            found = descend(evaluate, theta, effort=QUICK, penalty=STRICT)
-            if found is not None:
-                theta = found[0]
+            minimum = descend(evaluate, theta, effort=QUICK, penalty=STRICT)
+            if minimum is not None:
+                theta = minimum[0]
                 last = points.rows(theta, LIMITS)
         return _Reached(theta, points, last.level if last else np.inf, self._level(points, theta))
 
@@ -429,10 +429,10 @@ class _Search:
             early = of_poles and kappa != smooth[-1] and effort is FULL
             most = EARLY if early else effort
             evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)
-            found = descend(evaluate, theta, effort=most)
-            if found is None:
+            minimum = descend(evaluate, theta, effort=most)
+            if minimum is None:
                 break
-            theta, rows = found
+            theta, rows = minimum
             if rows.level > HALF and not of_poles:
                 break
         return theta
@@ -445,49 +445,51 @@ class _Search:
         inner = points.unknowns.gains(theta)
         return points.worst(inner @ points.unknowns.C, inner)
 
-    def _finished(self, own: _Reached) -> _Reached:
+    def _finished(self, reached: _Reached) -> _Reached:
         """Return it improved at points where it is worse, then made small.
 
         While there are such points a few steps will do.
         """
         settled = True
         for _ in range(ROUNDS):
-            more = self._more(own)
+            more = self._more(reached)
             if more is None and settled:
                 break
             settled = more is None
             effort = FULL if settled else EARLY
-            own = self._improved(own.theta, more or own.points, effort, smooth=SMOOTH[-1:])
-        if own.excess > FEASIBLE or self.task.minimise is None:
-            return own
-        smaller, most = own, own.level + (WIDE - 1) * abs(own.level)
+            reached = self._improved(
+                reached.theta, more or reached.points, effort, smooth=SMOOTH[-1:]
+            )
+        if reached.excess > FEASIBLE or self.task.minimise is None:
+            return reached
+        smaller, most = reached, reached.level + (WIDE - 1) * abs(reached.level)
         law = self.task.unknowns.law
-        unit = self._size(law(own.theta)) or 1.0
+        unit = self._size(law(reached.theta)) or 1.0
         for _ in range(REPAIRS):
             points = smaller.points
             evaluate = partial(points.rows, phase=SMALL, unit=unit, most=most)
-            found = descend(evaluate, smaller.theta, effort=ROUGH)
-            if found is None or found[1].excess > FEASIBLE:
-                return own
-            smaller = _Reached(found[0], points, 0.0, self._level(points, found[0]))
+            minimum = descend(evaluate, smaller.theta, effort=ROUGH)
+            if minimum is None or minimum[1].excess > FEASIBLE:
+                return reached
+            smaller = _Reached(minimum[0], points, 0.0, self._level(points, minimum[0]))
             more = self._more(smaller)
             if more is None:
-                if self._size(law(found[0])) > SMALLER * unit:
+                if self._size(law(minimum[0])) > SMALLER * unit:
                     break
-                return replace(smaller, larger=(own.theta, own.level))
+                return replace(smaller, larger=(reached.theta, reached.level))
             smaller = replace(smaller, points=more)
-        return own
+        return reached
 
-    def _more(self, own: _Reached) -> Points | None:
+    def _more(self, reached: _Reached) -> Points | None:
         """Return the points with those at which a law is worse; None where there are none."""
-        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
-        here = self._worst(own.points, own.theta).max(axis=1)
+        worst, alpha = self._looked(lambda points: self._worst(points, reached.theta))
+        here = self._worst(reached.points, reached.theta).max(axis=1)
         if not np.isfinite(here[0]) and not np.isfinite(worst[0]):
             here[0] = worst[0]
         slack = np.append(MORE * abs(here[0]), np.full(len(here) - 1, KEPT / 2))
         beyond = np.append(here[:1], np.maximum(here[1:], 0.0)) + slack
         new = alpha[worst > np.where(np.isnan(beyond), np.inf, beyond)]
-        have = own.points.alpha
+        have = reached.points.alpha
         far = [a for a in new if np.abs(have - a).max(axis=1).min() > APART]
         if not far:
             return None
@@ -501,53 +503,53 @@ class _Search:
         worst : callable
             From points to the values of all measures there, (measures, count).
         """
-        found = worst(self.cloud)
-        best = found.argmax(axis=1)
-        values, places = found.max(axis=1), self.places[best]
+        of_cloud = worst(self.cloud)
+        best = of_cloud.argmax(axis=1)
+        values, places = of_cloud.max(axis=1), self.places[best]
         if len(self.places) == 1:
             return values, self.domain.alpha(places)
         corners = np.array(self.domain.monomials(1), dtype=float)
         moves = self._moves(corners.shape[1])
-        share, each = 0.25, np.arange(len(values))
+        share, index = 0.25, np.arange(len(values))
         for _ in range(HALVINGS):
             near = places[:, None] + share * np.stack([to(places) for to in moves], axis=1)
-            own = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
-            own = own.reshape(len(each), len(each), len(moves))[each, each]
-            at = own.argmax(axis=1)
-            places = np.where((own[each, at] > values)[:, None], near[each, at], places)
-            values = np.maximum(values, own.max(axis=1))
+            nearby = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
+            nearby = nearby.reshape(len(index), len(index), len(moves))[index, index]
+            at = nearby.argmax(axis=1)
+            places = np.where((nearby[index, at] > values)[:, None], near[index, at], places)
+            values = np.maximum(values, nearby.max(axis=1))
             share /= 2
         return values, self.domain.alpha(places)
 
     def _moves(self, count: int) -> list[Any]:
         """Return ways towards each corner of each simplex, the others as they are."""
         cuts = np.cumsum((0, *self.domain.sizes))
-        found = []
+        moves = []
         for first, last in pairwise(cuts):
             for corner in range(first, last):
                 target = np.eye(count)[corner]
                 part = np.zeros(count)
                 part[first:last] = 1.0
-                found.append(lambda c, t=target, own=part: (t - c) * own)
-        return found
+                moves.append(lambda c, t=target, p=part: (t - c) * p)
+        return moves
 
-    def _tuned(self, own: _Reached) -> Tuned:
-        worst, alpha = self._looked(lambda points: self._worst(points, own.theta))
-        there = self._worst(own.points, own.theta)
-        law = self.task.unknowns.law(own.theta)
-        found = self._answer(law, worst, alpha, there, own.points.alpha)
-        if own.larger is None or not isinstance(self.task.minimise, Specification):
-            return found
-        theta, level = own.larger
-        return replace(found, larger=(self.task.unknowns.law(theta), level))
+    def _tuned(self, reached: _Reached) -> Tuned:
+        worst, alpha = self._looked(lambda points: self._worst(points, reached.theta))
+        there = self._worst(reached.points, reached.theta)
+        law = self.task.unknowns.law(reached.theta)
+        tuned = self._answer(law, worst, alpha, there, reached.points.alpha)
+        if reached.larger is None or not isinstance(self.task.minimise, Specification):
+            return tuned
+        theta, level = reached.larger
+        return replace(tuned, larger=(self.task.unknowns.law(theta), level))
 
     def _given(self, law: Law) -> Tuned:
         def worst(points: Points) -> Array:
             K = np.asarray(law.gain(points.alpha)) * self.task.unknowns.states
             return points.worst(K, points.unknowns.of(law, points.alpha))
 
-        found, alpha = self._looked(worst)
-        return self._answer(law, found, alpha, found[:, None], alpha[:1])
+        values, alpha = self._looked(worst)
+        return self._answer(law, values, alpha, values[:, None], alpha[:1])
 
     def _answer(self, law: Law, worst: Array, alpha: Array, there: Array, where: Array) -> Tuned:
         k = int(there[0].argmax())
@@ -558,24 +560,24 @@ class _Search:
             bound = f"poles of at most {self.task.fastest:.2g} 1/s"
         place = alpha[0] if at < 0 else where[at]
         sides = slice(1, fast)
-        own = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
-        return Tuned(law, level, place, bool(own), bound, self._size(law))
+        keeps = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
+        return Tuned(law, level, place, bool(keeps), bound, self._size(law))
 
     def _size(self, law: Law) -> float:
         """Return the largest norm of a law's gain of all states, in typical sizes."""
-        own = self.task.unknowns
-        K = np.asarray(law.gain(self._few)) * own.states / own.inputs[:, None]
+        unknowns = self.task.unknowns
+        K = np.asarray(law.gain(self._few)) * unknowns.states / unknowns.inputs[:, None]
         return float(np.linalg.norm(K, axis=(1, 2)).max())
 
     def _of_structure(self, law: Law) -> bool:
         """Whether a law is one of the structure."""
-        own = self.task.unknowns
+        unknowns = self.task.unknowns
         if law.W is not None:
             free = self.task.unknowns.structure
             return free.measured is None and free.schedule is None and free.pattern is None
-        K = np.asarray(law.gain(self.cloud.alpha)) * own.states
-        at = own.at(self.cloud.alpha)
-        theta = at.nearest(K, np.eye(len(own.states)))
+        K = np.asarray(law.gain(self.cloud.alpha)) * unknowns.states
+        at = unknowns.at(self.cloud.alpha)
+        theta = at.nearest(K, np.eye(len(unknowns.states)))
         rest = np.abs(at.gains(theta) @ at.C - K).max()
         return bool(rest <= SAME * np.abs(K).max())
 
@@ -597,9 +599,9 @@ def _cloud(domain: Domain) -> Array:
 
 def _distinct(reached: Sequence[_Reached]) -> list[_Reached]:
     """Return the best, each of a level of its own."""
-    found = list[_Reached]()
-    for own in sorted(reached, key=attrgetter("rank")):
-        alike = found and abs(own.level - found[-1].level) <= ALIKE * abs(found[-1].level)
-        if np.isfinite(own.excess) and not alike:
-            found.append(own)
-    return found
+    distinct = list[_Reached]()
+    for end in sorted(reached, key=attrgetter("rank")):
+        alike = distinct and abs(end.level - distinct[-1].level) <= ALIKE * abs(distinct[-1].level)
+        if np.isfinite(end.excess) and not alike:
+            distinct.append(end)
+    return distinct

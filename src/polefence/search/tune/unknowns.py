@@ -39,8 +39,8 @@ class Unknowns:
     @cached_property
     def signals(self) -> Array:
         """Typical sizes of what is measured, (r,)."""
-        found = np.sqrt((self.rows**2).sum(axis=2)).max(axis=0)
-        return np.asarray(np.where(found > 0, found, 1.0))
+        sizes = np.sqrt((self.rows**2).sum(axis=2)).max(axis=0)
+        return np.asarray(np.where(sizes > 0, sizes, 1.0))
 
     @cached_property
     def blank(self) -> PolynomialGain:
@@ -52,10 +52,10 @@ class Unknowns:
         """What one of each number adds to each entry of K, (m r, numbers)."""
         free = self.structure.free(self.plant).ravel()
         entry = (self.inputs[:, None] / self.signals).ravel()
-        found = np.zeros((len(free), int(free.max()) + 1))
-        for k in range(found.shape[1]):
-            found[free == k, k] = np.exp(np.log(entry[free == k]).mean())
-        return found
+        units = np.zeros((len(free), int(free.max()) + 1))
+        for k in range(units.shape[1]):
+            units[free == k, k] = np.exp(np.log(entry[free == k]).mean())
+        return units
 
     @cached_property
     def largest(self) -> Array:
@@ -82,10 +82,10 @@ class Unknowns:
 
     def law(self, theta: Array) -> Law:
         """Return the law of these numbers: one gain of plain states as a `FixedGain`."""
-        found = self._law(theta)
-        rows = found.C[0]
+        law = self._law(theta)
+        rows = law.C[0]
         plain = np.all(np.isin(rows, (0, 1))) and np.all(rows.sum(axis=1) == 1)
-        return FixedGain(found.gains[0] @ rows) if found.constant and plain else found
+        return FixedGain(law.gains[0] @ rows) if law.constant and plain else law
 
     def at(self, alpha: Array) -> At:
         """Return what these numbers are at points alpha (count, N)."""
@@ -137,7 +137,7 @@ class At:
             The distance is that of the rows of K times this.
         """
         size = self.unknowns.size
-        each = [self.gains(row) @ self.C @ weights for row in np.eye(size)]
-        rows = np.stack(each, axis=-1) / self.unknowns.inputs[:, None, None]
+        gains = [self.gains(row) @ self.C @ weights for row in np.eye(size)]
+        rows = np.stack(gains, axis=-1) / self.unknowns.inputs[:, None, None]
         right = K @ weights / self.unknowns.inputs[:, None]
         return np.asarray(np.linalg.lstsq(rows.reshape(-1, size), right.ravel(), rcond=1e-9)[0])

@@ -67,7 +67,7 @@ def test_parts_of_a_box_of_many_parameters_are_not_begun(monkeypatch):
     many = UncertainPlant.from_expressions(names, rows, [[0], [0], [1]], [[1], [0], [0]])
     law = FixedGain(np.zeros((1, 3)))
     begun = []
-    monkeypatch.setattr(gramians, "_each", lambda *own: begun.append(own) or iter(()))
+    monkeypatch.setattr(gramians, "_duals", lambda *own: begun.append(own) or iter(()))
     problem = Rms("x1", density=1).dual(many, law)
     assert in_parts(problem, 1e-6) is None
     assert not begun

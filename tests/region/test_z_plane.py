@@ -195,7 +195,7 @@ def test_the_largest_decay_rate_is_that_of_the_smallest_disk_about_zero():
     assert design.region == disk.region
     assert design.asked.decay == pytest.approx(-math.log(disk.region.radius) / T, rel=1e-5)
     assert z_plane(design.asked, T).radius >= design.region.radius
-    with pytest.raises(InputError, match="has no centre and no region within"):
+    with pytest.raises(InputError, match="a half_plane has no region within"):
         tightest(CART, of="half_plane", within=Disk(0, 0.9))
 
 

@@ -295,7 +295,7 @@ def test_tuned_laws_keep_regions_of_discrete_time(plant):
     assert s.real.max() < -2
     assert (-s.real / np.abs(s)).min() > 0.3
     own = tightest(plant, 0.5, structure=structure).region.radius
-    assert own == pytest.approx(tightest(plant, 0.5, "quadratic").region.radius, rel=1e-3)
+    assert own <= tightest(plant, 0.5, "quadratic").region.radius * (1 + 1e-3)
     output = place(plant, HalfPlane(0.5), structure=Structure(measured=("v",)))
     assert np.abs(output.poles(np.eye(2))).max() < np.exp(-0.5 * T)
 
@@ -307,7 +307,7 @@ def test_a_tradeoff_has_rows_that_are_proved(plant):
 
 
 def test_what_discrete_time_has_not_is_refused(plant):
-    with pytest.raises(InputError, match="half_plane has no centre and no region within"):
+    with pytest.raises(InputError, match="a half_plane has no region within"):
         tightest(plant, of="half_plane", structure=Structure(), within=Disk(0, 0.9))
     with pytest.raises(InputError, match=r"step = 0.03 s; spring is in discrete time, .* 0.02 s"):
         step(plant, None, np.eye(2), step=0.03, duration=1.0)

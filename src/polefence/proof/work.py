@@ -42,12 +42,12 @@ _COUNT: ContextVar[Count | None] = ContextVar("count", default=None)
 
 
 @contextmanager
-def counted(most: int = MAX_WORK) -> Iterator[Count]:
+def counted(most: int | None = None) -> Iterator[Count]:
     """Allow this much work in all that follows; inside another count, what that one leaves of it.
 
     So a claim gets `MAX_WORK` wherever it is proved, alone or in a file.
     """
-    outer = _COUNT.get()
+    outer, most = _COUNT.get(), MAX_WORK if most is None else most
     count = Count(most if outer is None else min(most, outer.most - outer.spent))
     token = _COUNT.set(count)
     try:

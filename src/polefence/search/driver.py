@@ -35,11 +35,11 @@ TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
 # How near to the worst sample a region is proved, as one over the share that it is wider: mostly as
 # near as can be; less where doubles cannot run that, where parameters move or the plant has a
 # remainder. Halvings in between.
-NEAREST, FARTHEST, WIDENINGS = 1e6, 3.0, 8
+NEAREST, FARTHEST, WIDENINGS = 1e6, 1.1, 8
 SAMPLES = 500
 NUMBERS = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 # Of the way from a smallest disk to the unit circle: where laws for a remainder are sought.
-FARTHER = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)
+FARTHER = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7)
 # Degree and elevation of these proofs: the ladder of all takes 2 to 10 times as long, for 1 %.
 FORMS = ((0, 0), (1, 0))
 # How closely the largest number is found from region to region: halvings, and a share of it.

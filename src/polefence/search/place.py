@@ -11,7 +11,7 @@ from typing import Any
 from polefence.base import effort
 from polefence.base.errors import InputError, NotProvedError, require_type
 from polefence.base.explained import explained
-from polefence.certify.checks import in_time_of
+from polefence.certify.checks import in_time_of, require_domain
 from polefence.certify.design import Design
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled
@@ -93,6 +93,8 @@ def _place(
     if structure is not None:
         require_structure_alone(method, allow_unproved)
     method = on_the_box(plant, method)
+    if structure is None:
+        require_domain(plant, method)
     if structure is None and isinstance(method, Scheduled) and method.degree == "auto":
         return by_lmi.climb(plant.combinations, region, method, partial(_place, plant, region))
     try:

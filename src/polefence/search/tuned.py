@@ -32,6 +32,9 @@ FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 FASTER = 1.0  # times the share of its range by which a parameter moves in a second, poles decay
+BETTER = (
+    1e-5  # share by which a law is to be better at rest than what is proved: descents end there
+)
 MOST = 3  # laws of one search that proofs are looked for
 EACH = 6  # orders that are searched one after the other; of a higher one these and the last
 WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
@@ -75,7 +78,7 @@ def tuned_candidates(
             for number, tuned in enumerate(_promising(candidates)):
                 if number and ended():  # the best is looked at whatever it took to find
                     return
-                if task.minimise is not None and tuned.level >= proved():
+                if task.minimise is not None and tuned.level >= proved() * (1 - BETTER):
                     if number or cut_off:
                         break
                     return  # nor is one for tighter limits

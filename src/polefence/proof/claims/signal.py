@@ -82,7 +82,7 @@ from polefence.proof.text import (
     quoted,
 )
 from polefence.proof.transfer import Tensor, Transfer, positive, transfer
-from polefence.proof.work import MAX_IN_PARTS, MAX_WORK, FormatError, tell
+from polefence.proof.work import MAX_IN_PARTS, FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
 
@@ -603,9 +603,9 @@ class SignalClaim(Short, Claim):
         spread.require(loop.remainder, omega=not dual, kappa=dual)
 
     @property
-    def allowed(self) -> int:
+    def allowed(self) -> int | None:
         """The most work that it may take to prove: more in parts of the box."""
-        return MAX_IN_PARTS if self.subject.evidence.cells else MAX_WORK
+        return MAX_IN_PARTS if self.subject.evidence.cells else None
 
     @property
     def least(self) -> int:

@@ -329,7 +329,8 @@ def test_a_limit_that_does_not_bind_costs_nothing(monkeypatch):
         optimise(plant, Rms("x1", density=2.0), each, method="scheduled")
         for each in (limits, [*limits, GainNorm(1e9)])
     )
-    assert wide.bounds[0].level == pytest.approx(free.bounds[0].level, rel=1e-6)
+    # two searches, each of which ends where a step is worth less than 1e-5
+    assert wide.bounds[0].level == pytest.approx(free.bounds[0].level, rel=3e-5)
     claims = [own.claim for own in wide.bounds]
     text = bounds_file(wide.design.certificate, claims).dumps()
     assert bounds_in(text) == claims

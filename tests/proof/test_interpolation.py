@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from polefence import Disk, FixedGain, System, UncertainPlant, analyse, at_sample_time
 from polefence.plant.family import Parameter
+from polefence.plant.larger import with_states
 from polefence.plant.samples import claim_of_samples
 from polefence.proof.claims.base import prove
 from polefence.proof.interpolation import ONE, bends, sample
@@ -141,6 +142,23 @@ def test_one_fault_in_samples_between_nodes_is_seen(sampled, fault):
     assert claim.plant.nodes
     assert prove(claim).proved
     assert not _proved(_with_fault(claim, fault))
+
+
+@pytest.mark.parametrize("letter", ["A", "B"])
+def test_a_node_does_not_change_what_is_not_sampled(sampled, letter):
+    """The state of a law moves at a node as it does at the vertices, or nothing is proved of it."""
+    wide = with_states(sampled[1], 1)
+    K = np.zeros(wide.shape[::-1])
+    K[-1, -1] = -10.0
+    radius = np.abs(np.linalg.eigvals(sampled[1].at(wide.domain.nodes(6))[0])).max()
+    kept = analyse(wide, FixedGain(K), Disk(0, radius * (1 + 1e-3)))
+    claim = next(own for own in kept.certificate.file().claims if own.kind == "samples")
+    assert prove(claim).proved
+    first, *rest = claim.plant.nodes
+    M = [list(row) for row in getattr(first, letter)]
+    M[-1][-1] += Fraction(1, 3)
+    forged = replace(claim.plant, nodes=(replace(first, **{letter: M}), *rest))
+    assert not prove(replace(claim, plant=forged)).proved
 
 
 def _with_fault(claim, fault):

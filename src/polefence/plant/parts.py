@@ -6,11 +6,9 @@ the interpolation between them: with the square of the part's sides it goes to z
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
 
 import numpy as np
 
@@ -22,7 +20,7 @@ from polefence.plant.system import Array, Exact, System
 from polefence.proof.interpolation import ONE, sample
 from polefence.proof.laws import on_corners
 from polefence.proof.matrices import Rationals, mix
-from polefence.proof.plant import Node, corners
+from polefence.proof.plant import Node, corner_weights, corners
 
 Point = tuple[Fraction, ...]
 
@@ -90,7 +88,7 @@ def node(plant: UncertainPlant, at: Point) -> Node:
 
     Of samples those columns and rows that are between samples are sampled there, to doubles.
     """
-    weights = _weights(at)
+    weights = corner_weights(at)
     A, B, E = (
         mix(weights, [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key))])
         if getattr(plant.vertices[0], key)
@@ -134,11 +132,6 @@ def _sampled(sampling: SamplesOf, T: Fraction, weights: list[Fraction]) -> Ratio
         [Fraction((x + (i == j) * ONE) / ONE) * units[i] / units[j] for j, x in enumerate(row)]
         for i, row in enumerate(sample(M, sampling.terms))
     ]
-
-
-def _weights(at: Sequence[Fraction]) -> list[Fraction]:
-    pairs = ((1 - t, t) for t in at)
-    return [math.prod(pair, start=Fraction(1)) for pair in product(*pairs)]
 
 
 def _narrowed(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:

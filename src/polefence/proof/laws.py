@@ -17,8 +17,8 @@ from fractions import Fraction
 from itertools import product as cartesian
 from typing import Any
 
-from polefence.proof.matrices import MAX_BITS, Rationals, identity, mix, product
-from polefence.proof.plant import Node, Plant, corners
+from polefence.proof.matrices import Rationals, identity, mix, product
+from polefence.proof.plant import Node, Plant, corner_weights, corners
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -30,12 +30,10 @@ from polefence.proof.polynomials import (
     constant,
     corners_of,
     count_of,
-    form,
-    monomials,
-    multinomial,
+    restricted,
 )
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
-from polefence.proof.remainder import Spread
+from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -340,32 +338,22 @@ class Piece(Short):
 
 def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Rationals]:
     """Return what is multi-affine on the box at the corners of a part of it."""
-    moved, length = [], longest((low, high)) * len(low)
+    length = longest((low, high)) * len(low)
     spend(RATIONAL * len(vertices) ** 2 * len(low), length, length)
-    for corner in cartesian(*zip(low, high, strict=True)):
-        pairs = ((1 - t, t) for t in corner)
-        moved.append(mix([math.prod(w, start=Fraction(1)) for w in cartesian(*pairs)], vertices))
-    return moved
+    return [mix(corner_weights(corner), vertices) for corner in corners(low, high)]
 
 
-def restricted(
-    coefficients: list[Rationals], degree: int, low: Point, high: Point
-) -> list[Rationals]:
-    """Return the Bernstein coefficients, on a part of the box, of a polynomial on the box."""
-    sizes, forms = (2,) * len(low), list[Polynomial]()
-    for k, ends in enumerate(zip(low, high, strict=True)):
-        unit = math.lcm(*(end.denominator for end in ends))
-        upper = [int(end * unit) for end in ends]
-        lower = [unit - value for value in upper]
-        forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
-    whole = bernstein(coefficients, sizes, degree, MAX_BITS)
-    inner, (rows, columns) = whole.composed(forms, sizes), whole.shape
-    none = [[Fraction(0)] * columns] * rows
-    terms = {
-        e: [[Fraction(x, inner.whole * multinomial(e, sizes)) for x in row] for row in M]
-        for e, M in inner.terms.items()
-    }
-    return [terms.get(e, none) for e in monomials(sizes, degree)]
+def on_part(
+    vertices: Sequence[list[Rationals]],
+    nodes: Sequence[Node],
+    remainder: Remainder | None,
+    low: Point,
+    high: Point,
+) -> list[list[Rationals]]:
+    """Return A, B and E at the corners of a part of the box: sampled there, where nodes are."""
+    if remainder is not None and remainder.bends:
+        return between_nodes(vertices, nodes, low, high)
+    return [on_corners(matrices, low, high) if matrices else [] for matrices in vertices]
 
 
 def inner_corners(evidence: Iterable[Evidence]) -> list[Point]:

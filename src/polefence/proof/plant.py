@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -279,6 +280,12 @@ class Plant(Short):
 def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:
     """Return the corners of a part of the box, the first parameter's end varying slowest."""
     return list(product(*zip(low, high, strict=True)))
+
+
+def corner_weights(at: Sequence[Fraction]) -> list[Fraction]:
+    """Return the weights of the corners of the box at a point of it, in the order of `corners`."""
+    pairs = ((1 - t, t) for t in at)
+    return [math.prod(factors, start=Fraction(1)) for factors in product(*pairs)]
 
 
 def _difference(M: Rationals, T: Fraction) -> Rationals:

@@ -425,3 +425,32 @@ def _composed(P: Terms, forms: list[Terms], length: int) -> Terms:
         for d, ((value,),) in values.items():
             _add(result, d, times(value, matrix))
     return result
+
+
+def restricted(
+    coefficients: Sequence[Rationals],
+    degree: int,
+    low: Sequence[Fraction],
+    high: Sequence[Fraction],
+) -> list[Rationals]:
+    """Return the Bernstein coefficients, on a part of the box, of a polynomial on the box.
+
+    Parameters
+    ----------
+    low, high : sequences of Fraction
+        Weights of each parameter's upper end, from 0 to 1.
+    """
+    sizes, forms = (2,) * len(low), list[Polynomial]()
+    for k, ends in enumerate(zip(low, high, strict=True)):
+        unit = math.lcm(*(end.denominator for end in ends))
+        upper = [int(end * unit) for end in ends]
+        lower = [unit - value for value in upper]
+        forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
+    whole = bernstein(list(coefficients), sizes, degree, MAX_BITS)
+    inner, (rows, columns) = whole.composed(forms, sizes), whole.shape
+    none = [[Fraction(0)] * columns] * rows
+    terms = {
+        e: [[Fraction(x, inner.whole * multinomial(e, sizes)) for x in row] for row in M]
+        for e, M in inner.terms.items()
+    }
+    return [terms.get(e, none) for e in monomials(sizes, degree)]

@@ -29,9 +29,7 @@ from polefence.proof.polynomials import (
     constant,
     count_of,
     diagonal,
-    form,
-    monomials,
-    multinomial,
+    restricted,
 )
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
@@ -119,22 +117,10 @@ class Remainder(Short):
             )
         if not self.curve:
             return self
-        sizes, forms = (2,) * len(low), list[Polynomial]()
-        for k, ends in enumerate(zip(low, high, strict=True)):
-            unit = math.lcm(*(end.denominator for end in ends))
-            upper = [int(end * unit) for end in ends]
-            lower = [unit - value for value in upper]
-            forms += [form(k, (a, b), sizes, unit) for a, b in (lower, upper)]
-        whole = bernstein([list(map(list, M)) for M in self.curve], sizes, self.degree, MAX_BITS)
-        inner = whole.composed(forms, sizes)
-        none = ((NONE,) * whole.shape[1],) * whole.shape[0]
-        coefficients = {
-            e: tuple(
-                tuple(Fraction(x, inner.whole * multinomial(e, sizes)) for x in row) for row in M
-            )
-            for e, M in inner.terms.items()
-        }
-        curve = tuple(coefficients.get(e, none) for e in monomials(sizes, self.degree))
+        coefficients = [list(map(list, M)) for M in self.curve]
+        curve = tuple(
+            tuple(map(tuple, M)) for M in restricted(coefficients, self.degree, low, high)
+        )
         return Remainder(self.entries, curve, self.degree)
 
     def transposed(self, n: int, p: int) -> Remainder:

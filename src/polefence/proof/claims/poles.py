@@ -45,11 +45,10 @@ from polefence.proof.laws import (
     Piece,
     Point,
     add,
-    between_nodes,
     degree_of,
     inner_corners,
     lifted,
-    on_corners,
+    on_part,
     read_cells,
     read_evidence,
     require_terms,
@@ -421,10 +420,7 @@ class Poles(Short, Claim):
         low, high = piece.low, piece.high
         law, evidence = self.law.inside(low, high), (piece.evidence,)
         remainder = self.remainder and self.remainder.inside(low, high)
-        if remainder is not None and remainder.bends:
-            A, B = between_nodes((self.A, self.B), self.nodes, low, high)
-        else:
-            A, B = (on_corners(matrices, low, high) for matrices in (self.A, self.B))
+        A, B = on_part((self.A, self.B), self.nodes, remainder, low, high)
         return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=remainder, nodes=())
 
     def _lyapunov(

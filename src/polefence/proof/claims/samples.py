@@ -18,7 +18,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
@@ -26,7 +25,7 @@ from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
 from polefence.proof.interpolation import ONE, Bends, bends, sample
 from polefence.proof.laws import longest
 from polefence.proof.matrices import Rationals, common_denominator, identity, mix
-from polefence.proof.plant import Plant, corners, sizes_of
+from polefence.proof.plant import Node, Plant, corner_weights, corners, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.short import Short
@@ -195,7 +194,7 @@ class Samples(Short, Claim):
                 return undecided("the samples bend more than the plant says")
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         for at, matrix in self._known_samples():
-            series = sample(mix(_weights(at), M), self.terms)
+            series = sample(mix(corner_weights(at), M), self.terms)
             for i, (row, terms) in enumerate(zip(self._in_units([matrix])[0], series, strict=True)):
                 for j, (x, y) in enumerate(zip(row, terms, strict=True)):
                     apart = abs(x - (i == j) - Fraction(y, ONE)) + bounds.missing
@@ -311,13 +310,17 @@ class Samples(Short, Claim):
                     return False
             if any(map(any, E[n:width])):
                 return False
-        return True
+        return all(map(self._is_between, self.plant.nodes))
 
-
-def _weights(at: Sequence[Fraction]) -> list[Fraction]:
-    """Return the weights of the vertices at a point of the box."""
-    pairs = ((1 - t, t) for t in at)
-    return [math.prod(factors, start=Fraction(1)) for factors in product(*pairs)]
+    def _is_between(self, node: Node) -> bool:
+        """Whether what is not sampled, states of a law or of filters, is as between vertices."""
+        weights, plant = corner_weights(node.at), self.plant
+        pairs = ((node.A, plant.A), (node.B, plant.B), (node.E, plant.E))
+        return all(
+            M[self.width :] == mix(weights, [vertex[self.width :] for vertex in vertices])
+            for M, vertices in pairs
+            if vertices and plant.n > self.width
+        )
 
 
 def _filled(rows: Sequence[Sequence[Fraction]]) -> int:

@@ -45,10 +45,10 @@ from polefence.proof.laws import (
     Law,
     Piece,
     Point,
-    between_nodes,
     inner_corners,
     lifted,
     on_corners,
+    on_part,
     read_cells,
     read_evidence,
     used_nodes,
@@ -687,11 +687,7 @@ class SignalClaim(Short, Claim):
             raise FormatError(f"cells: a bound on {self.kind} has none here")
         law = loop.law.inside(low, high)
         remainder = loop.remainder and loop.remainder.inside(low, high)
-        if remainder is not None and remainder.bends:
-            A, B, E = between_nodes((loop.A, loop.B, loop.E), loop.nodes, low, high)
-        else:
-            A, B = (on_corners(matrices, low, high) for matrices in (loop.A, loop.B))
-            E = on_corners(loop.E, low, high) if loop.E else []
+        A, B, E = on_part((loop.A, loop.B, loop.E), loop.nodes, remainder, low, high)
         subject = replace(loop, A=A, B=B, E=E, law=law, evidence=piece.evidence)
         subject = replace(subject, remainder=remainder, nodes=())
         outputs = []

@@ -48,7 +48,6 @@ WORDS = {
     bool: "True or False",
     Path: "a path",
 }
-MATRIX = "finite numbers, in nested lists of one shape or an array"
 
 
 def explained(function: Callable[P, R]) -> Callable[P, R]:
@@ -222,7 +221,7 @@ def _words(hint: Any) -> str:
     kind = origin or hint
     name = getattr(kind, "__name__", str(kind))
     if name == "ndarray":
-        return MATRIX
+        return "finite numbers, in nested lists of one shape or an array"
     if isinstance(kind, type) and issubclass(kind, Mapping):
         return "a table"
     if kind in (Sequence, Iterable, Iterator, Collection, list, tuple):

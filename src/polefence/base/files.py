@@ -12,7 +12,6 @@ from pathlib import Path
 from polefence.base.errors import InputError, OutputError
 
 HEAD = 400  # bytes in which a file says what it is
-DOCUMENT = b'"polefence'  # in the head of every JSON document of ours
 SHORT = 100  # characters of a file's name in the name of its temporary one
 TEMPORARY = re.compile(r"\.(.+)\.polefence-[a-z0-9_]{8}")
 
@@ -162,7 +161,8 @@ def check_document(path: Path) -> None:
         raise OutputError(
             f"{path}: is a symbolic link, and links are not written through; name another folder"
         )
-    if path.is_file() and not begins_with(path, DOCUMENT):
+    # every JSON document of ours begins so
+    if path.is_file() and not begins_with(path, b'"polefence'):
         raise OutputError(f"{path}: not a Polefence file; name another folder, or move it away")
 
 

@@ -8,7 +8,6 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 
 _SHARED = ContextVar("shared", default=False)
-MOST = 16  # of one thread's work: more share it to no avail
 
 
 def processors() -> int:
@@ -22,7 +21,8 @@ def processors() -> int:
 
 def spare_processors() -> int:
     """Return how many of them one large piece of work in this thread may use."""
-    return 1 if _SHARED.get() else min(processors(), MOST)
+    # more than 16 share one thread's work to no avail
+    return 1 if _SHARED.get() else min(processors(), 16)
 
 
 def share_processors() -> None:

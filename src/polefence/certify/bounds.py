@@ -63,32 +63,22 @@ from polefence.requirements.specification import Specification, claim_of
 from polefence.requirements.weights import behind
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
-ROOM, TURNS = (1.05, 1.5, 4.0), 2  # times what a remainder costs; how often that is found anew
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 # How near its end the search comes: evidence on the very edge may not survive its rounding.
 NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
-POOR = 0.05  # a point whose r is farther from the least than this share proves little
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
-WORTH = 1e-3  # a smaller bound by less than this share ends the climb
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
-IN_PARTS = (1e-3, 5e-3, 2e-2)  # above the worst sample a level is proved in parts of the box
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
-LOOSE = 1.05  # times the worst sample, above which a bound is said not to be tight
 
 Known = tuple[Evidence, float]
 
 # Evidence, to rounding and then exactly as it was found, and the r that it proves in floats.
 Points = Iterator[tuple[Iterable[Evidence], float]]
 
-# Of a peak: time followed, of the slowest pole's time constant; step, of the fastest's.
-FOLLOWED, STEP = 5.0, 0.25
 # A sample is computed with rounding: it agrees with a bound that it passes by this share.
 AGREED = 1e-6
-OF_PROOFS = 2.0  # operations of floats that one of a proof is
-NEARLY, NIL = 1e-2, 1e-9  # by which it passes one that is raised; of a signal that is nil
-GROUP = 2_000_000  # of samples at once
 FEW = 20  # samples beside the vertices
 
 
@@ -315,7 +305,7 @@ def _climbed(question: _Question) -> Iterator[Bound]:
             yield bound
             # along motions the next forms take long
             enough = question.worst * (1 + CLOSE) if question.plant.moving else 0.0
-            if bound.level >= last * (1 - WORTH) or bound.level <= enough:
+            if bound.level >= last * (1 - 1e-3) or bound.level <= enough:
                 return
             last = bound.level
 
@@ -333,7 +323,7 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
 
 def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
-    levels = (question.worst * (1 + share) for share in IN_PARTS)
+    levels = (question.worst * (1 + share) for share in (1e-3, 5e-3, 2e-2))
     bound = first(map(question.in_parts, levels))
     if bound is not None:
         yield bound
@@ -509,10 +499,10 @@ def _with_room(
     form: tuple[int, int],
 ) -> Points:
     """Yield points that leave room for what a remainder costs: as more noise, or less decay."""
-    for times in ROOM:
+    for times in (1.05, 1.5, 4.0):  # times what a remainder costs
         with suppress(SolverError, np.linalg.LinAlgError):
             polynomial = least_given(loop, source, output, *form)
-            for _ in range(TURNS):
+            for _ in range(2):  # what it costs is found anew
                 evidence = next(iter(_evidences(polynomial, form)))
                 spread = spread_of(plant, law, evidence, cut=output.held)
                 cost = np.diag(np.square(np.array(spread.rows, dtype=float)))
@@ -552,7 +542,7 @@ def _points(
                 points = points_given(loop, source, output, *form, tolerance, near)
             for point in points:
                 nearest = nearest or point
-                if point.r <= nearest.r * (1 + POOR):
+                if point.r <= nearest.r * 1.05:
                     yield _evidences(point, form), point.r
                 else:
                     poor.append(point)
@@ -583,7 +573,7 @@ def _proved(
         except FormatError:  # more work than is checked: other evidence may take less
             return None
         finally:
-            spend(OF_PROOFS * count.spent)
+            spend(2.0 * count.spent)  # operations of floats that one of a proof is
     if not verdict.proved:
         return None
     degree = evidence.highest
@@ -672,7 +662,7 @@ def sampled(
 
 def is_loose(level: float, worst: float) -> bool:
     """Whether a proved level is so far above the worst sample that it may say little."""
-    return level > LOOSE * worst
+    return level > 1.05 * worst
 
 
 def worst_of(samples: Sampled, by_transfer: ByTransfer | None) -> tuple[float, int]:
@@ -717,9 +707,7 @@ def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:
         worst = sampled(plant, law, asked, alpha).worst
         if worst <= bound.level * (1 + AGREED):
             return bound
-        near = worst <= bound.level * (1 + NEARLY) or worst <= NIL * _parts(
-            plant, law, asked, alpha
-        )
+        near = worst <= bound.level * 1.01 or worst <= 1e-9 * _parts(plant, law, asked, alpha)
     except (InputError, np.linalg.LinAlgError):
         return None
     return raised(bound, worst * (1 + AGREED)) if near and asked.at_most is None else None

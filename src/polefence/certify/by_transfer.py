@@ -22,8 +22,6 @@ from polefence.requirements.specification import Specification, claim_of
 ABOVE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2)
 BELOW = (1e-5, 1e-3, 0.1, 0.9)  # below it, until one is not: floats may be more than the truth
 NEAR = 1e-6  # between a level that is proved and one that is not; so much is added to the least
-SHARE = 4  # of what a check may take, that of one level in the search
-AGREED, MOST = 1e-6, 40  # of values in floats, and how many that do not agree are evaluated exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +100,12 @@ class ByTransfer:
             In floats.
         """
         values, exact = values.copy(), dict[int, float]()
-        for _ in range(min(MOST, len(values))):
+        for _ in range(min(40, len(values))):  # so many that do not agree are evaluated exactly
             k = int(values.argmax())
             if k in exact:
                 return exact[k], k
             value = self._value(alpha[k])
-            if value is None or abs(value - values[k]) <= AGREED * value:
+            if value is None or abs(value - values[k]) <= 1e-6 * value:
                 return float(values[k]), k
             if not exact:  # floats say little: the vertices are often the worst
                 values = values + values.max() * (alpha.max(axis=1) == 1)
@@ -139,6 +137,6 @@ class ByTransfer:
     def _holds(self, level: float) -> bool:
         """Whether all polynomials of a level are positive, as far as its share of the work goes."""
         claim = replace(self.claim, level=Fraction(level))
-        with suppress(FormatError), counted(MAX_WORK // SHARE):
+        with suppress(FormatError), counted(MAX_WORK // 4):
             return all(positive(P).proved for _, P in claim.polynomials(self.transfer))
         return False

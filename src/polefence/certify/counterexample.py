@@ -27,14 +27,9 @@ from polefence.region.regions import Region, region_of
 
 Measure = Callable[[Any], Array]
 
-MOST_CUBES_UP = 2e7  # what one climb may cost, in cubes of the number of states
 CHUNK = 2000
-MOST_ENTRIES = 4e6  # of vertices mixed exactly, where fixed modes are looked for
 STARTS = 4
 TIE = 1e-9  # share by which measures differ that rounding does not explain
-ROUNDS = 40
-
-TRIES = 3
 
 
 def counterexample(claim: Poles) -> list[Fraction] | None:
@@ -104,7 +99,7 @@ def unplaceable(plant: UncertainPlant, region: Region, on: str) -> str | None:
     tried += [_simple(points[i], domain.sizes, limit) for i in nearest for limit in (2, 4, 10, 100)]
     parts = parts_of(region.document())
     n, m = plant.shape
-    for alpha in tried[: int(MOST_ENTRIES / (n * (n + m) * len(plant.vertices)))]:
+    for alpha in tried[: int(4e6 / (n * (n + m) * len(plant.vertices)))]:
         matrices = ([getattr(v, f"exact_{x}") for v in plant.vertices] for x in "AB")
         A_, B_ = (tuple(map(tuple, mix(alpha, list(M)))) for M in matrices)
         with suppress(PlantError, work.FormatError), work.counted():
@@ -183,7 +178,8 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
     random = np.random.default_rng(SEED)
     cuts = np.cumsum(family.domain.sizes)[:-1]
     step = 0.2
-    rounds = min(ROUNDS, int(MOST_CUBES_UP / (16 * family.A.shape[-1] ** 3)))
+    # what one climb may cost, in cubes of the number of states
+    rounds = min(40, int(2e7 / (16 * family.A.shape[-1] ** 3)))
     for _ in range(rounds if family.A.shape[0] > 1 else 0):
         moved = []
         for simplex in np.split(point, cuts):
@@ -276,7 +272,7 @@ def _between(values: Array) -> list[float]:
         if high > 0:
             middle = max(0.0, (low + high) / 2)
             gaps.append((min(middle - low, high - middle), middle))
-    return [middle for _, middle in sorted(gaps, reverse=True)[:TRIES]]
+    return [middle for _, middle in sorted(gaps, reverse=True)[:3]]
 
 
 def _rational(matrix: Array) -> Rationals:

@@ -50,7 +50,6 @@ FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
 MOST_WORK = 1e10
 # Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
 IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
-SHARE = 0.8  # of what is checked in a file, after which no more parts are proved
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
@@ -141,7 +140,8 @@ class Search:
         self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline, parts: int = 1
     ) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
-        self.most, self.share = _most_parts(plant, law, parts), SHARE / parts
+        # the rest of what is checked in a file is for what else it claims
+        self.most, self.share = _most_parts(plant, law, parts), 0.8 / parts
         self.last, self.halved, self.cut = LADDER[0], False, False
         self.alpha: list[Fraction] | None = None
 

@@ -52,8 +52,6 @@ TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 WITH_REMAINDER = (3e-2, 1e-1)  # further, of a plant that is only near its vertices
-# How far inside the half-plane a first point for damping ratios is looked for.
-INSIDE = 0.98
 # A proof within this share of the worst point is near enough.
 NEAR = 1e-4
 # How far beyond the worst point a region is proved in parts of the box.
@@ -515,7 +513,7 @@ def _points(loop: Loop, question: _Question, form: tuple[int, int]) -> Iterator[
     near = None
     if question.first is not None:
         with suppress(SolverError):
-            near = least(loop, question.first, *form, enough=INSIDE)
+            near = least(loop, question.first, *form, enough=0.98)
     for tolerance in TOLERANCES:
         with suppress(SolverError):
             yield least(loop, question.goal, *form, tolerance=tolerance, near=near)

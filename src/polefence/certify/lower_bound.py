@@ -24,7 +24,6 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.lower import METHODS, block_pairs
 
-ROUNDS = 2  # of corrections in floats
 SHARES = [1 - shortfall for shortfall in SHORTFALLS]  # of a radius that are tried
 SMALL, LARGE = 1e-60, 1e60  # between which the kernel takes scales and radii
 
@@ -176,7 +175,7 @@ def _sought(layout: _Layout, A: Array, B: Array, sigma: float, dual: Array) -> _
     inverse = np.linalg.inv(H / units) / units
     Psi = weighed @ inverse
     free = _free(inverse, weight) if layout.slack else None
-    for _ in range(ROUNDS):
+    for _ in range(2):
         wanted = _residuals(layout, S, B, dual[..., :n, n:])
         if free is not None:
             wanted[..., :n, :] += free(wanted)

@@ -16,9 +16,6 @@ from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Region
 
-MOST = 10  # states: the equation has n (n + 1) / 2 unknowns
-DIGITS = (64, 128, 256)  # bits after the point that the solution is rounded to, over its largest
-
 Rows = list[list[Fraction]]
 
 
@@ -29,7 +26,7 @@ def lyapunov_matrices(plant: UncertainPlant, law: Law, part: Region) -> list[np.
     regions than half-planes and disks.
     """
     one = len(plant.vertices) == 1 and plant.remainder is None and not plant.moving
-    if not one or law.K is None or plant.shape[0] > MOST:
+    if not one or law.K is None or plant.shape[0] > 10:  # the equation has n (n + 1) / 2 unknowns
         return []
     vertex, n = plant.vertices[0], plant.shape[0]
     K = [[Fraction(x) for x in row] for row in law.K.tolist()]
@@ -43,7 +40,7 @@ def lyapunov_matrices(plant: UncertainPlant, law: Law, part: Region) -> list[np.
         return []
     size = max(abs(x) for row in X for x in row)
     texts = []
-    for bits in DIGITS:
+    for bits in (64, 128, 256):  # bits after the point, of the solution over its largest entry
         unit = Fraction(2) ** (size.numerator.bit_length() - size.denominator.bit_length() - bits)
         text = [[str(round(x / unit) * unit) for x in row] for row in X]
         texts.append(np.array([text], dtype=object))

@@ -53,20 +53,10 @@ from polefence.requirements.weights import with_weights
 # Decay taken off the plant, of its own rates, so that P proves the inequality with a margin; and
 # as a share of that what is taken off the cost, for directions that no output sees.
 MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(-18, -5))
-SEARCH = 1e-6  # the same in the search for weights
-SHORT = 1e-9  # below what P stands for, the factor that is claimed
 
 _ZERO, _ONE = Fraction(0), Fraction(1)
 
 FILE_NAME = "limit.json"
-LEAST = 1e-7  # of a weight, of their sum: without any the control may be free
-CLOSE = 1e-7  # to the largest value, at which the search ends
-ROUNDS = 60
-REACH = 4.0  # times a weight or a share of it, from one round to the next
-BELOW = 1e-3  # of what a law keeps: a limit that every law exceeds
-SMALL = 1e-3  # of what a force costs, the first multiplier of its square
-SMALLER, FACTOR = 12, 0.1  # how often that is made smaller, and by what, until a cost is left
-TINY = 1e-11  # of the loop's norm: a pole nearer to the imaginary axis is on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +188,7 @@ def lowest(
     InputError
         As `refute_limits` does.
     """
-    tiny = BELOW * near
+    tiny = 1e-3 * near  # every law exceeds it
     refutation = refute_limits(plant, [replace(specification, at_most=tiny)], dampers)
     return None if refutation is None else (refutation, tiny * refutation.factor)
 
@@ -258,7 +248,7 @@ def _claims(
         if exact is None:
             continue
         floats = _regulated(exact, unit, owner, dampers, j)
-        weights, cost = heaviest(floats, SEARCH * _rate(floats.A))
+        weights, cost = heaviest(floats, 1e-6 * _rate(floats.A))
         if cost > 1:
             vertices.append((cost, j, weights, exact, floats))
     for _, j, weights, exact, floats in sorted(vertices, key=lambda vertex: -round(vertex[0], 5)):
@@ -292,7 +282,7 @@ def _regulated(
     # the cost is positive without multipliers, and where they are small
     both, n = np.hstack([C, D]), len(A)
     units = [
-        SMALL * float(np.linalg.norm(both[:, n + damper.number]) or np.linalg.norm(both)) ** 2
+        1e-3 * float(np.linalg.norm(both[:, n + damper.number]) or np.linalg.norm(both)) ** 2
         for damper in dampers
     ]
     products = [_product_of(damper, vertex, B.shape[1]) for damper in dampers]
@@ -332,7 +322,7 @@ def _factor(plant: Regular, P: Rationals, allowed: Fraction | int) -> Fraction:
     least = float(np.trace(E.T @ np.array(P, dtype=float) @ E))
     if not (least > 0 and allowed > 0):
         return Fraction(0)
-    return Fraction(float(np.sqrt(least / float(allowed))) * (1 - SHORT))
+    return Fraction(float(np.sqrt(least / float(allowed))) * (1 - 1e-9))
 
 
 def _lifted(P: Rationals, T: Rationals) -> Rationals:
@@ -561,7 +551,8 @@ class Regulated(Short):
         K = -np.linalg.solve(R, self.B.T @ P + N.T)
         loop = self.A + self.B @ K
         poles = np.linalg.eigvals(loop)
-        if poles.real.max() >= -TINY * np.linalg.norm(loop):
+        # a pole nearer to the imaginary axis is on it
+        if poles.real.max() >= -1e-11 * np.linalg.norm(loop):
             raise SolverError("the regulator leaves a pole on the imaginary axis")
         X = solve_continuous_lyapunov(loop, -self.E @ self.E.T)
         Y = self.C + self.D @ K
@@ -577,11 +568,11 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
     The cost is concave in the weights and its slopes are the mean squares: cutting planes, each an
     upper bound everywhere, within a factor of the best weights so far.
     """
-    count, reach = int(plant.limit.max()) + 1, REACH
+    count, reach = int(plant.limit.max()) + 1, 4.0
     slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
     weights = best = _first(slower, count)
     most, cuts = 0.0, list[Array]()
-    for _ in range(ROUNDS):
+    for _ in range(60):
         try:
             P = slower.riccati(weights)
             value, slopes = slower.cost(P), slower.mean_squares(weights, P)
@@ -594,7 +585,7 @@ def heaviest(plant: Regulated, decay: float) -> tuple[Array, float]:
         if most <= 0:
             break
         weights, bound = _highest(np.array(cuts) / most, best, reach, count)
-        if not bound > 1 + CLOSE:
+        if not bound > 1 + 1e-7:
             break
     return best, most
 
@@ -605,11 +596,11 @@ def _first(plant: Regulated, count: int) -> Array:
     A force that shows behind a filter only has no cost of its own to compare its multiplier with.
     """
     weights = np.append(np.full(count, 1 / count), np.ones(len(plant.forms)))
-    for _ in range(SMALLER if plant.forms else 0):
+    for _ in range(12 if plant.forms else 0):
         with suppress(SolverError):
             if plant.cost(plant.riccati(weights)) > 0:
                 break
-        weights[count:] *= FACTOR
+        weights[count:] *= 0.1
     return weights
 
 
@@ -620,7 +611,8 @@ def _highest(cuts: Array, centre: Array, reach: float, count: int) -> tuple[Arra
     """
     from scipy.optimize import linprog
 
-    bounds = [(max(LEAST, x / reach), min(1.0, x * reach)) for x in centre[:count]]
+    # without any weight the control may be free
+    bounds = [(max(1e-7, x / reach), min(1.0, x * reach)) for x in centre[:count]]
     bounds += [(x / reach, x * reach) for x in centre[count:]]
     optimum = linprog(
         np.append(np.zeros(len(centre)), -1.0),

@@ -38,7 +38,6 @@ Floats = npt.NDArray[np.float64]
 # Exact equations solved for the slack condition: more take seconds.
 MAX_EQUATIONS = 40
 SHORTFALLS = (1e-9, 1e-8, 1e-7, 3e-7, 1e-6, 2e-6, 4e-6, 8e-6, 2e-5, 5e-5, 1e-4, 1e-3, 1e-2)
-BITS = 60  # kept of an entry of Y, relative to its diagonal entries
 IDLE = (0.0, 1e-6, 1e-4, 1e-2)  # shares of the dual weight below which a vertex may be left out
 INDEPENDENT = 1e-10  # least part of a unit vector outside the span of others
 
@@ -242,7 +241,7 @@ def _rounded(dual: Floats) -> tuple[list[Integers], int]:
     """
     diagonal = np.einsum("bii->bi", dual)
     half = np.floor(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(int)
-    exponents = half[:, :, None] + half[:, None, :] - BITS
+    exponents = half[:, :, None] + half[:, None, :] - 60
     least = int(exponents.min())
     mantissas = np.rint(np.ldexp(dual, -exponents)).tolist()
     shifts = (exponents - least).tolist()

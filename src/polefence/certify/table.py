@@ -55,9 +55,6 @@ from polefence.region.regions import Region, region_of
 
 FILE_NAME = "table.json"
 FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
-SHARE = 0.9  # of the work that is checked in a file, after which no more cells are decided
-MOST_OF_A_CELL = MAX_WORK // 100  # by its characteristic polynomial
-SAMPLES, MOST_SAMPLES = 7, 1000  # along each side of a cell; in a cell
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,7 +233,7 @@ def analyse_table(
         halved = level < depth and len(done) + len(queue) + 2 <= most
         late = halved and deadline.passed
         cell: Cell | None = Cell(low, high, "undecided")
-        if spent < SHARE * MAX_WORK:
+        if spent < 0.9 * MAX_WORK:  # after that no more cells are decided
             cell = work.decided(low, high, last=late or not halved)
         if cell is None:
             queue += [(*half, level + 1) for half in _halves(low, high, work.exactly.axes)]
@@ -293,7 +290,8 @@ class _Work:
     def _sampled(self, low: Point, high: Point) -> tuple[Array, Array]:
         """Return points of a cell and how far outside the region their worst poles are."""
         a, b = (np.array([float(v) for v in side]) for side in (low, high))
-        count = max(2, min(SAMPLES, round(MOST_SAMPLES ** (1 / len(a)))))
+        # along each side, about a thousand in a cell
+        count = max(2, min(7, round(1000 ** (1 / len(a)))))
         steps = np.array(list(product(np.linspace(0, 1, count), repeat=len(a))))
         points = a + steps * (b - a)
         return points, self.question.region.distance(self.question.poles(points)).max(axis=1)
@@ -313,7 +311,7 @@ class _Work:
         cell = Cell(low, high, "refuted", point=exactly, outside=by)
         if by is not None:
             return cell
-        with counted(MOST_OF_A_CELL), suppress(FormatError):
+        with counted(MAX_WORK // 100), suppress(FormatError):
             return None if roots.all_inside(loop, self.parts) else cell
         return None
 

@@ -77,11 +77,6 @@ from polefence.search.optimise import Optimised, optimise
 from polefence.search.rows import plant_summary
 from polefence.vehicle.rest import Rest, held_words, rests
 
-TOO_LARGE = (
-    "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
-    "ask for a region that bounds the poles' speed, such as a disk"
-)
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `optimise`."""
@@ -288,7 +283,10 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     if done.design.note:
         lines.append(done.design.note)
     elif not _samples_keep_region(done, rows[0].with_law.alpha):
-        lines.append(TOO_LARGE)
+        lines.append(
+            "note: computed in doubles, this gain does NOT keep the poles there: it is too large; "
+            "ask for a region that bounds the poles' speed, such as a disk"
+        )
     lines += _rest_lines(done, rows)
     return lines + law_lines(done.law)
 

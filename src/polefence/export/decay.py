@@ -54,9 +54,7 @@ from polefence.region.regions import Disk
 # take ten times as long. With the rounding of float32 laws of nine plants fell short by 0.1 %.
 SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 0.8)
 ENOUGH, NEAR, LAST_CHEAP = 1e-3, 0.03, (1, 1)
-AIM, INSIDE = 5e-4, 2.0  # shares at which Lyapunov polynomials are looked for, times the least
-FINE = 1e-5  # of the remainder
-BELOW = 1 - 1e-12  # of a rate in floats: it is no larger than the one proved
+AIM = 5e-4  # share of it at which Lyapunov polynomials are looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +166,8 @@ def _proved(
 ) -> tuple[Guarantee | None, str]:
     """Return what is proved of the least disk; or None, and why not."""
     try:
-        plant, law = at_samples(
-            design.plant.at_rest, code_law(design.law), sample_time, delay, FINE
-        )
+        finest = design.plant.at_rest, code_law(design.law), sample_time, delay, 1e-5
+        plant, law = at_samples(*finest)
         wide = _wider(program, law, design, plant.shape[0])
         unit = Design(certificate_of(plant, law, Disk(0.0, 1.0), [placeholder(plant, law)]))
         errors, tried = roundings(unit, wide), tuple(forms(plant, law))
@@ -219,7 +216,7 @@ class _Search:
     def _candidates(self, form: tuple[int, int]) -> Iterator[dict[str, Any]]:
         """Yield Lyapunov polynomials of one degree: as far as it reaches, and inside of that."""
         loop, short = loop_of(self.plant, self.law), AIM
-        for times in (1.0, INSIDE):
+        for times in (1.0, 2.0):
             with suppress(SolverError, np.linalg.LinAlgError):
                 polynomial = least(loop, Disks(0.0), *form, enough=self._radius(short * times))
                 yield whole_evidence(self.plant, self.law, polynomial, form)
@@ -286,7 +283,8 @@ def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
 
 def decay_of(radius: Fraction, sample_time: Fraction) -> float:
     """Return a little less than -log(radius) / sample_time [1/s]."""
-    return -math.log1p(-float(1 - radius)) / float(sample_time) * BELOW
+    # in floats: no larger than the one proved
+    return -math.log1p(-float(1 - radius)) / float(sample_time) * (1 - 1e-12)
 
 
 def _decay(held: Design) -> float:

@@ -53,7 +53,7 @@ from polefence.search.observer import Observer
 FILE_NAME = "guarantee.json"
 SAMPLED = "sampled.json"  # beside it, where there is a sample time: see `timing`
 
-WIDTH, NO_BREAK = 88, "\u00a0"
+NO_BREAK = "\u00a0"
 README = "README.md"
 
 
@@ -467,7 +467,7 @@ def statement(facts: Facts) -> tuple[str, ...]:
 def _wrapped(sentence: str, region: str) -> list[str]:
     """Break a sentence into lines, but not the region."""
     whole = sentence.replace(region, region.replace(" ", NO_BREAK))
-    return [line.replace(NO_BREAK, " ") for line in textwrap.wrap(whole, WIDTH)]
+    return [line.replace(NO_BREAK, " ") for line in textwrap.wrap(whole, 88)]
 
 
 def _rounding(facts: Facts) -> str:

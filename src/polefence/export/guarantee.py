@@ -44,7 +44,6 @@ Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
 BITS = 24  # of the scales of inputs and columns
-ROOM = 1.01  # of what floats must leave over what is needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +144,8 @@ class Rounding(Short):
         """Whether the design's matrices tolerate more than is needed, in floats."""
         with suppress(InputError, np.linalg.LinAlgError):  # not even a Lyapunov matrix in floats
             question = gain_question(design, self.rows, np.array(self.columns, dtype=float))
-            return question.bears(self.needed * ROOM)
+            # a percent more in floats, for the exact proof
+            return question.bears(self.needed * 1.01)
         return False
 
     @stage("rounding of the code")

@@ -30,7 +30,7 @@ from polefence.proof.short import Short
 from polefence.response.discrete import zero_order_hold
 
 POINTS = 10_000  # random ones
-SHORTEST, LONGEST, PER_DECADE = 1e-5, 1e2, 16  # sample times tried, over the fastest pole's time
+SHORTEST, LONGEST = 1e-5, 1e2  # sample times tried, over the fastest pole's time
 TINY = 1e-300
 
 Test = Callable[[float, Array], bool]
@@ -271,7 +271,7 @@ def largest_sample_time(design: Design, delay: int = 1) -> LargestSampleTime:
     fastest = float(np.abs(design.poles(few)).max())
     unit = 1 / fastest if fastest else 1.0
     decades = np.log10(LONGEST / SHORTEST)
-    grid = unit * np.geomspace(SHORTEST, LONGEST, round(PER_DECADE * decades) + 1)
+    grid = unit * np.geomspace(SHORTEST, LONGEST, round(16 * decades) + 1)
     region, stable = (
         _largest(partial(test, design, delay), grid, few, many) for test in (_is_inside, _is_stable)
     )

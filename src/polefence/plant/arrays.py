@@ -27,7 +27,6 @@ from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
 MAX_ENTRIES = 2_000_000  # numbers in a file
-KINDS = (".mat", ".npz", ".npy", ".json", ".csv")
 WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
 _NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
 NO_NAMES: Mapping[str, str] = MappingProxyType({})
@@ -175,7 +174,7 @@ def _read_arrays(path: Path) -> Arrays:
         tables = {file.stem: [_csv(file, _read(file))] for file in files}
         return _with_series(Arrays(str(path), tables))
     kind = path.suffix.lower()
-    if kind not in KINDS:
+    if kind not in (".mat", ".npz", ".npy", ".json", ".csv"):
         raise InputError(f"{path}: not read here; {WANTED}")
     raw = _read(path)
     if kind == ".csv":

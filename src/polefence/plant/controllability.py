@@ -27,7 +27,6 @@ Residues = npt.NDArray[np.int64]
 
 TOP = 2**31  # products of two residues fit into 63 bits
 PRIME = TOP - 1
-SURE = 3  # primes that agree
 MOST_PRIMES = 400
 
 
@@ -106,7 +105,7 @@ def fixed_modes(A: Exact, B: Exact) -> FixedModes:
         ]
         modulus *= p
         alike = alike + 1 if before == [_signed(v, modulus) for v in values] else 0
-        if alike == SURE:
+        if alike == 3:  # primes agree
             return FixedModes(tuple(before), whole)
         if taken == MOST_PRIMES:
             break

@@ -26,11 +26,6 @@ from polefence.plant.system import Array
 from polefence.proof.short import Short
 
 STEP = 1e-30  # of the complex step
-SAMPLES = 200  # points of the box, besides its corners, middles and edges' middles
-MOST_GRID = 729  # of these
-AGREES = 1e-4  # share by which differences may differ from the complex step
-AT_REST = 1e-6  # share of its terms that f may be at an equilibrium
-ROUNDING = 1e-9  # share by which a family that is declared multi-affine may differ from it
 
 Point = Mapping[str, float]
 
@@ -141,7 +136,7 @@ def linearise(
     )
     points = list(_points(box))
     error, place, values = _worst(plant, system, corners, points)
-    if declared and error > ROUNDING:
+    if declared and error > 1e-9:  # more than rounding
         variables = ", ".join(p.through for p in box)
         raise MultiAffinityError(
             f"{place} is not multi-affine in {variables}: at {values_text(plant, values)} it "
@@ -177,7 +172,7 @@ class _Function:
         pairs = zip(matrices.values(), rest, strict=True)
         terms = np.sum([np.abs(M) @ np.abs(v) for M, v in pairs], axis=0) + 1
         worst = int(np.argmax(np.abs(value) / terms))
-        if not abs(value[worst]) <= AT_REST * terms[worst]:
+        if not abs(value[worst]) <= 1e-6 * terms[worst]:  # it is to be at rest
             raise PlantError(
                 f"x0, u0 are not an equilibrium {_at(point)}: component {worst + 1} of f "
                 f"{'- x0 ' if self.discrete else ''}is {value[worst]:.3g}, not 0; give them as "
@@ -216,7 +211,7 @@ class _Function:
                 sides.append(_value(name, f, moved, point, len(M)).real)
             size = max(np.abs(M).max(), np.abs(sides).max() * np.sqrt(np.finfo(float).eps))
             apart = np.abs((sides[0] - sides[1]) / (2 * h) - M[:, j])
-            if not apart.max() <= AGREES * size:
+            if not apart.max() <= 1e-4 * size:
                 raise PlantError(
                     f"{name} cannot be differentiated {_at(point)}: the complex step and "
                     f"differences disagree in component {int(np.argmax(apart)) + 1} by "
@@ -275,8 +270,8 @@ def _corners(box: Sequence[Parameter]) -> Iterator[dict[str, float]]:
 def _points(box: Sequence[Parameter]) -> Iterator[dict[str, float]]:
     """Yield points of the box: a grid of three, as far as it is small, and random ones."""
     grid = itertools.product((0.0, 0.5, 1.0), repeat=len(box))
-    random = np.random.default_rng(0).random((SAMPLES, len(box)))
-    for shares in itertools.chain(itertools.islice(grid, MOST_GRID), random):
+    random = np.random.default_rng(0).random((200, len(box)))
+    for shares in itertools.chain(itertools.islice(grid, 729), random):
         yield {
             p.name: float(p.low) + float(share) * float(p.high - p.low)
             for p, share in zip(box, shares, strict=True)

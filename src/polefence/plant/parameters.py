@@ -20,7 +20,6 @@ from polefence.proof.short import Short
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,
 # and a certificate must be able to say them.
 LARGEST = 10**100
-MAX_DIGITS = 300
 MAX_NAME = 200  # characters of a name or a unit
 
 
@@ -46,7 +45,7 @@ def exact(value: Any, what: str) -> Fraction:
     """
     number = _rational(value, what)
     digits = max(number.numerator.bit_length(), number.denominator.bit_length()) * 0.302
-    if number and not (1 <= LARGEST * abs(number) <= LARGEST**2 and digits < MAX_DIGITS):
+    if number and not (1 <= LARGEST * abs(number) <= LARGEST**2 and digits < 300):
         raise PlantError(f"{what} is out of range; use 1e-100 to 1e100, at most 300 digits")
     return number
 

@@ -18,11 +18,8 @@ from polefence.plant.system import Array
 from polefence.proof.text import unit_text
 
 SEED = 20050801
-SEED_OF_VALUES = 20051
-SAMPLES = 2000
 EDGE_POINTS = 9
 MOST_POINTS = 20_000
-MOST_CUBES = 2e8  # what looking at a sample may cost, in cubes of the number of states
 
 
 def values_at(plant: UncertainPlant, alpha: Sequence[Any]) -> dict[str, float] | None:
@@ -138,8 +135,9 @@ def sample(domain: Domain, states: int = 1) -> Array:
     All corners, and of the rest fewer where there are many corners or many states. On a box the
     middles between corners stand for the edges.
     """
-    most = int(min(MOST_POINTS, MOST_CUBES / states**3))
-    count = min(SAMPLES, max(2, most // 3))
+    # what looking at a sample may cost, in cubes of the number of states
+    most = int(min(MOST_POINTS, 2e8 / states**3))
+    count = min(2000, max(2, most // 3))
     if domain.sizes == (1,):
         return np.ones((1, 1))
     between = inside(domain, count)
@@ -158,7 +156,7 @@ def sample(domain: Domain, states: int = 1) -> Array:
 
 
 @explained
-def seeded(plant: UncertainPlant, count: int = 10_000, seed: int = SEED_OF_VALUES) -> Array:
+def seeded(plant: UncertainPlant, count: int = 10_000, seed: int = 20051) -> Array:
     """Return points of a family as alpha (count, N): its vertices, and others at random.
 
     Where the plant has parameters the others are uniform in the box of their values; else on the

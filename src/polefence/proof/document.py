@@ -43,7 +43,6 @@ FORMAT, VERSION = "polefence-proof", 2
 EARLIER = tuple(
     f"polefence-{name}" for name in ("design", "performance", "service", "table", "export")
 )
-MAX_CLAIMS = 100
 
 KINDS: Mapping[str, type[Claim]] = MappingProxyType(
     {
@@ -168,7 +167,7 @@ def _read(table: Table) -> Document:
     plant = Plant.read(table.table("plant"))
     law, on = _read_law(table.table("law"), plant) if "law" in table else (None, "")
     claims = list[Claim]()
-    for row in table.tables("claims", MAX_CLAIMS):
+    for row in table.tables("claims", 100):
         with counted():  # what reading one may take
             claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
     if law is not None and not any(claim.of_law for claim in claims):

@@ -31,7 +31,6 @@ from polefence.proof.work import FormatError, spend
 FINE = 96  # bits after the point
 ONE = 1 << FINE
 MAX_TERMS = 120
-MAX_SIZE = 16  # of a row's sum of |M|: what is left of 96 bits is then 70
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     """
     count, largest = len(M).bit_length() - 1, _largest(map(_magnitudes, M))
     size = _row_sum(largest)
-    if size > MAX_SIZE:
+    if size > 16:  # of a row's sum of |M|: what is left of 96 bits is then 70
         raise FormatError("the sample time is too long for these rates")
     if not 4 * size + 2 <= terms <= MAX_TERMS:
         raise FormatError(f"the samples need {math.ceil(4 * size) + 2} to {MAX_TERMS} terms")

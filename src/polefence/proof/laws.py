@@ -38,7 +38,7 @@ from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
-MAX_TERMS, MAX_MEASURED = 500, 200  # of a polynomial law
+MAX_MEASURED = 200  # of a polynomial law
 MAX_CELLS = 1000
 
 Point = tuple[Fraction, ...]
@@ -183,7 +183,7 @@ def read_law(table: Table, plant: Plant) -> tuple[Law, str]:
 
 
 def _read_polynomial(table: Table, plant: Plant) -> Law:
-    rows, measured, C = table.tables("terms", MAX_TERMS), table.texts("measured"), []
+    rows, measured, C = table.tables("terms", 500), table.texts("measured"), []
     for name in measured[:MAX_MEASURED]:
         signal = plant.signal(name)
         if signal is None or signal.F or any(map(any, (D[0] for D in signal.D))):

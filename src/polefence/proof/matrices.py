@@ -11,12 +11,11 @@ from operator import mul
 from polefence.proof.work import CALL, LEAST_WORK, FormatError, WorkError, cost, spend
 
 MAX_BITS, LONGEST = 20_000, 10**6  # of a common denominator: of what is read; of what is computed
-BITS = 64  # of a square root
 
 Rationals = list[list[Fraction]]
 Integers = list[list[int]]
 
-RUNG, LAST_RUNG = 64, 4096  # bits of the first attempt and of the last
+RUNG = 64  # bits of the first attempt
 
 
 def is_symmetric(X: Rationals) -> bool:
@@ -164,7 +163,7 @@ def root(value: Fraction) -> Fraction:
     """Return a short rational a little above the square root."""
     if value <= 0:
         return Fraction(0)
-    shift = max(0, BITS - value.numerator.bit_length() // 2 + value.denominator.bit_length() // 2)
+    shift = max(0, 64 - value.numerator.bit_length() // 2 + value.denominator.bit_length() // 2)
     whole = -(-(value.numerator << 2 * shift) // value.denominator)
     return Fraction(isqrt(whole) + 1, 1 << shift)
 
@@ -192,7 +191,7 @@ def is_positive_definite(matrix: Integers) -> bool:
     if any(matrix[i][i] <= 0 for i in range(n)):
         return False
     p = RUNG
-    while p <= min(max(RUNG, n * length), LAST_RUNG):
+    while p <= min(max(RUNG, n * length), 4096):
         spend(n * (n + 1) * (n + 2) // 3, p, p)
         answer = _attempt(matrix, exponents, p)
         if answer is not None:

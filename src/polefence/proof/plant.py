@@ -17,7 +17,7 @@ from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
-MAX_PARAMETERS, MAX_OUTPUTS, MAX_NODES = 8, 1000, 10_000
+MAX_PARAMETERS = 8
 ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
@@ -336,7 +336,7 @@ def _rate_text(parameter: Range) -> Any:
 
 
 def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Output, ...]:
-    rows = table.tables("outputs", MAX_OUTPUTS) if "outputs" in table else []
+    rows = table.tables("outputs", 1000) if "outputs" in table else []
     outputs = []
     for row in rows:
         C, D, F = (
@@ -351,7 +351,7 @@ def _outputs(table: Table, shape: tuple[int, int, int], count: int) -> tuple[Out
 def _nodes(table: Table, shape: tuple[int, int, int]) -> tuple[Node, ...]:
     n, m, q = shape
     nodes = list[Node]()
-    for row in table.tables("nodes", MAX_NODES):
+    for row in table.tables("nodes", 10_000):
         at = row.numbers("at", len(table.items("parameters", MAX_PARAMETERS)))
         E = row.matrix("E", n, q) if q else []
         nodes.append(Node(at, row.matrix("A", n, n), row.matrix("B", n, m), E))

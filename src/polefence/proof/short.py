@@ -10,7 +10,6 @@ from typing import Any
 
 MOST = 200  # characters of a value
 INNER = 60  # of a value in another
-FEW = 6  # entries that are written out
 
 
 class Short:
@@ -69,8 +68,8 @@ def _rounded(value: Fraction) -> str:
 
 def _of_several(value: Collection[Any], most: int) -> str:
     kind, count = type(value).__name__, len(value)
-    size = f"<{kind} of {count}>"
-    if count > FEW or not isinstance(value, Mapping | list | tuple):
+    size = f"<{kind} of {count}>"  # of more entries than six
+    if count > 6 or not isinstance(value, Mapping | list | tuple):
         return size
     if isinstance(value, Mapping):
         inner = (f"{short(k, INNER)}: {short(v, INNER)}" for k, v in value.items())

@@ -17,10 +17,8 @@ from polefence.proof.regions import Part
 
 LARGEST = 10**308  # of a double, nearly
 LONGEST = 80  # characters of a name in a sentence
-MOST_VERTICES = 8  # whose rows are written out
-MOST_POINTS = 8  # initial states that are
 MOST_ROWS = 6  # of a matrix
-SHORT, SHORT_FRACTION = 12, 5  # characters of a number that is not rounded
+SHORT = 12  # characters of a number that is not rounded
 
 # Of Unicode's categories those that draw nothing of their own, but move, hide or end a line.
 _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
@@ -135,9 +133,7 @@ def number_text(value: Fraction) -> str:
         return f"{float(value):g}" if Fraction(f"{float(value):g}") == value else short
     fraction = Fraction(float(value)) != value
     plain = str(value) if fraction else exactly(float(value))
-    return (
-        plain if len(plain) <= (SHORT_FRACTION if fraction else SHORT) else f"~{float(value):.6g}"
-    )
+    return plain if len(plain) <= (5 if fraction else SHORT) else f"~{float(value):.6g}"
 
 
 def sum_text(rows: Sequence[tuple[str, Sequence[Fraction]]]) -> str:
@@ -161,7 +157,7 @@ def output_text(C: list[Rationals], D: list[Rationals], F: Sequence[Rationals] =
     ]
     if all(row == rows[0] for row in rows):
         return sum_text(rows[0])
-    shown = [f"{sum_text(row)} at vertex {j + 1}" for j, row in enumerate(rows[:MOST_VERTICES])]
+    shown = [f"{sum_text(row)} at vertex {j + 1}" for j, row in enumerate(rows[:8])]
     more = len(rows) - len(shown)
     return "; ".join(shown + [f"and what the file has at {more} more"] * bool(more))
 
@@ -175,7 +171,7 @@ def impulses_text(impulses: Sequence[Fraction]) -> str:
 
 def points_text(points: Sequence[Sequence[Fraction]]) -> str:
     """List initial states."""
-    shown = [f"({', '.join(map(number_text, point))})" for point in points[:MOST_POINTS]]
+    shown = [f"({', '.join(map(number_text, point))})" for point in points[:8]]
     more = len(points) - len(shown)
     rest = [f"{more} more of the file"] * bool(more)
     return f"x(0) = {' or '.join(shown + rest)}"

@@ -61,7 +61,6 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 DIGITS = 400  # bits that coefficients keep; each halving loses one part in 2^DIGITS
 # Limits on a polynomial that is checked: the number of its coefficients, its degree in a parameter.
 MOST_COEFFICIENTS, MOST_DEGREE = 60_000, 60
-STABLE = (HalfPlane(Fraction(0)),)
 
 Row = list[Fraction]
 Numbers = list[int]
@@ -223,7 +222,7 @@ class Transfer:
         a = self.first[0]
         if self.beside is not None and not self.beside.is_stable:
             return False
-        return bool(a[0]) and roots_inside(a, STABLE)
+        return bool(a[0]) and roots_inside(a, (HalfPlane(Fraction(0)),))
 
     @property
     def square(self) -> Fraction:

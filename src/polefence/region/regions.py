@@ -32,8 +32,6 @@ View = tuple[float, float, float]  # least and largest real part, largest imagin
 
 POINTS = 1441  # of a curve
 
-LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.999  # of a sector that is dragged
-
 
 def check_centre(centre: float) -> float:
     """Return a usable disk centre of a continuous-time plant as a float.
@@ -428,7 +426,7 @@ class Sector(Region):
 
     def through(self, z: complex, begin: complex) -> Sector:  # noqa: ARG002
         damping = -z.real / abs(z) if z else 1.0
-        return Sector(min(max(damping, LEAST_DAMPING), MOST_DAMPING))
+        return Sector(min(max(damping, 1e-3), 0.999))
 
     def boundary(self, view: View) -> list[Curve]:
         return self.wedge.boundary(view)

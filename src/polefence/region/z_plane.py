@@ -40,7 +40,6 @@ MOST_DAMPING = 0.999  # beyond it the image is too thin for corners that floats 
 INSIDE = 1e-11  # corners are moved inwards by so much, relative to their modulus
 SAFE = 1e-13  # and stay inside by so much, which floats cannot mistake
 EXACT = 1e-15  # relative error of an exponential, times one more than its exponent
-NEAR = 1e-2  # corners are no nearer to the last one than this, relative to its angle
 HALVINGS = 50
 UPRIGHT = 100.0  # slope of the wedge that stands for a half-plane to the right of its apex
 KNOWN = (
@@ -270,7 +269,7 @@ def _farthest(damping: float, excess: float, corner: complex, angle: float, last
             low = middle
         else:
             high = middle
-    return low if last - low > NEAR * last else last  # no edge of no length
+    return low if last - low > 1e-2 * last else last  # no edge of no length
 
 
 def _steepest(damping: float, tip: float) -> float:

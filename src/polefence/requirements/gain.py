@@ -24,8 +24,6 @@ from polefence.response.modes import Modes
 from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
 
-UNIT = 2.0  # one-sided density of noise of intensity one
-
 
 @dataclass(frozen=True)
 class Gain(Specification):

@@ -23,9 +23,6 @@ from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.requirements.specification import Row, Specification, is_number, number
 from polefence.response.closed import gains
 
-# Of the proof's polynomials, one after the other, and how many coefficients they may have.
-ELEVATIONS, MOST = (0, 1, 2, 4, 8, 16), 3000
-
 
 @dataclass(frozen=True)
 class GainNorm(Specification):
@@ -181,9 +178,9 @@ def levels(plant: UncertainPlant, law: Law, norm: GainNorm) -> Iterator[tuple[fl
     right = np.linalg.inv(H.mean(axis=0))
     P, Q = (bernstein(domain, M @ right, degree) for M in (H, Z))
     square = times({e: p.T for e, p in P.items()}, P)
-    for elevation in ELEVATIONS:
+    for elevation in (0, 1, 2, 4, 8, 16):
         total = 2 * degree + elevation
-        if elevation and domain.count(total) > MOST:
+        if elevation and domain.count(total) > 3000:
             return
         raised, below = elevated(square, domain, elevation), elevated(Q, domain, total - degree)
         worst = max(_least(raised[e], below[e], binomial(domain.sizes, e)) for e in raised)

@@ -32,9 +32,9 @@ from polefence.response.stationary import STABLE, growth, stationary
 
 # Time followed, of the slowest pole's time constant; step, of the fastest's.
 FOLLOWED, STEP = 5.0, 0.25
-# For slopes: time constants followed, steps a radian and a mode; peaks that count, so many a loop.
+# For slopes: time constants followed, steps a radian and a mode.
 LASTING, A_RADIAN, MOST_STEPS = 14.0, 4, 800
-NEAR, MOST = 0.8, 3
+MOST = 3  # peaks that count, of a loop
 TINY = np.finfo(float).tiny
 
 
@@ -307,7 +307,7 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
         peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
         highest += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
     highest.sort(key=lambda row: -row[0])
-    return [row[1:] for row in highest[:MOST] if row[0] >= NEAR**2 * highest[0][0]]
+    return [row[1:] for row in highest[:MOST] if row[0] >= 0.8**2 * highest[0][0]]
 
 
 def _require_square(name: str, ellipsoid: Any) -> None:

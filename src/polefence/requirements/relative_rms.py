@@ -40,7 +40,7 @@ from polefence.response.discrete import balancing
 from polefence.response.stationary import growth, lyapunov, needed
 
 DEGREES = (2, 3, 4, 5, 6)  # of P and X
-FREE, ABOVE = 1e-6, 1.01  # of a cost, what counts as none; kappa over what it has to exceed
+ABOVE = 1.01  # kappa over what it has to exceed
 
 
 @dataclass(frozen=True)
@@ -388,7 +388,8 @@ class _Uncontrolled:
         rows, _ = cheapest(R[:, :n], a, b)  # then what is off in E, and in B, which costs nothing
         driven = self.intensity * self.scales**2 * float(a @ rows**2) / float(SHARE)
         every = np.concatenate([b, np.zeros(m), driven])
-        rows, columns = cheapest(R, a, np.maximum(every, FREE * b.max()))
+        # smaller costs count as none
+        rows, columns = cheapest(R, a, np.maximum(every, 1e-6 * b.max()))
         V = columns[:n, None]
         values = np.linalg.eigvalsh(V * P * V.T)
         kappa = max(-float(values.min()) * ABOVE, float(values.max()) * (ABOVE - 1))

@@ -30,10 +30,7 @@ from polefence.requirements.specification import Specification, is_number
 from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 
-# Of limits at which a loop is simulated: parts of an interval, how often it is divided into these,
-# and points of the family at most.
-LEVELS, TURNS, MOST_POINTS = 10, 3, 300
-STEP, MOST_STEPS = 0.1, 1500  # of the fastest pole's time constant
+LEVELS = 10  # parts of an interval of limits at which a loop is simulated, divided again and again
 
 
 @dataclass(frozen=True)
@@ -150,7 +147,7 @@ class Saturation(InitialPeak):
         starts = [np.array(point, dtype=float) for point in (*self.points, *axes_of(self))]
         if self.norm or not starts:
             return limits
-        at = np.unique(np.linspace(0, len(alpha) - 1, MOST_POINTS).astype(int))
+        at = np.unique(np.linspace(0, len(alpha) - 1, 300).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
         limits[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
@@ -175,8 +172,8 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     # how fast it comes to rest, or is lost where nothing acts
     rates = np.concatenate([-poles.real, np.abs(np.linalg.eigvals(A).real)], axis=-1)
     slowest = float(rates[rates > 1e-6 * float(fastest)].min(initial=float(fastest)))
-    dt = step or STEP / float(fastest)
-    steps = int(min(6.0 / slowest / dt + 1, MOST_STEPS))  # six time constants of the slowest pole
+    dt = step or 0.1 / float(fastest)
+    steps = int(min(6.0 / slowest / dt + 1, 1500))  # six time constants of the slowest pole
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
     A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
     size = np.linalg.norm(x0, axis=-1)
@@ -204,7 +201,7 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     _, high = run(np.full(size.shape, np.inf))
     low = np.zeros(size.shape)
     shares = np.arange(1, LEVELS)[:, None, None] / LEVELS
-    for _ in range(TURNS):
+    for _ in range(3):
         lost, _ = run(low + shares * (high - low))
         count = np.where(lost, shares * LEVELS, 0.0).max(axis=0)  # of the highest at which it is
         low, high = (low + (count + k) / LEVELS * (high - low) for k in (0, 1))

@@ -29,7 +29,6 @@ from polefence.response.weighting import WD, WE, WF, WK, Weighting
 if TYPE_CHECKING:
     from polefence.requirements.specification import Specification
 
-BITS, TERMS = 192, 42  # of the exponential of a norm of 1/2: (1/2)^42 / 42! is below 2^-192
 WEIGHTS: Mapping[str, Weighting] = MappingProxyType({"Wk": WK, "Wd": WD, "We": WE, "Wf": WF})
 
 
@@ -128,10 +127,10 @@ def _held(a: Rationals, b: Rationals, T: Fraction) -> Rationals:
     norm, halvings = max(sum(map(abs, row), Fraction(0)) for row in M), 0
     while norm > Fraction(1, 2):
         norm, halvings = norm / 2, halvings + 1
-    unit = 1 << BITS
+    unit = 1 << 192
     X = [[round(x * unit / 2**halvings) for x in row] for row in M]
     term = total = [[unit * (i == j) for j in range(len(M))] for i in range(len(M))]
-    for k in range(1, TERMS):
+    for k in range(1, 42):  # of a norm of 1/2: (1/2)^42 / 42! is below 2^-192
         term = _shortened(term, X, unit * k)
         total = plus(total, term)
     for _ in range(halvings):

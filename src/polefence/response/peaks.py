@@ -10,7 +10,6 @@ from polefence.plant.system import Array
 from polefence.response.modes import Modes
 from polefence.response.stationary import bilinear
 
-MOST = 5  # peaks of a loop that are looked at
 CLOSE = 1e-7  # to which the highest is one, relative
 
 
@@ -149,7 +148,7 @@ def _climbed(height: Any, grid: Array, values: Array, loops: Any) -> tuple[Any, 
     left = np.pad(values[:, :-1], ((0, 0), (1, 0)), constant_values=-1.0)
     right = np.pad(values[:, 1:], ((0, 0), (0, 1)), constant_values=-1.0)
     local = np.where((values >= left) & (values > right), values, -1.0)
-    some = np.argsort(-local, axis=1, kind="stable")[:, :MOST]
+    some = np.argsort(-local, axis=1, kind="stable")[:, :5]  # peaks of a loop that are looked at
     rows = np.repeat(loops, some.shape[1])
     at = some.ravel()
     real = local[rows, at] >= 0.5 * values.max(axis=1)[rows]

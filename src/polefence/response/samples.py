@@ -32,9 +32,8 @@ from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
-ENOUGH, MOST = 1e-4, 125  # of the change in a sample; coefficients
-# Terms of the series between nodes; what they may leave out; what rounding to doubles may change.
-TERMS, ROUNDING, ROUNDED = (20, 40, 60, 80, 100, 120), 2.0**-60, 2.0**-51
+ENOUGH = 1e-4  # of the change in a sample; coefficients
+TERMS = (20, 40, 60, 80, 100, 120)  # of the series between nodes
 
 
 @explained
@@ -112,7 +111,7 @@ def _degrees(plant: UncertainPlant) -> list[int]:
     """Return the degrees of interpolation worth trying; one vertex needs none."""
     if len(plant.vertices) == 1:
         return [1]
-    return [d for d in (1, 2, 3, 4) if d == 1 or plant.domain.count(d) <= MOST]
+    return [d for d in (1, 2, 3, 4) if d == 1 or plant.domain.count(d) <= 125]  # coefficients
 
 
 def _change(held: list[tuple[Array, Array, Array]], units: Array) -> float:
@@ -178,13 +177,14 @@ def _between_nodes(
                     f"{plant.name}: {problem}; take a shorter sample time"
                 ) from problem
             continue
-        if bounds.missing < ROUNDING:
+        if bounds.missing < 2.0**-60:
             break
     scales = units[:n, None] / units
     along = np.array([[[float(x) for x in row] for row in C] for C in bounds.along]) * 1.01
     known = np.abs([np.hstack(block) for block in _held(plant, bare.sample_time or Fraction(0))])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
-    remainders = [ROUNDED * largest + 1.01 * float(bounds.missing), *along]
+    # with what rounding to doubles may change
+    remainders = [2.0**-51 * largest + 1.01 * float(bounds.missing), *along]
     rounding, *bends = (
         tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in remainders
     )

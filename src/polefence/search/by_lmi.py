@@ -57,14 +57,6 @@ from polefence.region.regions import (
 from polefence.region.text import digits_up
 from polefence.search.driver import Kind, Source, placed
 
-# How far inside a region a point is looked for first; then as far as the search goes.
-WELL_INSIDE = (0.98, 0.0)
-
-# Where nothing bounds the poles' speed: multiples of the rates of region and plant that bound it in
-# the search, one after the other.
-SPEEDS = (10.0, 100.0, 1000.0)
-FASTEST_POLES = 1e99  # [1/s], of regions
-
 # Degree and elevation that "auto" tries, while there are at most so many unknowns.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1), (5, 1))
 MOST_UNKNOWNS = 1500
@@ -72,12 +64,8 @@ MOST_UNKNOWNS = 1500
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
-# A lower bound farther off than this share of the radius is sought again, with this tolerance.
-GAP, CLOSER = 9e-7, 1e-10
-EARLIER = 1e-6  # tolerance of a run that ends farther inside, where the ends have no bound
+GAP = 9e-7  # a lower bound farther off than this share of the radius is sought again
 
-# How far inside a region a point is looked for, as a share of its size.
-INSIDE = 0.98
 
 # How many times the plant's own rates poles may be fast, where nothing else bounds them.
 SPEED = 100.0
@@ -85,9 +73,6 @@ SPEED = 100.0
 # How close the search for decay rates and damping ratios goes. Nearer to the optimum a Lyapunov
 # matrix may be too ill-conditioned to be proved in doubles.
 TOLERANCES = (1e-10, 1e-8, 1e-6)
-
-# Where that fails: values tried, and how far apart the last two may be, relative to them.
-ATTEMPTS, CLOSE = 24, 1e-3
 
 LEAST, MOST = 1e-8, 1 - 1e-9  # damping ratios
 
@@ -158,9 +143,11 @@ def laws_in(
     failure: SolverError | None = None
     points = list[Reached]()
     rate = max(region.scale, typical_rate(plant.A))
-    speeds = () if region.bounds_speed else [s * rate for s in SPEEDS if s * rate < FASTEST_POLES]
+    speeds = [s * rate for s in (10.0, 100.0, 1000.0) if s * rate < 1e99]
+    if region.bounds_speed:
+        speeds = []
     for searched in (*(bounded(region, speed) for speed in speeds), region):
-        for enough in WELL_INSIDE:
+        for enough in (0.98, 0.0):  # well inside first, then as far as the search goes
             try:
                 goal = Around(searched)
                 point = _smallest(plant, goal, method, enough=enough, patches=patches)
@@ -386,7 +373,8 @@ def closer_bound(
     """Return the lower bound of a point, or that of another run where it leaves a gap."""
     if point.r > sigma or (lower is not None and lower > point.r * (1 - GAP)):
         return lower
-    for near, tolerance in ((point, CLOSER), (None, EARLIER)):
+    # the second ends farther inside, where the ends have no bound
+    for near, tolerance in ((point, 1e-10), (None, 1e-6)):
         with suppress(SolverError):
             closer = smallest(plant.A, plant.B, Disks(-sigma), method, near, tolerance=tolerance)
             others = lower, _lower(plant, sigma, method, closer)
@@ -472,7 +460,7 @@ def _direct(
     base = within if decays else HalfPlane(0) & within
     goal = Decays(fastest, within) if decays else Sectors(within.scale, within)
     with suppress(SolverError):
-        start = _smallest(plant, Around(base), method, enough=INSIDE)
+        start = _smallest(plant, Around(base), method, enough=0.98)
         if start.r >= 1:
             return
         near = replace(start, r=0.0)

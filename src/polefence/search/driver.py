@@ -36,14 +36,11 @@ TIGHTER = (0.0, 1e-3, 1e-2, 5e-2)
 # near as can be; less where doubles cannot run that, where parameters move or the plant has a
 # remainder. Halvings in between.
 NEAREST, FARTHEST, WIDENINGS = 1e6, 1.1, 8
-SAMPLES = 500
 NUMBERS = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 # Of the way from a smallest disk to the unit circle: where laws for a remainder are sought.
 FARTHER = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7)
 # Degree and elevation of these proofs: the ladder of all takes 2 to 10 times as long, for 1 %.
 FORMS = ((0, 0), (1, 0))
-# How closely the largest number is found from region to region: halvings, and a share of it.
-HALVINGS, CLOSE = 24, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +230,7 @@ class Kind:
             The region is to be smaller than that of this `size`.
         """
         plant, T = source.plant, source.plant.sample_time
-        poles = close(plant, candidate.law, seeded(plant, SAMPLES), disturbed=False).poles()
+        poles = close(plant, candidate.law, seeded(plant, 500), disturbed=False).poles()
         worst = self.worst(poles if T is None else 1 + float(T) * poles)
         proved = list[Design]()
 
@@ -278,7 +275,7 @@ class Kind:
         low: float,
         high: float,
         first: float | None = None,
-        halvings: int = HALVINGS,
+        halvings: int = 24,
     ) -> Design:
         """Return the design of the largest number for which there is one.
 
@@ -306,7 +303,7 @@ class Kind:
                 high, first = first, None
                 break
             low, first = first, min(2 * first, high)
-        edge(holds, low, high, halvings, close=CLOSE)
+        edge(holds, low, high, halvings, close=1e-3)
         if best is None:
             raise why or NotProvedError(f"not proved: no {self.of} could be proved")
         return best

@@ -26,10 +26,6 @@ from polefence.search.task import Task, level_of
 from polefence.search.tune.starts import typical
 from polefence.search.tune.worth import NEAR, taken
 
-SAMPLES = 50
-NEARLY, GAP = 8e-4, 1e-3  # of the LMI's level: what a calmer law may cost; where its search ends
-FASTEST = 1e5  # times the plant's own fastest pole: a law of faster ones is none to be built
-
 
 @dataclass(frozen=True)
 class Closer(Short):
@@ -57,7 +53,7 @@ def gain_norm(plant: UncertainPlant) -> GainNorm:
 
 def gain_of(plant: UncertainPlant, law: Any) -> float:
     """Return the largest norm of a law's gain at samples, in typical sizes."""
-    return float(gain_norm(plant).values(plant, law, seeded(plant, SAMPLES)).max())
+    return float(gain_norm(plant).values(plant, law, seeded(plant, 50)).max())
 
 
 def least(
@@ -89,7 +85,7 @@ def is_too_fast(plant: UncertainPlant, law: Law) -> bool:
         return False
     poles = close(plant, law, np.eye(len(plant.vertices)), disturbed=False).poles()
     fastest = float(np.abs(np.linalg.eigvals(plant.A)).max()) or 1.0
-    return bool(np.abs(poles).max() > FASTEST * fastest)
+    return bool(np.abs(poles).max() > 1e5 * fastest)  # a law of faster poles is none to be built
 
 
 def calmer(task: Task, point: Reached) -> Law | None:
@@ -99,9 +95,10 @@ def calmer(task: Task, point: Reached) -> Law | None:
     """
     if task.minimise is None or not task.minimise.of_signal:
         return None
-    near = replace(task.minimise, at_most=level_of(task, point) * (1 + NEARLY))
+    # so much a calmer law may cost, of what counts as good as the best
+    near = replace(task.minimise, at_most=level_of(task, point) * (1 + 8e-4))
     asked = replace(task, minimise=gain_norm(task.plant), limits=(*task.limits, near))
     with suppress(SolverError, InputError):
-        law = asked.law(asked.reached(task.region, GAP))
+        law = asked.law(asked.reached(task.region, 1e-3))
         return None if is_too_fast(task.plant, law) else law
     return None

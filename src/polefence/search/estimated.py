@@ -58,8 +58,6 @@ from polefence.response.samples import at_sample_time
 from polefence.search.by_lmi import laws_in, proved
 from polefence.search.driver import Source
 
-ROOM = (1.0, 1.05, 1.25)  # times the errors that a design is for, until the errors are proved
-
 
 def sources(
     plant: UncertainPlant, region: Region, method: Method | None, errors: Mapping[str, Any]
@@ -109,7 +107,8 @@ def sources(
             "smaller errors, a wider region, or one gain, which needs no estimates"
         )
 
-    return [Source(plant, partial(laws, room), certified, refusal) for room in ROOM]
+    # laws for larger errors, until those that are asked for are proved
+    return [Source(plant, partial(laws, room), certified, refusal) for room in (1.0, 1.05, 1.25)]
 
 
 def _kept(plant: UncertainPlant, point: Certificate, region: Region) -> Design | None:

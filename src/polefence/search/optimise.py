@@ -55,10 +55,7 @@ from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
 from polefence.search.tuned import Orders, orders_below, tuned_candidates
 
-ADVICE = 0.25  # of that, what is spent on limits that could be kept
-MOST_NEAR = 6  # limits that are looked at where not all can be kept
 ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
-POOR = 0.05  # a bound that is proved so far above the design's own is of a law gone wrong
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -379,7 +376,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     if not task.limits:
         raise NotProvedError("; ".join(filter(None, (reason, cut))))
     _refute(task)
-    with bounded(MOST_WORK * ADVICE) as looked:
+    with bounded(MOST_WORK * 0.25) as looked:
         near = list(_attainable(*searches.problems[-1], searches.starts(last)))
     advice = "dropping any single limit does not help either"
     if looked.ended:
@@ -401,7 +398,7 @@ def _best_order(orders: Orders) -> Optimised | None:
             continue
         done = _best_tuned(*orders.problems[k], orders.starts(k), known, below)
         every += [] if done is None else [done]
-        enough = orders.least * (1 + POOR)  # how far a proof is off is no matter of the order
+        enough = orders.least * 1.05  # how far a proof is off is no matter of the order
         if done is not None and (orders.problems[k][0].minimise is None or _level(done) <= enough):
             break
     lowest = min(map(_level, every), default=0.0) * (1 + NEAR)
@@ -411,7 +408,7 @@ def _best_order(orders: Orders) -> Optimised | None:
 
 def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
     """Yield for each limit what it would have to be for a law that keeps all others."""
-    for limit in task.limits[:MOST_NEAR]:
+    for limit in task.limits[:6]:
         if ended():
             return
         others = tuple(other for other in task.limits if other is not limit)

@@ -22,7 +22,6 @@ from polefence.search import by_lmi, estimated, structured
 from polefence.search.driver import Kind, Source, kept, kept_simply, on_the_box, placed
 from polefence.search.structured import Sought
 
-SLOWER = 1e-12, 1e-9, 1e-6, 1e-3  # shares of a decay rate, for the rounding of its image
 DAMPINGS = 9  # halvings to the largest damping ratio in discrete time: to 0.002
 
 
@@ -220,7 +219,7 @@ def _fastest(plant: UncertainPlant, method: Method | None, structure: Structure 
     """Return the law of the largest decay rate in discrete time: the smallest disk about zero."""
     design = _tightest(plant, Kind("disk", 0.0), method, structure=structure)
     radius, T = design.region.size, float(plant.sample_time or 1)
-    for share in SLOWER:  # of which the image is no smaller than the disk
+    for share in (1e-12, 1e-9, 1e-6, 1e-3):  # of which the image is no smaller than the disk
         asked = HalfPlane(max(-math.log(radius) / T * (1 - share), 0.0))
         if z_plane(asked, T).size >= radius:
             return replace(design, asked=asked, lower=None, unrunnable=None)

@@ -50,16 +50,9 @@ from polefence.requirements.weights import with_weights
 
 # How near its end the search comes: what is on the very edge may not survive its rounding.
 NEAR = (1e-5, 1e-4, 1e-3)
-ABOVE = 1e-7  # what was found in floats, the level that is claimed
 DEGREES = (6, 4, 2)
-MOST = 8000  # moments that are searched for
-LEVEL = 1e-9  # of an rms: others that are so near are as large
-LOWEST = 1e-3  # of the upper bound, the least coefficient above zero that is tried
-STEPS, DIGITS = 60, 3  # of a fixed damper: tried from bound to bound; kept
 OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
 FILE_NAME = "law.json"
-LEAST = 1e-3  # of the largest, what a force costs at least
-UNREACHED = 1e-12  # of the largest variance of a state, in balanced units
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +165,7 @@ def semi_active(
         raise InputError(f"K is {given.shape[0]} x {given.shape[1]}, not {m} x {n}")
     tried = list[int]()
     for even in DEGREES if degree is None else (_even(degree),):
-        if degree is None and problem.moments(even) > MOST and even > DEGREES[-1]:
+        if degree is None and problem.moments(even) > 8000 and even > DEGREES[-1]:
             continue
         tried.append(even)
         law = problem.proved(even, given)
@@ -370,7 +363,8 @@ class _Question:
     def hardest(self) -> int:
         """The vertex where the best dampers that stay have the largest rms."""
         values = self.each_rms(self.best)
-        return next(j for j, value in enumerate(values) if value > (1 - LEVEL) * max(values))
+        # others that are so near are as large: the first counts
+        return next(j for j, value in enumerate(values) if value > (1 - 1e-9) * max(values))
 
     @cached_property
     def best(self) -> Array:
@@ -379,12 +373,12 @@ class _Question:
         One after the other from bound to bound, until none changes.
         """
         # of a damper from zero on, a geometric row needs another start
-        bounds = [(low, high, max(low, LOWEST * high)) for low, high in self.bounds]
+        bounds = [(low, high, max(low, 1e-3 * high)) for low, high in self.bounds]
         c = np.array([np.sqrt(start * high) for _, high, start in bounds])
         for _ in range(10):
             last = c.copy()
             for k, (low, high, start) in enumerate(bounds):
-                grid = [float(f"{x:.{DIGITS}g}") for x in np.geomspace(start, high, STEPS)]
+                grid = [float(f"{x:.3g}") for x in np.geomspace(start, high, 60)]
                 grid = grid if low == start else [low, *grid]
                 tried = [c.copy() for _ in grid]
                 for candidate, x in zip(tried, grid, strict=True):
@@ -435,7 +429,7 @@ class _Question:
         R, R0 = D.T @ D, np.abs(self.shown.T @ self.shown).sum(axis=1)
         if not R0.any():
             raise self.refusal("it has no force in it", "add an acceleration, or a force")
-        R0 = np.maximum(R0, LEAST * R0.max())
+        R0 = np.maximum(R0, 1e-3 * R0.max())
         K, n = u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None], self.plant.shape[0]
         X = solve_continuous_lyapunov(loop, -E @ E.T)
         return np.asarray(K[:, :n] + np.linalg.solve(X[:n, :n], X[:n, n:] @ K[:, n:].T).T)
@@ -471,7 +465,7 @@ class _Question:
         E = self.E[0] / scale[:, None]
         X = np.diag(solve_continuous_lyapunov(balanced, -E @ E.T))
         for state, variance in zip(states(self.larger), X, strict=True):
-            if not variance > UNREACHED * X.max():
+            if not variance > 1e-12 * X.max():
                 raise self.refusal(
                     f"no disturbance reaches {state.name}", "leave that state out of the plant"
                 )
@@ -489,7 +483,7 @@ class _Question:
         for tolerance in NEAR:
             with suppress(SolverError, FormatError, np.linalg.LinAlgError):
                 mean = search(tolerance)
-                level = passive * float(np.sqrt(mean.level)) * (1 + ABOVE)
+                level = passive * float(np.sqrt(mean.level)) * (1 + 1e-7)
                 claim = self.claim(K, X, level, degree, mean, [sizes for _, sizes in pieces])
                 verdict = prove(claim)
                 if verdict.proved:

@@ -45,13 +45,8 @@ from polefence.requirements.gain_norm import as_norms
 from polefence.requirements.specification import Specification
 from polefence.response.closed import close
 
-INSIDE = 0.95  # how far inside the region the search begins
 KEPT = 1 - 1e-5  # share of a limit that a design keeps, so that the proof has something to spare
 AGREED = 1e-5  # how close two ends of one question are, as a share
-ENDS = 2  # that are compared where they depend on the start
-ROUGH = 0.1  # gap at which one gain is a start: well off the edge of everything
-ROUNDED = 1e-9  # of the fastest pole: what rounding may move a pole by
-SPEED = 100.0  # times the plant's own rates, where nothing else bounds the first law's
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +140,7 @@ class Task:
             ended = point.converged and not question.norms
             loose = tolerance > AGREED
             ended = ended and (again or loose or point.residual() <= AGREED)
-            if self.minimise is None or ended or (question.norms and ends == ENDS):
+            if self.minimise is None or ended or (question.norms and ends == 2):
                 break
         if best is None:
             raise failure
@@ -164,7 +159,7 @@ class Task:
         except (SolverError, InputError, np.linalg.LinAlgError):
             return False
         kept = region or stable(float(self.plant.step))
-        return bool(np.all(kept.distance(poles) < ROUNDED * np.abs(poles).max()))
+        return bool(np.all(kept.distance(poles) < 1e-9 * np.abs(poles).max()))
 
     def _starts(
         self, question: Problem, region: Region | None, scaling: Scaling
@@ -173,13 +168,14 @@ class Task:
         if int(options(self.method).degree):
             # what one gain reaches a scheduled law reaches too
             with suppress(SolverError):
-                one = replace(self, method="quadratic").reached(region, ROUGH)
+                # well off the edge of everything
+                one = replace(self, method="quadratic").reached(region, 0.1)
                 yield self._as_scheduled(one.values), one.t
         else:
             for values in regulators(question, scaling):
                 yield values, {}
         kept = region or stable(float(self.plant.step))
-        for inside in dict.fromkeys((kept, bounded(kept, SPEED * typical_rate(self.plant.A)))):
+        for inside in dict.fromkeys((kept, bounded(kept, 100.0 * typical_rate(self.plant.A)))):
             with suppress(SolverError):
                 yield self._start(inside), {}
 
@@ -191,7 +187,7 @@ class Task:
     def _start(self, inside: Region) -> dict[str, Array]:
         """Return W and Z of a law that keeps a region."""
         plant, goal, motion = self.plant, Around(inside), Motion.of(self.plant)
-        start = smallest(plant.A, plant.B, goal, self.method, enough=INSIDE, motion=motion)
+        start = smallest(plant.A, plant.B, goal, self.method, enough=0.95, motion=motion)
         if start.r >= 1:
             raise SolverError(f"no law of this method keeps {inside}")
         W, Z = coefficients(start.values, "W"), coefficients(start.values, "Z")

@@ -54,7 +54,6 @@ MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
 
 # Of a row whose law is taken over for another limit.
-TAKEN = ("answer", "proved", "sampled", "law_of", "performance")
 
 SAMPLES = 2000  # points of the family that each law is looked at
 
@@ -431,7 +430,9 @@ def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]
         best = min(laws, key=lambda r: float(r["proved"]), default=row)
         if best["proved"] is not None and best["proved"] < (row["proved"] or math.inf):
             first, *others = best["bounds"]
-            taken = {key: best[key] for key in TAKEN}
+            taken = {
+                key: best[key] for key in ("answer", "proved", "sampled", "law_of", "performance")
+            }
             eased[value, label] = row | taken | {"bounds": [first | {"at_most": value}, *others]}
     return eased
 

@@ -31,13 +31,8 @@ TIGHTER = (2e-5, 5e-4, 3e-3, 2e-2)
 FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
-FASTER = 1.0  # times the share of its range by which a parameter moves in a second, poles decay
-BETTER = (
-    1e-5  # share by which a law is to be better at rest than what is proved: descents end there
-)
 MOST = 3  # laws of one search that proofs are looked for
 EACH = 6  # orders that are searched one after the other; of a higher one these and the last
-WORSE = 0.02  # than the best of its search, a law that proofs are still looked for
 
 
 def tuned_candidates(
@@ -78,7 +73,8 @@ def tuned_candidates(
             for number, tuned in enumerate(_promising(candidates)):
                 if number and ended():  # the best is looked at whatever it took to find
                     return
-                if task.minimise is not None and tuned.level >= proved() * (1 - BETTER):
+                # descents end so near one another
+                if task.minimise is not None and tuned.level >= proved() * (1 - 1e-5):
                     if number or cut_off:
                         break
                     return  # nor is one for tighter limits
@@ -138,13 +134,13 @@ def _faster(plant: UncertainPlant, region: Region) -> Region | None:
     ]
     if not speeds or plant.period:
         return None
-    return region & HalfPlane(FASTER * max(speeds))
+    return region & HalfPlane(max(speeds))
 
 
 def _promising(candidates: Sequence[Tuned]) -> Iterator[Tuned]:
     kept = [tuned for tuned in candidates if tuned.kept]
     for tuned in kept[:MOST]:
-        if tuned.level <= kept[0].level * (1 + WORSE):
+        if tuned.level <= kept[0].level * 1.02:
             yield tuned
 
 

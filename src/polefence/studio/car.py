@@ -22,8 +22,6 @@ from polefence.studio.templates import template
 
 BEFORE, SPACING = 12.0, 0.02  # [m] of level road that is drawn before it begins; of its points
 DASHES = ("solid", "dashed", "dotted", "dotdash")
-MOST = 3  # seats whose acceleration is drawn
-ROW = 30  # [px] a legend
 PASSIVE, LAW = "passive", "with this law"
 
 
@@ -133,7 +131,7 @@ class Car:
 
     def _traces(self) -> list[Any]:
         wheels = [visible(name) for name in wheels_of(self.car)[0]]
-        seats = [visible(name) for name in seats_of(self.car)][:MOST]
+        seats = [visible(name) for name in seats_of(self.car)][:3]
         felt = seats[0] if len(seats) == 1 else "acceleration"
         plots = [
             self._trace("felt", f"{felt} [m/s²]", seats),
@@ -214,4 +212,4 @@ def _explain(plot: Any, lines: list[tuple[str, str, list[Any]]], many: int) -> N
     legend = Legend(items=items, orientation="horizontal", click_policy="hide", padding=2, margin=2)
     legend.label_text_font_size = "11px"
     plot.add_layout(legend, "above")
-    plot.height += ROW
+    plot.height += 30  # [px] a legend

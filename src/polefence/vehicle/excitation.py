@@ -21,7 +21,6 @@ from polefence.response.weighting import positive
 from polefence.vehicle.roads import Road
 from polefence.vehicle.vehicle import require_ride
 
-MAX_BYTES = 50_000_000  # of a recorded disturbance
 MOST_STEPS = 10_000_000
 
 
@@ -370,7 +369,7 @@ def recorded(plant: UncertainPlant, path: str | Path, step: float | None = None)
         increase, a name or a unit is not that of a disturbance, or there are too many steps.
     """
     path = Path(path)
-    table = read_columns(path, MAX_BYTES, "cut it into shorter ones")
+    table = read_columns(path, 50_000_000, "cut it into shorter ones")
     known = disturbances(plant)
     places = _columns(path, table.labels, known)
     time, values = table.values[:, 0], table.values[:, 1:]

@@ -37,8 +37,6 @@ from polefence.proof.claims.margins import Subject
 COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)  # times Omega
 # Of these where an error is given, and of the multipliers that are then tried.
 TRIED, SHARES = 4, (1.0, 0.1, 10.0, 0.01, 100.0, 1e-3, 1e3, 1e-4, 1e4)
-ROUNDS = 30  # of the golden section for each mu
-WIDTH = 9.0  # decades of mu that it looks at
 
 Coefficients = tuple[Array, Array, Array, Array]  # of X, N, B and X C'
 
@@ -209,7 +207,7 @@ def largest_bordered(F: Array, M: Array, left: Array, right: Array) -> tuple[flo
 
     size = float(np.linalg.norm(E, axis=(-2, -1)).max()) ** 2
     top = math.log(float(np.linalg.eigvalsh(F).max()) / size) if size else 0.0
-    best = _golden(error, top - WIDTH * math.log(10), top + math.log(10))
+    best = _golden(error, top - 9.0 * math.log(10), top + math.log(10))  # nine decades of mu
     return error(best), math.exp(best)
 
 
@@ -218,7 +216,7 @@ def _golden(function: Callable[[float], float], low: float, high: float) -> floa
     ratio = (math.sqrt(5) - 1) / 2
     a, b = high - ratio * (high - low), low + ratio * (high - low)
     at_a, at_b = function(a), function(b)
-    for _ in range(ROUNDS):
+    for _ in range(30):
         if at_a >= at_b:  # where neither holds, mu is too large
             high, b, at_b = b, a, at_a
             a = high - ratio * (high - low)

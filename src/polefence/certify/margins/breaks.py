@@ -34,9 +34,6 @@ from polefence.region.regions import Region
 GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
 NEAR, SPREADS = 64, (0.1, 0.03, 0.01)  # more points about the worst, within shares of the ranges
 MOST_PAIRS = 2000  # of them at all
-ROUNDS = 13  # of bisection: a decade to 0.03 %
-CORNERS, INNER = 64, 48  # points of the family that are looked at
-RETRIES = (1.0, 1.001, 1.01)  # larger errors tried where the exact test does not confirm one
 
 Loop = tuple[Rationals, Rationals]  # N and W of the closed loop N W^-1
 
@@ -83,7 +80,8 @@ def smallest_break(
         except work.FormatError:  # more work than is done here
             return None
 
-    return first(outside(min(size * factor, most)) for factor in RETRIES)
+    # where the exact test does not confirm the first
+    return first(outside(min(size * factor, most)) for factor in (1.0, 1.001, 1.01))
 
 
 def _distances(errors: Errors, region: Region, size: float) -> Array:
@@ -103,7 +101,7 @@ def _smallest(errors: Errors, region: Region, least: float, most: float) -> floa
 
     if kept(most):
         return None
-    return edge(kept, max(least, 1e-6), most, ROUNDS, geometric=True)[1]
+    return edge(kept, max(least, 1e-6), most, 13, geometric=True)[1]  # a decade to 0.03 %
 
 
 # --- errors of the estimate ----------------------------------------------------------------------
@@ -303,8 +301,8 @@ def _places(design: Design) -> list[list[Fraction]]:
     """Return corners of the family and points between, alpha in exact weights."""
     N, q = len(design.plant.vertices), len(design.plant.parameters)
     domain = Domain((2,) * q or (N,))
-    corners = [[Fraction(int(j == k)) for j in range(N)] for k in range(min(N, CORNERS))]
-    samples = [inside(Domain((size,)), INNER, seed) for seed, size in enumerate(domain.sizes)]
+    corners = [[Fraction(int(j == k)) for j in range(N)] for k in range(min(N, 64))]
+    samples = [inside(Domain((size,)), 48, seed) for seed, size in enumerate(domain.sizes)]
     between = np.hstack(samples)
     short = (exact_alpha(p, domain.sizes, lambda a: Fraction(round(a * 1024))) for p in between)
     return [*corners, *short]

@@ -45,14 +45,10 @@ from polefence.proof.remainder import SHARE
 from polefence.region.regions import Region
 
 BETWEEN = 500  # points between the vertices at which gains are looked at for their sizes
-FORMS, MOST_WORK = ((0, 0), (1, 0)), 6e9  # degree and elevation; of a step [multiplications]
 # Of the family, and of a curve of the boundary: where responses are taken. Circles about the poles
 # instead prove as little as a quarter of what is proved with these, of an ellipse a third; with 30
 # points a car's disk loses 1 %.
 CORNERS, POINTS = 24, 40
-CLOSEST = 0.2  # to the real axis, of a step of a curve of 1441 points
-FAR_IN = 1e-6  # of the fastest pole: a pole at zero is seen from as far out
-SHARP = (4.0, 16.0, 64.0)  # powers of the mean that stands for the largest, one after the other
 STEPS = 4  # of a multiplier from one power of two to the next: short numbers
 FINEST = 2  # finenesses that are tried of a law that was given
 
@@ -176,12 +172,13 @@ def _boundary(part: Region, poles: Array) -> list[complex]:
 
     Of each curve even places, and others closer and closer to its beginning: on the real axis.
     """
-    points, least = set[complex](), FAR_IN * float(np.abs(poles).max())
+    # a pole at zero is seen from as far out
+    points, least = set[complex](), 1e-6 * float(np.abs(poles).max())
     for pole in poles:
         reach = 2 * max(abs(pole), least)
         for curve in part.boundary((-reach, reach, reach)):
             half, nearest = len(curve) // 2, int(np.abs(curve - pole).argmin())
-            close = np.geomspace(CLOSEST, half, POINTS)  # places between the curve's points
+            close = np.geomspace(0.2, half, POINTS)  # places between the curve's points
             even = np.linspace(0, half, POINTS)
             places = np.concatenate([[0, nearest], close, even, 2 * half - even])
             points |= set(np.interp(places, np.arange(len(curve)), curve).tolist())
@@ -216,7 +213,8 @@ def _balanced(G: Array, gains: Gains) -> Array:
         return float(value), slope
 
     log_mu = np.zeros(len(sizes))
-    for power in SHARP if len(G) else ():
+    # powers of the mean that stands for the largest
+    for power in (4.0, 16.0, 64.0) if len(G) else ():
         log_mu = minimize(size, log_mu, (power,), jac=True, method="L-BFGS-B").x
     mu = np.zeros_like(gains.sizes)
     mu[off] = sizes * 2.0 ** (np.round(STEPS * log_mu / np.log(2)) / STEPS)
@@ -272,8 +270,8 @@ def _designs(
             return
     plant, law = design.plant.at_rest, design.law
     allowed = list(forms(plant, law, len(region.parts)))
-    for form in FORMS:
-        if form not in allowed or work_of(plant, law, form) > MOST_WORK:
+    for form in ((0, 0), (1, 0)):
+        if form not in allowed or work_of(plant, law, form) > 6e9:
             continue
         given = iter(mu)
         with suppress(SolverError, InputError, np.linalg.LinAlgError):

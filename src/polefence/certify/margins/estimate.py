@@ -26,9 +26,6 @@ from polefence.plant.system import Array
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.margins import Subject
 
-LEAST, PRECISION = 1e-6, 1e-3  # of the search: the smallest share of a range, its relative error
-HALVINGS = 20  # at most, of what four times as much breaks
-
 
 def estimate_holds(design: Balanced, points: Points) -> bool:
     """Whether all coefficients are positive definite in floats."""
@@ -170,8 +167,8 @@ class EstimateQuestion:
         if proved(1.0):
             return 1.0
         high = 1.0
-        while high > LEAST:
+        while high > 1e-6:  # of a range
             if proved(high / 4):
-                return edge(proved, high / 4, high, HALVINGS, close=PRECISION)[0]
+                return edge(proved, high / 4, high, 20, close=1e-3)[0]
             high /= 4
         return 0.0 if proved(0.0) else -1.0

@@ -25,9 +25,7 @@ from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
 from polefence.proof.remainder import SHARE
 
-FINEST = 4  # finenesses that are tried
 LEAST = 2.0**-80  # of the largest error: what is smaller is proved as this
-ROOM = 10  # times what is needed: so much makes a coarser proof, which is shorter, as good
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,8 @@ def gain_claim(
     finer = [reached for reached in climb(question) if reached.value > 0]
     largest = finer[-1].value if finer else 0.0
     for reached in finer:
-        if reached is not finer[-1] and reached.value < ROOM * max(needed, LEAST * largest):
+        # ten times what is needed makes a coarser proof, which is shorter, as good
+        if reached is not finer[-1] and reached.value < 10 * max(needed, LEAST * largest):
             continue
         subject = subject_of(claimed, claimed.region, reached)
         for error in _targets(needed, reached.value):
@@ -122,7 +121,7 @@ def gain_question(design: Design, rows: Array, columns: Array) -> GainQuestion:
     """Return the search for the largest error in these rows and columns, see `gain_claim`."""
     n, m = design.plant.shape
     scales = Scales(_positive(rows, m, "rows"), _columns(columns, n))
-    return GainQuestion(balanced(design, design.region), scales, FINEST)
+    return GainQuestion(balanced(design, design.region), scales, 4)
 
 
 def _positive(values: Any, count: int, what: str) -> Array:

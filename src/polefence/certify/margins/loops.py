@@ -27,7 +27,6 @@ from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
 
 MOST_POINTS = 2500  # of a piece
-MARGIN = 1e-9  # by which blocks of unit diagonal must be positive definite in floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +291,7 @@ def are_positive(blocks: Array) -> bool:
     scale = 1 / np.sqrt(diagonal)
     even = blocks * scale[..., :, None] * scale[..., None, :]
     try:
-        np.linalg.cholesky(even - MARGIN * np.eye(blocks.shape[-1]))
+        np.linalg.cholesky(even - 1e-9 * np.eye(blocks.shape[-1]))  # of blocks of unit diagonal
     except np.linalg.LinAlgError:
         return False
     return True

@@ -26,8 +26,6 @@ from polefence.plant.system import Array
 from polefence.proof.claims.margins import Subject
 from polefence.proof.claims.rate import Rate
 
-FASTEST = 1e9  # rate that is asked for, in ranges per second
-
 
 @dataclass(frozen=True, eq=False)
 class RateQuestion:
@@ -62,8 +60,8 @@ class RateQuestion:
             return Reached(-1.0, pieces, elevation)
         slopes = _slopes(loop, points, self.parameters, [float(s) for s in self.span])
         rate = min((largest_step(still, slope) for slope in slopes), default=np.inf)
-        # where all W are equal but for rounding, no rate is too large in floats
-        return Reached(rate if loop.constant else min(rate, FASTEST), pieces, elevation)
+        # where all W are equal but for rounding, no rate is too large in floats [ranges per second]
+        return Reached(rate if loop.constant else min(rate, 1e9), pieces, elevation)
 
     def claim(self, subject: Subject, reached: Reached) -> Rate:
         """Return the claim of a rate, or a little less."""

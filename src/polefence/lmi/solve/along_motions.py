@@ -26,8 +26,7 @@ from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
-# Shares of the bound's square: of R at first, and of what X is to be at least.
-FIRST, SLIGHT = 1e-3, 1e-9
+SLIGHT = 1e-9  # of the bound's square, what X is to be at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,7 @@ class _Interpolation:
         T, eye = np.linalg.inv(inverse), np.eye(len(inverse))
         top = float(np.einsum("pij,pji->p", seen, modes.lyapunov(noise)).max())
         loops = inverse @ modes.A @ T
-        R, over = FIRST * top / len(T) * eye, OVER
+        R, over = 1e-3 * top / len(T) * eye, OVER
         for _ in range(ROUNDS):
             gramians = modes.lyapunov(noise + T @ R @ T.T)
             X = self.problem.domain.interpolated(gramians, self.degree)

@@ -39,20 +39,15 @@ from polefence.response.stationary import bilinear, growth
 ROUNDS = 8  # in which R grows
 OVER = 1.3  # times what is missed, since R moves what is missed
 ROOM = 1e-7  # of the bound's square, for rounding
-ROOMS = (0.9, 0.5, 0.1)  # of what is between the least and the level
-SLIGHT = 1e-6  # of the bound's square, what each direction costs where there is a remainder
-# How far above the worst sample a gain is tried, one after the other.
-ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)
 MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
 # 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
 DEGREES = (2, 4)  # on parts of the box
-BENT_DEGREES = (1, 2)  # the same, of samples
 LOWEST = 0.03  # of a level, what a point's own is at least
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
-TURNS, COVERED, TINY = 40, 1.0001, 1e-300  # of rows and columns that cover a remainder
+COVERED, TINY = 1.0001, 1e-300  # of rows and columns that cover a remainder
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
@@ -290,7 +285,7 @@ def in_parts(
         return None
     degrees = [
         d
-        for d in (BENT_DEGREES if problem.plant.bent else DEGREES)
+        for d in ((1, 2) if problem.plant.bent else DEGREES)
         if problem.work(d) * ROUNDS <= MOST_IN_PART
     ]
     if not degrees:
@@ -381,7 +376,8 @@ class _Interpolation:
         """Return the dual, for a gain at the first level that has one."""
         if not self.problem.gain:
             return self._grown(None)
-        grown = (self._grown(worst * (1 + above)) for above in ABOVE)
+        # above the worst sample
+        grown = (self._grown(worst * (1 + above)) for above in (1e-4, 1e-3, 5e-3, 2e-2, 0.1))
         return next((dual for dual in grown if dual is not None), None)
 
     def proving(self, level: float) -> Dual | None:
@@ -407,7 +403,7 @@ class _Interpolation:
         square = float(np.einsum("pik,pij,pjk->p", E, gramians[0], E).max())
         cost = float(np.einsum("pik,pij,pjk->p", E, gramians[1], E).max())
         T = np.linalg.inv(np.linalg.cholesky(S))
-        for share in ROOMS:
+        for share in (0.9, 0.5, 0.1):  # of what is between the least and the level
             room = share * ((level * (1 - ROOM)) ** 2 - square)
             if room <= 0 or cost <= 0:
                 return None
@@ -425,7 +421,7 @@ class _Interpolation:
         share, unit = SHARES[0], float(self.problem.shares(self.problem.domain.nodes(0))[0])
         least: Array = np.zeros(len(self.nodes[0]))
         if self.problem.plant.remainder is not None:  # what is not observed must cost a little
-            R = SLIGHT * self._size(level) ** 2 * unit * inverse.T @ inverse
+            R = 1e-6 * self._size(level) ** 2 * unit * inverse.T @ inverse
         for k in range(ROUNDS):
             if level is not None:
                 higher = self._least(R, level, least)
@@ -718,7 +714,7 @@ def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
     least = float(((squares[:, :known].T @ a) * b).max()) or TINY
     b = np.concatenate([b, np.where(driven > 0, least / np.where(driven > 0, driven, 1.0), 1.0)])
     v = 1 / np.maximum(b, TINY)
-    for _ in range(TURNS):
+    for _ in range(40):
         u = _least(squares @ (1 / v), a)
         v = _least(squares.T @ (1 / np.where(u > 0, u, np.inf)), b)
         v = np.where(v > 0, v, np.inf)

@@ -31,9 +31,6 @@ from polefence.plant.boxes import equal
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
-# How far inside a region a point is looked for first; then as far as the search goes.
-INSIDE = (0.98, 0.0)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LyapunovPolynomial(Point):
@@ -111,7 +108,7 @@ def points_inside(
     loop: Loop, region: Region, form: tuple[int, int]
 ) -> Iterator[LyapunovPolynomial]:
     """Yield Lyapunov polynomials for a region: one well inside it, then the smallest r."""
-    for enough in INSIDE:
+    for enough in (0.98, 0.0):  # well inside first, then as far as the search goes
         with suppress(SolverError):
             reached = least(loop, Around(region), *form, enough=enough)
             if reached.r >= 1:

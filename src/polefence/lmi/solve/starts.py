@@ -23,12 +23,7 @@ from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.stationary import bilinear, growth
 
-POWERS, HALVINGS = (-40.0, 40.0), 8  # of two: weights of what is minimised
 CHEAP = 1e-7  # of the weights of inputs or states that nothing else weighs
-# Noise, so that no covariance is singular: of the inputs' own variance, of the mean intensity.
-SHAKEN, EVEN = 1e-3, 1e-6
-# Gramians of a loop on a disk: as wide as its modes, doubled until they are good coordinates.
-SQUARINGS, LEAST, WORST = 12, 1e-6, 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +152,9 @@ def _balanced(
     if fixed.all() or not fixed.any():
         sizes = [np.sum(row**2) or 1.0 for row in rows]
         return _regulator(A, B, _weighted(rows, 1 / np.array(sizes)), step)
-    least, most = POWERS
+    least, most = (-40.0, 40.0)
     best: Array | None = None
-    for _ in range(HALVINGS):
+    for _ in range(8):
         power = (least + most) / 2
         weights = np.where(fixed, 1.0, 2.0**power)
         K = _regulator(A, B, _weighted(rows, weights), step)
@@ -250,7 +245,7 @@ def _covariance(A: Array, B: Array, K: Array, M: Array, decay: float, step: floa
         return None
     inputs = np.diag(K @ plain @ K.T)
     inputs = np.maximum(inputs, inputs.max() * CHEAP) + np.finfo(float).tiny
-    more = SHAKEN * float(np.abs(np.linalg.eigvals(loop)).mean())
+    more = 1e-3 * float(np.abs(np.linalg.eigvals(loop)).mean())  # of the inputs' own variance
     if step:  # |z| to its root
         stretch = 1 / np.sqrt(1 - step * rate)
         shifted = stretch * loop + (stretch - 1) / step * np.eye(len(A))
@@ -293,7 +288,8 @@ def covariance(F: Array, Q: Array | None = None, step: float = 0.0) -> Array | N
     n = len(F)
     balanced, (scale, _) = matrix_balance(F, permute=False, separate=True)
     intensity = np.asarray(np.eye(n) if Q is None else Q / np.outer(scale, scale), dtype=float)
-    intensity = intensity + EVEN * np.trace(intensity) / n * np.eye(n)
+    # so that no covariance is singular
+    intensity = intensity + 1e-6 * np.trace(intensity) / n * np.eye(n)
     X = _lyapunov(np.asarray(balanced, dtype=float), intensity, step)
     return None if X is None else X * np.outer(scale, scale)
 
@@ -306,7 +302,8 @@ def start_matrix(F: Array) -> Array:
     """
     n = len(F)
     F = F - float(np.real(np.linalg.eigvals(F)).mean()) * np.eye(n)
-    radius = max(1.2 * float(np.abs(np.linalg.eigvals(F)).max()), LEAST)
+    radius = max(1.2 * float(np.abs(np.linalg.eigvals(F)).max()), 1e-6)
+    # as wide as its modes, doubled until its Gramian is good coordinates
     while radius < float(np.abs(F).sum()):
         W = _gramian(F / radius)
         if W is not None:
@@ -319,10 +316,10 @@ def _gramian(F: Array) -> Array | None:
     """Return the sum of F^k F'^k, None where it is too ill-conditioned."""
     W = np.eye(len(F))
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(SQUARINGS):
+        for _ in range(12):
             W = W + F @ W @ F.T
             F = F @ F
         W = (W + W.T) / 2
         even = W / np.sqrt(np.outer(np.diag(W), np.diag(W)))
-    usable = np.all(np.isfinite(even)) and np.linalg.cond(even) < WORST
+    usable = np.all(np.isfinite(even)) and np.linalg.cond(even) < 1e8
     return W if usable else None

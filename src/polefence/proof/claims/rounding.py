@@ -76,7 +76,6 @@ from polefence.proof.work import FormatError
 DIGITS = {32: 24, 64: 53}  # binary digits of a number
 # Constants of the code, and how near W' and its bound are to one: far from underflow and overflow.
 LEAST, MOST, SMALLEST = Fraction(1, 10**18), Fraction(10**18), Fraction(1, 10**6)
-MAX_STATES = 1000  # that a code keeps, of a file
 UNITS = {32: Fraction(1, 2**24), 64: Fraction(1, 2**53)}  # relative error of one operation
 
 
@@ -264,7 +263,7 @@ def _read_memory(table: Table, plant: Plant) -> Memory:
     step, sample_time = (table.number(key) for key in ("step", "sample_time"))
     if plant.sample_time not in (None, sample_time):
         raise FormatError(f"{table.path('sample_time')} must be the plant's")
-    count, discrete = table.whole("states", None, MAX_STATES, 1), plant.sample_time is not None
+    count, discrete = table.whole("states", None, 1000, 1), plant.sample_time is not None
     return Memory(count, step, sample_time, discrete)
 
 

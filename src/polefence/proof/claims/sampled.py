@@ -47,7 +47,6 @@ from polefence.proof.short import Short
 from polefence.proof.text import digits_down, milliseconds_text
 from polefence.proof.work import FormatError
 
-SHORT = 2048  # bits
 MAX_TERMS = 60
 ZERO, ONE = Fraction(0), Fraction(1)
 NUMBERS = ("sample_time", "decay", "radius", "error", "mu", "weight")
@@ -277,7 +276,7 @@ def _require_shapes(claim: Sampled, n: int, m: int) -> None:
     shaped += [("off.columns", claim.off.columns, n, n)] if claim.off else []
     for key, matrix, rows, columns in shaped:
         require_shape(matrix, rows, columns, f"{key}")
-    common_denominator([claim.T], SHORT)  # inverted in rationals
+    common_denominator([claim.T], 2048)  # inverted in rationals
     common_denominator([*claim.steps, *(matrix for _, matrix, *_ in shaped)], MAX_BITS)
     if len(claim.steps) != len(claim.design.A):
         raise FormatError("steps must hold a matrix for each vertex")

@@ -33,7 +33,6 @@ from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 120, 64
-SHORT = 1000  # bits that an entry may have, about
 NONE = Fraction(0)
 
 
@@ -250,7 +249,8 @@ class Samples(Short, Claim):
         n, width = self.n, len(self.units)
         steps.require_moderate(len(self.A), n, width, self.terms, self.sizes)
         length = longest((self.units, (self.plant.step,)))
-        spend(RATIONAL * 2 * len(self.A) * n * width, length + SHORT, 3 * length)
+        # an entry may have a thousand bits, about
+        spend(RATIONAL * 2 * len(self.A) * n * width, length + 1000, 3 * length)
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
         eye = [row + [NONE] * (width - n) for row in identity(n)]

@@ -48,9 +48,7 @@ if TYPE_CHECKING:
     from polefence.proof.claims.sampled import Sampled
 
 BITS = 48  # of entries of M after the point
-FINE = 80  # the same, where entries are compared one by one
 FURTHER = 30  # terms that are bounded one by one, after those that are summed
-MAX_PRODUCTS = 2 * 10**7  # of two entries
 EXP_TERMS = 40
 SHORT = 256  # bits after the point
 
@@ -109,7 +107,7 @@ def series_by_entries(
     """
     n, width = len(M[0]), len(M[0][0])
     require_moderate(len(M), n, width, terms, sizes)
-    unit = 2**FINE
+    unit = 2**80  # of entries that are compared one by one
     short = [[[Fraction(round(x * unit), unit) for x in row] for row in matrix] for matrix in M]
     size, last = max(map(norm, short)), terms + FURTHER
     if 2 * size >= last + 2:
@@ -174,7 +172,7 @@ def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) ->
     """Refuse a series of more terms, or larger ones, than are computed here."""
     products = vertices * n * n * width
     work = sum(count_of(sizes, k) for k in range(1, p)) * products
-    if count_of(sizes, p) > MAX_COEFFICIENTS or work > MAX_PRODUCTS:
+    if count_of(sizes, p) > MAX_COEFFICIENTS or work > 2 * 10**7:  # products of two entries
         raise WorkError("the series has too many terms to be computed here")
 
 

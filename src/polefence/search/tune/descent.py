@@ -29,8 +29,6 @@ LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less rea
 STALL = 8  # steps taken that must be worth it
 PENALTY, MOST_PENALTY = 10.0, 1e7
 FIRST = 0.3  # length of the first step, of a point's own size
-SHORTEST = 1e-9
-SHORTER = 3.0  # by which the reach shrinks after a step that leads nowhere
 MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
 ACTIVE = 1e-7  # of a multiplier
 FEASIBLE = 1e-6  # by how much what is to be kept may be exceeded at the end
@@ -145,8 +143,8 @@ def descend(
         length = float(np.abs(d).max())
         there, lower, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
         if lower is None:
-            reach = length / SHORTER
-            shortest = SHORTEST * max(1.0, float(np.abs(theta).max()))
+            reach = length / 3.0
+            shortest = 1e-9 * max(1.0, float(np.abs(theta).max()))
             ended = reach < shortest or foreseen < effort.worth / STALL
             if there is not None:
                 cuts = [*cuts, (theta + d, _high(here, there))][-CUTS:]

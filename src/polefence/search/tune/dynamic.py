@@ -38,15 +38,11 @@ from polefence.search.tune.starts import (
 )
 from polefence.search.tune.tuner import Tuned, rough
 
-NEAREST = 6  # observers to the region, at the vertices
-SHIFTS = 0.0, 0.06, 0.2  # decay rates of observers, beside the slowest of the plant
-TINY = 1e-30
 SPEEDS = 0.3, 4.0  # a filter's pole, beside the slowest of the plant
 # The same beside the fastest: a signal less itself through so quick a filter is its derivative. A
 # velocity of three masses, order 1: 0.684 without, 0.649, 0.632 and 0.627 with 10, 30 and 80.
 QUICK = 80.0
-TRIED, FACTOR = 40, 1.3  # of poles, until one is in the region
-MOST = 4  # signals that are filtered, one after the other
+FACTOR = 1.3  # from one pole of a filter to the next, until one is in the region
 
 
 def observers(
@@ -88,7 +84,7 @@ def observers(
     sizes = typical(plant, structure.rows(plant).mean(axis=0))
     parts = _scaled(plant, structure, sizes, asked, even)
     K = [law.gain(even)[0] * sizes.states / sizes.inputs[:, None] for law in known]
-    shifts = (*(s * _slowest(plant) for s in SHIFTS), FASTER * decay_of(region, plant))
+    shifts = (*(s * _slowest(plant) for s in (0.0, 0.06, 0.2)), FASTER * decay_of(region, plant))
     pairs = [(of_known, 0.0, effort) for of_known, effort in product(K, EFFORTS)]
     pairs += [(None, *point) for point in product(dict.fromkeys(shifts), EFFORTS)]
     laws = (_observer(plant, scales, structure.order, sizes, parts, pair) for pair in pairs)
@@ -97,7 +93,7 @@ def observers(
         spectra = (np.linalg.eigvals(v.A + v.B @ law.K) for v in larger.vertices)
         return max(float(region.distance(poles).max()) for poles in spectra)
 
-    return tuple(sorted((law for law in laws if law is not None), key=outside)[:NEAREST])
+    return tuple(sorted((law for law in laws if law is not None), key=outside)[:6])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +124,7 @@ def _scaled(
     """Return the middle, with weights of what is asked and the noise that this is of."""
     (A, B, E), d = middle(plant), sizes.states
     C = structure.rows(plant).mean(axis=0) * d
-    y = np.sqrt(np.maximum(np.diag(C @ sizes.covariance @ C.T), TINY))
+    y = np.sqrt(np.maximum(np.diag(C @ sizes.covariance @ C.T), 1e-30))
     A, B, C = A / d[:, None] * d, B / d[:, None] * sizes.inputs, C / y[:, None]
     (n, m), r = B.shape, len(C)
     cost, noise = cost_of(plant, sizes, asked), np.zeros((n + r, n + r))
@@ -259,7 +255,7 @@ def filtered(
     quick = QUICK * float(np.abs(np.linalg.eigvals(plant.A)).max()) / _slowest(plant)
     poles = dict.fromkeys(_pole(plant, region, speed) for speed in (*SPEEDS, quick))
     laws = list[tuple[float, PolynomialGain]]()
-    for (i, signal), pole in product(enumerate(structure.outputs(plant)[:MOST]), poles):
+    for (i, signal), pole in product(enumerate(structure.outputs(plant)[:4]), poles):
         if pole is None:
             continue
         label = f"{signal.name}, filtered"
@@ -301,7 +297,7 @@ def beside_filters(
 
 def _pole(plant: UncertainPlant, region: Region, speed: float) -> Fraction | None:
     """Return a filter's pole, its sign turned, that lies in the region; None where none does."""
-    tried = [speed * _slowest(plant) * FACTOR**k for k in range(TRIED)]
+    tried = [speed * _slowest(plant) * FACTOR**k for k in range(40)]
     tried += [-part.circle[0] for part in region.parts if part.circle]
     for pole in tried:
         if region.distance(np.array([-pole + 0j]))[0] < -1e-3 * pole:

@@ -14,12 +14,6 @@ import numpy as np
 
 from polefence.plant.system import Array
 
-STEPS, BACK = 40, 30  # of Newton's method, and halvings of one
-CLOSE = 1e-10  # of coefficients, to those that are wanted
-FARTHER = (0.3, 0.1, 0.03, 0.01, 0.003)  # shares by which a rate that can be placed is raised
-MOST = 40  # raisings
-DIFFERENCE = 1e-6  # of central differences, of a number's own size
-
 Loop = Callable[[Array], Array]  # from a law's numbers to A + B K
 
 
@@ -40,8 +34,9 @@ def met(loop: Loop, theta: Array) -> tuple[Array, float] | None:
     if free is None:
         return None
     best, tries = free, 0
-    for share in FARTHER:  # more numbers than conditions: any rate can be placed
-        while tries < MOST:
+    # more numbers than conditions: any rate can be placed
+    for share in (0.3, 0.1, 0.03, 0.01, 0.003):
+        while tries < 40:
             tries += 1
             start = np.append(best[:-1], best[-1] * (1 + share))
             placed = _solved(loop, start, rate, False)
@@ -54,14 +49,14 @@ def met(loop: Loop, theta: Array) -> tuple[Array, float] | None:
 def _solved(loop: Loop, x: Array, rate: float, free: bool) -> Array | None:
     """Return numbers, the rate last, whose poles are all there; None where steps do not end."""
     r = _residual(loop, x, rate)
-    for _ in range(STEPS):
-        if np.abs(r).max() <= CLOSE:
+    for _ in range(40):
+        if np.abs(r).max() <= 1e-10:
             return x
         J = _slopes(loop, x, rate)[:, : len(x) if free else len(x) - 1]
         d = np.zeros(len(x))
         d[: J.shape[1]] = np.linalg.lstsq(J, -r, rcond=1e-12)[0]
         share = 1.0
-        for _ in range(BACK):
+        for _ in range(30):
             there = _residual(loop, x + share * d, rate)
             if np.linalg.norm(there) < (1 - 0.1 * share) * np.linalg.norm(r):
                 break
@@ -79,7 +74,7 @@ def _residual(loop: Loop, x: Array, rate: float) -> Array:
 
 
 def _slopes(loop: Loop, x: Array, rate: float) -> Array:
-    steps = DIFFERENCE * np.maximum(np.abs(x), 1.0)
+    steps = 1e-6 * np.maximum(np.abs(x), 1.0)
     columns = (
         (_residual(loop, x + h * e, rate) - _residual(loop, x - h * e, rate)) / (2 * h)
         for h, e in zip(steps, np.eye(len(x)), strict=True)

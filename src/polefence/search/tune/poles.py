@@ -16,8 +16,6 @@ from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.modes import Modes
 
-ANGLES = 64
-
 
 def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
     """Return a region's inequalities, each growing by a length of its own.
@@ -44,7 +42,7 @@ def sides_of(region: Region, rate: float, step: float = 0.0) -> list[Side]:
 
 def _steepest(M: Array) -> float:
     """Return the largest slope of the largest eigenvalue of M z + M' conj(z)."""
-    turns = np.exp(1j * np.linspace(0, np.pi, ANGLES, endpoint=False))[:, None, None]
+    turns = np.exp(1j * np.linspace(0, np.pi, 64, endpoint=False))[:, None, None]
     return float(np.abs(np.linalg.eigvalsh(turns * M + turns.conj() * M.T)).max())
 
 

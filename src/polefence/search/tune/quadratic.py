@@ -13,7 +13,7 @@ import numpy as np
 from polefence.lmi.solve.engine import kernel
 from polefence.plant.system import Array
 
-STEPS, CLOSE = 60, 1e-10
+CLOSE = 1e-10
 BACK = 0.995  # of the way to the boundary
 
 
@@ -54,7 +54,7 @@ def reference(
     s = np.maximum(h, 1.0)
     scale_d, scale_p = 1 + np.abs(q).max(), 1 + np.abs(h[h < 1]).max(initial=0.0)
     eye = 1e-13 * max(1.0, float(np.trace(P)) / n) * np.eye(n)
-    for _ in range(STEPS):
+    for _ in range(60):
         dual, primal = P @ x + q + rows.back(z), rows.of(x) + s - h
         gap = float(s @ z) / m
         small = np.abs(dual).max() <= CLOSE * 10 * scale_d

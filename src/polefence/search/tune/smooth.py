@@ -19,9 +19,7 @@ from polefence.plant.system import Array
 from polefence.response.modes import Modes
 from polefence.search.tune.poles import growth
 
-DOUBLINGS, STEPS = 40, 40  # of the search for r
 CLOSE = 1e-8
-TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ def _least(trace: Any, low: Array, most: float) -> Array:
     step = 1e-3 * size
     above = low + step
     over = 1 / trace(above)
-    for _ in range(DOUBLINGS):
+    for _ in range(40):
         out = ~(over >= aim)
         if not out.any():
             break
@@ -141,10 +139,10 @@ def _least(trace: Any, low: Array, most: float) -> Array:
         step = np.where(out, 16 * step, step)
         above = np.where(out, low + step, above)
         over = 1 / trace(above)
-    for k in range(STEPS):
+    for k in range(40):
         share: Array | float = 0.5  # every third time, so that it ends
         if k % 3 != 2:
-            share = (aim - under) / np.maximum(over - under, TINY)
+            share = (aim - under) / np.maximum(over - under, np.finfo(float).tiny)
             share = np.minimum(np.maximum(share, 1e-3), 1 - 1e-3)
         new = below + (above - below) * share
         value = 1 / trace(new)

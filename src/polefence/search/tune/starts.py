@@ -18,7 +18,6 @@ from polefence.response.stationary import growth
 
 EFFORTS = (1.0, 1e-3, 1e3)  # what inputs cost beside states
 FASTER = 1.2  # than the region asks for
-ROUNDED = 1e-6  # of a matrix: poles of integrators in a row, as doubles have them
 FLOOR = 1e-3  # of a size, beside the largest in balanced units
 FLOOR_NOISE = 1e-2  # on every state, beside the plant's own noise
 
@@ -65,7 +64,7 @@ def typical(plant: UncertainPlant, measured: Array) -> Sizes:
     moved = A.any(axis=0) | A.any(axis=1) | ~A.any()  # a law's own states have no rate yet
     block = A[moved][:, moved]
     poles = np.abs(np.linalg.eigvals(block))
-    if poles.max(initial=0.0) < ROUNDED * np.abs(block).max(initial=0.0):  # integrators alone
+    if poles.max(initial=0.0) < 1e-6 * np.abs(block).max(initial=0.0):  # integrators alone
         poles = np.array([np.abs(block).max()])
     rate = float(np.exp(np.log(np.maximum(poles, 1e-3 * max(poles.max(), 1e-30))).mean()))
     rate = rate if rate > 1e-20 else 1.0

@@ -46,7 +46,6 @@ from polefence.search.tune.worth import NEAR, SMALLER, taken
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
-CLOSER = 10.0, 1e2, 1e3, 1e4, 1e5, 1e6  # kappa, for poles that come to meet
 RANDOM, SEED = 4, 20261122  # starts at random
 # The same beside laws that are given: those of an order start near one another. Three masses, one
 # velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.
@@ -55,17 +54,12 @@ STRICT = 1e5  # of what is not quite kept at the end
 ENOUGH = 4  # laws that are given, beside which the search has no regulators of its own
 BEST, LAST = 3, 2  # starts that are followed at the corners, and over the family
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
-HALVINGS = 7  # of the steps of a search for the worst point
-KEPT, INSIDE_BY = 1e-6, 1e-9  # limits to rounding; a region is open
-FAST = 100.0  # times the plant's own and the region's rates, where nothing bounds the gain
+KEPT = 1e-6  # limits to rounding
 ALIKE = 1e-3  # of laws that count as one
 FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
 REPAIRS = 4  # of a small law, at points where it is worse
-APART, DIGITS = 1e-6, 12  # of points
-AT_SPEED = 0.5  # of the bound on poles' speed: a law so fast is bounded by it
-SAME = 1e-6  # of gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +212,7 @@ def _task(
     elif not region.stable and plant.sample_time is None:
         region = region & stable(float(plant.step))
     rates = [np.abs(np.linalg.eigvals(v)).max() for v in plant.A]
-    fastest = FAST * max(*rates, region.scale, sizes.rate)
+    fastest = 100.0 * max(*rates, region.scale, sizes.rate)
     if region.bounds_speed or np.all(np.isfinite(structure.largest(plant))) or free:
         fastest = np.inf
     unknowns = Unknowns(plant, structure, sizes.states, sizes.inputs)
@@ -343,7 +337,7 @@ class _Search:
         ends = list[_Reached]()
         for start in best:
             theta, unit = start.theta, self.task.unit(start.level)
-            for kappa in CLOSER:
+            for kappa in (10.0, 1e2, 1e3, 1e4, 1e5, 1e6):
                 evaluate = partial(self.first.rows, phase=LEVEL, unit=unit, kappa=kappa)
                 lower = descend(evaluate, theta, effort=PATIENT)
                 if lower is None:
@@ -490,10 +484,10 @@ class _Search:
         beyond = np.append(here[:1], np.maximum(here[1:], 0.0)) + slack
         new = alpha[worst > np.where(np.isnan(beyond), np.inf, beyond)]
         have = reached.points.alpha
-        far = [a for a in new if np.abs(have - a).max(axis=1).min() > APART]
+        far = [a for a in new if np.abs(have - a).max(axis=1).min() > 1e-6]
         if not far:
             return None
-        return self.task.at(np.vstack([have, np.unique(np.round(far, DIGITS), axis=0)]))
+        return self.task.at(np.vstack([have, np.unique(np.round(far, 12), axis=0)]))
 
     def _looked(self, worst: Any) -> tuple[Array, Array]:
         """Return the worst of each measure over the family, and where: from the cloud, uphill.
@@ -511,7 +505,7 @@ class _Search:
         corners = np.array(self.domain.monomials(1), dtype=float)
         moves = self._moves(corners.shape[1])
         share, index = 0.25, np.arange(len(values))
-        for _ in range(HALVINGS):
+        for _ in range(7):
             near = places[:, None] + share * np.stack([to(places) for to in moves], axis=1)
             nearby = worst(self.task.at(self.domain.alpha(near.reshape(-1, near.shape[2]))))
             nearby = nearby.reshape(len(index), len(index), len(moves))[index, index]
@@ -556,11 +550,11 @@ class _Search:
         level, at = max((float(there[0, k]), k), (float(worst[0]), -1))
         kept = np.maximum(worst, there.max(axis=1))
         fast, bound = 1 + len(self.task.sides), ""
-        if np.isfinite(self.task.fastest) and kept[fast] > AT_SPEED - 1:
+        if np.isfinite(self.task.fastest) and kept[fast] > -0.5:  # from half of it on
             bound = f"poles of at most {self.task.fastest:.2g} 1/s"
         place = alpha[0] if at < 0 else where[at]
         sides = slice(1, fast)
-        keeps = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -INSIDE_BY)
+        keeps = np.all(kept[1:] <= KEPT) and np.all(kept[sides] <= -1e-9)  # a region is open
         return Tuned(law, level, place, bool(keeps), bound, self._size(law))
 
     def _size(self, law: Law) -> float:
@@ -579,7 +573,7 @@ class _Search:
         at = unknowns.at(self.cloud.alpha)
         theta = at.nearest(K, np.eye(len(unknowns.states)))
         rest = np.abs(at.gains(theta) @ at.C - K).max()
-        return bool(rest <= SAME * np.abs(K).max())
+        return bool(rest <= 1e-6 * np.abs(K).max())
 
 
 def _root(X: Array) -> Array:

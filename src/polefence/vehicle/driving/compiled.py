@@ -20,9 +20,8 @@ from polefence.vehicle.driving.result import (
     parameters_over_time,
 )
 
-# Numbers held at once for what changes from step to step, and multiplications in one call, after
-# which Ctrl-C is heard.
-CHUNK, WORK = 2_000_000, 200_000_000
+# Numbers held at once for what changes from step to step.
+CHUNK = 2_000_000
 BY_GAIN, HELD, SAMPLED = range(3)  # the kernel's modes
 
 
@@ -159,7 +158,8 @@ class _Way:
         model, count = self.model, len(self.z)
         n, m = model.plant.shape
         numbers = 3 * (count * (len(model.plant.vertices) + m * n) + model.plant.disturbance_count)
-        return max(1, min(CHUNK // numbers, WORK // (4 * count * model.width**2)))
+        # multiplications in one call, after which Ctrl-C is heard
+        return max(1, min(CHUNK // numbers, 200_000_000 // (4 * count * model.width**2)))
 
     def _call(self, first: int, times: Array, numbers: Array) -> None:
         model = self.model

@@ -31,8 +31,6 @@ from polefence.vehicle.vehicle import Ride, masses, require_ride
 # Of a state or force: beyond it a car counts as lost.
 LOST = 1e9
 LOOK = 64  # steps between two looks for lost cars
-CHUNK = 2_000_000  # numbers held at once for the matrices of a stretch of steps
-MOST_CHUNK = 1000
 
 Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 
@@ -111,7 +109,8 @@ def integrate(
 def _fixed(model: Model, controller: Controller | None) -> Cross:
     h, count = model.excitation.step, len(model.trajectories.cars)
     size = count * model.width * (model.width + 4) * 3
-    length = int(min(max(1, CHUNK // size), MOST_CHUNK))
+    # of a stretch whose matrices are held at once
+    length = int(min(max(1, 2_000_000 // size), 1000))
     equations = Equations(*(np.zeros(0),) * 4, None)
     sampled = controller is not None and controller.held is not None
     linear = (model.folded or sampled) and model.stops is None and not model.dampers

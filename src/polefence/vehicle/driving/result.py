@@ -31,9 +31,8 @@ CHUNK = 4_000_000  # numbers held at once
 RUNS_AWAY = "the state runs away"
 LEAVES = "leaves the road, which the equations do not know"
 
-# Shares of a parameter's range. A larger change at an instant counts as a jump (infinite rate);
-# a smaller error or change than TINY counts as rounding.
-JUMP, TINY = 1e-6, 1e-9
+# Of a parameter's range: a smaller error or change counts as rounding.
+TINY = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -592,7 +591,8 @@ def rates_of(trajectories: Trajectories, excitation: Excitation) -> Array:
     end = trajectories.at((k + 1 - INSIDE) * excitation.step)
     rates = np.zeros(shape)
     rates[:-1] = np.abs(end - start) / excitation.step
-    gap = np.abs(start[1:] - end[:-1]) > JUMP * (trajectories.space.high - trajectories.space.low)
+    # a larger change at an instant is a jump
+    gap = np.abs(start[1:] - end[:-1]) > 1e-6 * (trajectories.space.high - trajectories.space.low)
     rates[1:-1][gap] = math.inf
     return np.swapaxes(rates, 0, 1)
 

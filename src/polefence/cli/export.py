@@ -15,9 +15,10 @@ from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.export import export_c99, with_fmus
 from polefence.export.damper import damper_sources
-from polefence.export.exported import GIVEN, Exported, check_folder, marks, write_folder
+from polefence.export.exported import Exported, check_folder, marks, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
+from polefence.law.control import GIVEN
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.document import Document
 from polefence.region.text import digits_down, digits_up

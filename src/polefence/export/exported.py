@@ -33,13 +33,12 @@ from polefence.export.program import Program, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
+from polefence.law.control import GIVEN
 from polefence.plant.parameters import Parameter
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
-
-GIVEN = ("parameters", "alpha")
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,7 +57,7 @@ from polefence.requirements.specification import Specification
 from polefence.requirements.text import load_specifications
 from polefence.response.stationary import velocity_density
 from polefence.search import many
-from polefence.search.driver import require_kind
+from polefence.search.driver import NUMBERS, require_kind
 from polefence.search.optimise import Optimised, optimise
 from polefence.vehicle.compare import NAMES, QUANTITIES, NoLaw, compare, standard_laws
 
@@ -65,7 +65,6 @@ PROVED, NOT_PROVED, ERROR, LOST = "proved", "not proved", "error", "lost"
 SAMPLED = "sampled"
 GOOD = (PROVED, SAMPLED)
 DIED = "the process that worked on it died each time: out of memory, or a bug"
-SIZES = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 KINDS = {"gain": EachGain.kind, "estimate": Estimate.kind, "rate": Rate.kind}
 
 
@@ -320,7 +319,7 @@ class Tightest(_OfMethod):
                 asked = HalfPlane(bound) if self.of == "half_plane" else Sector(bound)
                 return poles is not None and is_inside(poles.region, in_time_of(loads(spec), asked))
             return False
-        return any(getattr(part, SIZES[self.of]) == bound for part in self._parts(document))
+        return any(getattr(part, NUMBERS[self.of]) == bound for part in self._parts(document))
 
     def _by_image(self, spec: str) -> bool:
         """Whether a file has, instead of the region that is asked for, its image in the z-plane."""
@@ -726,7 +725,7 @@ def _of_design(design: Design, of: str = "") -> Answer:
     bound, unit = None, ""
     for part in (design.region if design.asked is None else design.asked).parts:
         if of and part.kind == of:
-            bound, unit = getattr(part, SIZES[of]), "" if of == "sector" else "1/s"
+            bound, unit = getattr(part, NUMBERS[of]), "" if of == "sector" else "1/s"
     return _proved(design.certificate.file(), bound, design.lower, None, unit)
 
 

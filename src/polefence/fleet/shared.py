@@ -21,10 +21,11 @@ from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Around
 from polefence.plant.delta import delta_form
-from polefence.plant.family import MAX_VERTICES, UncertainPlant
+from polefence.plant.family import UncertainPlant
 from polefence.plant.joined import joined
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
+from polefence.proof.reading import MAX_VERTICES
 from polefence.region.regions import Region, stable
 from polefence.region.z_plane import delta_plane
 from polefence.requirements.specification import Specification

@@ -20,9 +20,10 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter, exact
 from polefence.plant.points import values_at
 from polefence.plant.system import Array
+from polefence.proof.claims.cells import MAX_KNOTS
 from polefence.proof.short import Short
 
-MAX_KNOTS, LARGEST = 200, 1e100
+LARGEST = 1e100
 
 
 @dataclass(frozen=True, eq=False, repr=False)

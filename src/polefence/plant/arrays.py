@@ -23,10 +23,10 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.system import Exact, read_matrix
 from polefence.proof import reading
+from polefence.proof.reading import MAX_ENTRIES
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
-MAX_ENTRIES = 2_000_000  # numbers in a file
 WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
 _NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
 NO_NAMES: Mapping[str, str] = MappingProxyType({})

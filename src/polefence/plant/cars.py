@@ -29,10 +29,10 @@ from typing import Any
 
 from polefence.base.errors import PlantError, suggest
 from polefence.base.explained import explained, explained_fields
-from polefence.plant.family import MAX_VERTICES, UncertainPlant
+from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.proof.matrices import identity, product, right_divide, transposed
-from polefence.proof.reading import plain
+from polefence.proof.reading import MAX_VERTICES, plain
 from polefence.proof.short import Short
 from polefence.proof.text import plural
 

@@ -31,7 +31,8 @@ from polefence.plant.parameters import Parameter, check_label, check_name, exact
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, floats, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
-from polefence.proof.matrices import common_denominator
+from polefence.proof.matrices import MAX_BITS, common_denominator
+from polefence.proof.reading import MAX_VERTICES
 from polefence.proof.remainder import Remainder
 from polefence.proof.short import Short
 from polefence.proof.text import plural
@@ -39,8 +40,6 @@ from polefence.proof.text import plural
 if TYPE_CHECKING:
     from polefence.plant.cars import Car
 
-MAX_VERTICES = 256
-MAX_BITS = 20_000  # of the common denominator: the exact checker's bound
 _OUTPUTS = "outputs."
 
 

@@ -14,13 +14,12 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
+from polefence.proof.matrices import ONE, ZERO
 
 MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
 DERIVATIVE = "pid derivative of "
-
-ZERO, ONE = Fraction(0), Fraction(1)
 
 
 def with_dynamics(

@@ -21,10 +21,10 @@ import numpy as np
 
 from polefence.base.errors import InputError, shown
 from polefence.plant.system import Array
+from polefence.proof.reading import MAX_ENTRIES
 
 MAX_INFLATED = 64_000_000  # bytes of a file once it is unpacked
 MAX_DEPTH, MAX_ELEMENTS = 20, 200_000  # of elements in elements
-MAX_ENTRIES = 2_000_000  # of a matrix
 MI_INT8, MI_MATRIX, MI_COMPRESSED = 1, 14, 15  # types of elements: text, nested, packed
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8"}
 NUMBERS |= {13: "u8"}

@@ -21,12 +21,11 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.plant.system import Array
+from polefence.proof.laws import DOMAINS
 from polefence.proof.short import Short
 
 Exponent = tuple[int, ...]
 Polynomial = dict[Exponent, Array]  # coefficients of monomials
-
-DOMAINS = ("simplex", "box")
 
 
 @dataclass(frozen=True)

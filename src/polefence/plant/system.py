@@ -14,12 +14,11 @@ from polefence.base.errors import InputError, PlantError, shown
 from polefence.base.explained import explained_fields
 from polefence.plant.controllability import FixedModes, fixed_modes
 from polefence.plant.parameters import exact, is_plain
+from polefence.proof.reading import MAX_SIZE
 from polefence.proof.short import Short
 
 Array = npt.NDArray[np.float64]
 Exact = tuple[tuple[Fraction, ...], ...]
-
-MAX_STATES = 60
 
 
 def read_matrix(rows: Any, what: str) -> Exact:
@@ -106,8 +105,8 @@ class System(Short):
         n = len(A)
         if len(A[0]) != n:
             raise PlantError(f"{self.name}: A is {n} x {len(A[0])}; it must be square")
-        if n > MAX_STATES:
-            raise PlantError(f"{self.name}: A has {n} states; at most {MAX_STATES} are supported")
+        if n > MAX_SIZE:
+            raise PlantError(f"{self.name}: A has {n} states; at most {MAX_SIZE} are supported")
         for letter, matrix in (("B", B), ("E", E)):
             if matrix is not None and len(matrix) != n:
                 raise PlantError(

@@ -29,7 +29,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
-from polefence.proof.matrices import product
+from polefence.proof.matrices import ONE, ZERO, product
 from polefence.proof.short import Short
 
 BETA, DELTA = Fraction(697, 985), Fraction(696, 985)
@@ -40,7 +40,6 @@ SOURCES = ("road velocity", "road velocity across")
 
 Row = tuple[Fraction, ...]
 Rows = list[list[Any]]
-ZERO, ONE = Fraction(0), Fraction(1)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from polefence.proof.matrices import Rationals, product
+from polefence.proof.matrices import ONE, ZERO, Rationals, product
 from polefence.proof.plant import Output
 from polefence.proof.reading import Table, plain
 from polefence.proof.work import RATIONAL, FormatError, spend
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from polefence.proof.laws import Law
 
 MAX_STATES = 20  # of one filter
-ZERO, ONE = Fraction(0), Fraction(1)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from operator import mul
 
 from polefence.proof.work import CALL, LEAST_WORK, FormatError, WorkError, cost, spend
 
+ZERO, ONE = Fraction(0), Fraction(1)
 MAX_BITS, LONGEST = 20_000, 10**6  # of a common denominator: of what is read; of what is computed
 
 Rationals = list[list[Fraction]]

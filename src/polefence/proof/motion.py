@@ -18,12 +18,11 @@ from fractions import Fraction
 from itertools import product
 from typing import Literal
 
+from polefence.proof.matrices import ZERO
 from polefence.proof.plant import ANY, Range
 from polefence.proof.polynomials import Polynomial, Sizes, number
 from polefence.proof.text import digits_down, name_text, rate_text, unit_text
 from polefence.proof.work import FormatError
-
-NONE = Fraction(0)
 
 Moving = Sequence[tuple[int, Range]]  # parameters that move, with their numbers
 
@@ -59,7 +58,7 @@ def is_moving(ranges: Sequence[Range]) -> bool:
     return any(parameter.rate is not None for parameter in ranges)
 
 
-def extremes(ranges: Sequence[Range], step: Fraction = NONE) -> int:
+def extremes(ranges: Sequence[Range], step: Fraction = ZERO) -> int:
     """Return a bound on the number of extremes of the rates where an inequality is checked."""
     still = (None,) if step else (None, ANY)
     return 1 << sum(parameter.rate not in still for parameter in ranges)
@@ -90,7 +89,7 @@ def _slope(X: Polynomial, f: int) -> Polynomial:
     return X.derivative(2 * f + 1) - X.derivative(2 * f)
 
 
-def require_motion(X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE) -> None:
+def require_motion(X: Polynomial, ranges: Sequence[Range], step: Fraction = ZERO) -> None:
     """Refuse a Lyapunov polynomial that is not valid while the parameters move.
 
     Parameters
@@ -118,7 +117,7 @@ def require_motion(X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE
 
 
 def changes(
-    X: Polynomial, ranges: Sequence[Range], step: Fraction = NONE
+    X: Polynomial, ranges: Sequence[Range], step: Fraction = ZERO
 ) -> Iterator[tuple[str, Polynomial | None]]:
     """Yield the name of every extreme of the rates, and dX/dt or X(p(t + step)) - X(p(t)) there.
 
@@ -172,7 +171,7 @@ def _shift(f: int, parameter: Range, end: int, step: Fraction, sizes: Sizes) -> 
         or parameter.rate == ANY
         or anywhere(parameter.rate, parameter.high - parameter.low, step)
     ):
-        ends = ((NONE, Fraction(-1)), (Fraction(1), NONE))[end]  # it may reach either end
+        ends = ((ZERO, Fraction(-1)), (Fraction(1), ZERO))[end]  # it may reach either end
         return _variable(f, ends, sizes)
     by = parameter.rate[end] * step
     if not parameter.inverted:

@@ -10,6 +10,8 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from polefence.proof.matrices import (
+    ONE,
+    ZERO,
     Integers,
     Rationals,
     bits,
@@ -26,7 +28,6 @@ MAX_PARTS = 16
 TANGENTS = 32  # of an ellipse, in the upper half-plane
 DIGITS = 20  # binary, of the tangent of half an angle
 LEAST_RATE, MOST_RATE, LEAST_DAMPING = map(Fraction, (1e-100, 1e100, 1e-8))
-ZERO, ONE = Fraction(0), Fraction(1)
 
 Pair = tuple[Rationals, Rationals]
 Side = tuple[Fraction, Fraction, Fraction]  # p, q, c of a half-plane p x + q |y| < c

@@ -21,7 +21,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from polefence.proof.matrices import MAX_BITS, Rationals, common_denominator, identity, product
+from polefence.proof.matrices import (
+    MAX_BITS,
+    ZERO,
+    Rationals,
+    common_denominator,
+    identity,
+    product,
+)
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -36,7 +43,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 Rows = tuple[tuple[Fraction, ...], ...]
 
-NONE, UNIT = Fraction(0), 2**64
+UNIT = 2**64
 MAX_CURVE = 8  # degree
 # What E is off by, beside E: (E + F) (E + F)' <= (1 + SHARE) E E' + (1 + 1 / SHARE) F F'.
 SHARE = Fraction(1, 4096)
@@ -71,7 +78,7 @@ class Remainder(Short):
             Bounds on the second derivative along each side, from 0 to 1.
         """
         total = tuple(
-            tuple(x + sum(along, NONE) / 8 for x, *along in zip(*rows, strict=True))
+            tuple(x + sum(along, ZERO) / 8 for x, *along in zip(*rows, strict=True))
             for rows in zip(rounding, *bends, strict=True)
         )
         return cls(total, rounding=rounding, bends=tuple(bends))
@@ -126,7 +133,7 @@ class Remainder(Short):
     def transposed(self, n: int, p: int) -> Remainder:
         """Return that of the dual plant (A', C'), of p measured signals that are exact."""
         return self.mapped(
-            lambda M: tuple((*(row[i] for row in M), *(NONE,) * p) for i in range(n))
+            lambda M: tuple((*(row[i] for row in M), *(ZERO,) * p) for i in range(n))
         )
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
@@ -134,10 +141,10 @@ class Remainder(Short):
 
         def wider(M: Rows) -> Rows:
             rows = [
-                (*row[:n], *(NONE,) * states, *row[n : n + m], *(NONE,) * inputs, *row[n + m :])
+                (*row[:n], *(ZERO,) * states, *row[n : n + m], *(ZERO,) * inputs, *row[n + m :])
                 for row in M
             ]
-            return (*rows, *((NONE,) * (len(M[0]) + states + inputs) for _ in range(states)))
+            return (*rows, *((ZERO,) * (len(M[0]) + states + inputs) for _ in range(states)))
 
         return self.mapped(wider)
 
@@ -189,7 +196,7 @@ class Spread(Short):
     omega: Rationals = field(default_factory=list)
     rows: tuple[Fraction, ...] = ()
     columns: tuple[Fraction, ...] = ()
-    kappa: Fraction = NONE
+    kappa: Fraction = ZERO
 
     def require(self, remainder: Remainder, omega: bool = True, kappa: bool = False) -> None:
         """Refuse one that does not fit, or does not cover the remainder.
@@ -245,7 +252,7 @@ class Spread(Short):
     def entering(self, times: Fraction | int = 1) -> Rationals:
         """Return so many times H H'."""
         return [
-            [times * row * row if i == j else NONE for j in range(len(self.rows))]
+            [times * row * row if i == j else ZERO for j in range(len(self.rows))]
             for i, row in enumerate(self.rows)
         ]
 

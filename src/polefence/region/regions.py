@@ -23,6 +23,7 @@ from polefence.base.explained import explained_fields
 from polefence.plant.card import card
 from polefence.plant.system import Array
 from polefence.proof import regions as proof
+from polefence.proof.matrices import ONE, ZERO
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
 
@@ -97,7 +98,7 @@ class Region(Short, ABC):
     @property
     def stable(self) -> bool:
         """Whether the region lies in the open left half-plane, as far as one part tells."""
-        left = proof.ONE, proof.ZERO, proof.ZERO
+        left = ONE, ZERO, ZERO
         return any(part.exact.in_half_plane(*left) for part in self.parts)
 
     @property

@@ -36,8 +36,9 @@ from polefence.lmi.conditions.performance import Demands, Form, Output, assemble
 from polefence.lmi.conditions.saturation import Cut, cuts, held_name
 from polefence.lmi.conditions.target import Side, Target, disks
 from polefence.plant.family import UncertainPlant
-from polefence.plant.polynomial import DOMAINS, Domain, Exponent, bernstein
+from polefence.plant.polynomial import Domain, Exponent, bernstein
 from polefence.plant.system import Array
+from polefence.proof.laws import DOMAINS
 from polefence.proof.short import Short
 
 METHODS = ("quadratic", "slack", "scheduled")

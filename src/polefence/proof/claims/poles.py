@@ -57,6 +57,7 @@ from polefence.proof.laws import (
 from polefence.proof.matrices import (
     LONGEST,
     MAX_BITS,
+    ONE,
     Integers,
     Rationals,
     common_denominator,
@@ -101,7 +102,6 @@ from polefence.proof.text import digits_down, digits_up, output_text, quoted, re
 from polefence.proof.work import MAX_IN_PARTS, MAX_WORK, FormatError, WorkError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
-ONE = Fraction(1)
 
 
 @dataclass(frozen=True)

@@ -34,12 +34,7 @@ from polefence.proof.claims.margins import Subject
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rounding import Rounded, rounding_error
 from polefence.proof.laws import Evidence, Law, read_evidence
-from polefence.proof.matrices import (
-    MAX_BITS,
-    Rationals,
-    common_denominator,
-    identity,
-)
+from polefence.proof.matrices import MAX_BITS, ONE, ZERO, Rationals, common_denominator, identity
 from polefence.proof.plant import Plant, Range
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.regions import Disk
@@ -48,7 +43,6 @@ from polefence.proof.text import digits_down, milliseconds_text
 from polefence.proof.work import FormatError
 
 MAX_TERMS = 60
-ZERO, ONE = Fraction(0), Fraction(1)
 NUMBERS = ("sample_time", "decay", "radius", "error", "mu", "weight")
 
 

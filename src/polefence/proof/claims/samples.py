@@ -24,7 +24,7 @@ from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
 from polefence.proof.interpolation import ONE, Bends, bends, sample
 from polefence.proof.laws import longest
-from polefence.proof.matrices import Rationals, common_denominator, identity, mix
+from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, mix
 from polefence.proof.plant import Node, Plant, corner_weights, corners, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
@@ -33,7 +33,6 @@ from polefence.proof.text import milliseconds_text, plural
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 120, 64
-NONE = Fraction(0)
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ class Samples(Short, Claim):
             entries, rest = self.off()
         except FormatError as problem:
             return undecided(str(problem))
-        largest = NONE
+        largest = ZERO
         for values, limits in zip(entries, self._allowed(), strict=True):
             for x, most in zip(values, limits, strict=True):
                 if not most:
@@ -206,7 +205,7 @@ class Samples(Short, Claim):
         """Yield the points of the box at which F, G and H are known, with these."""
         count = len(self.plant.ranges)
         vertices = zip(self.plant.A, self.plant.B, self.plant.E or [[]] * len(self.A), strict=True)
-        for at, ABE in zip(corners((NONE,) * count, (Fraction(1),) * count), vertices, strict=True):
+        for at, ABE in zip(corners((ZERO,) * count, (Fraction(1),) * count), vertices, strict=True):
             yield at, self._step(*ABE)
         for node in self.plant.nodes:
             yield node.at, self._step(node.A, node.B, node.E)
@@ -239,7 +238,7 @@ class Samples(Short, Claim):
         ]
 
         def largest(i: int, j: int) -> Fraction:
-            most = max((Fraction(abs(M[i][j]), whole) for M, whole in terms), default=NONE)
+            most = max((Fraction(abs(M[i][j]), whole) for M, whole in terms), default=ZERO)
             return most + left[i][j]
 
         return [[largest(i, j) for j in range(columns)] for i in range(rows)], rest
@@ -253,7 +252,7 @@ class Samples(Short, Claim):
         spend(RATIONAL * 2 * len(self.A) * n * width, length + 1000, 3 * length)
         M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
         series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
-        eye = [row + [NONE] * (width - n) for row in identity(n)]
+        eye = [row + [ZERO] * (width - n) for row in identity(n)]
         apart = bernstein(self._in_units(self._steps()), self.sizes, 1)
         remainder = self.plant.remainder
         if remainder is not None and remainder.curve:
@@ -287,7 +286,7 @@ class Samples(Short, Claim):
     def _moves_on(self) -> bool:
         """Whether what is not between samples is exact: inputs move on, and no sooner."""
         n, m, width = self.n, self.m, self.width
-        zero_row = [NONE] * self.plant.n
+        zero_row = [ZERO] * self.plant.n
         for M in () if self.plant.remainder is None else self.plant.remainder.curve:
             if _filled(M) != _filled(self._held(M)):  # something is of what is not sampled
                 return False

@@ -1,7 +1,5 @@
 """The package as it is built: with the kernel where there is a compiler, and without."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

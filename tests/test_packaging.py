@@ -1,7 +1,5 @@
 """Files that stand beside the package say what it says: versions, dependencies, words."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

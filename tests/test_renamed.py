@@ -1,7 +1,5 @@
 """Old names: each warns, names the new one and the version without it, and does the same."""
 
-from __future__ import annotations
-
 import json
 import re
 import warnings

@@ -1,7 +1,5 @@
 """What Python shows of values: names, one short line, tables for notebooks and pandas; copies."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """Laws of continuous time in the loop that a computer closes: as SciPy's exponentials have it."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """The ladders of search and proof, against what they promise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

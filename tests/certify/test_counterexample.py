@@ -1,7 +1,5 @@
 """Counterexamples: found where they exist, exact, and never where the claim is true."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 
@@ -78,11 +76,7 @@ def test_of_points_that_rounding_tells_apart_the_first_is_named(seed):
     A = [[[-1.0, k], [0.0, -2.0]] for k in range(3)]
     plant = UncertainPlant.from_vertices(A, [[[0.0], [1.0]]] * 3)
     claim = Certificate(
-        plant,
-        Disk(-2, 1.9),
-        "quadratic",
-        FixedGain([[0.0, 0.0]]),
-        {"W": np.eye(2)},
+        plant, Disk(-2, 1.9), "quadratic", FixedGain([[0.0, 0.0]]), {"W": np.eye(2)}
     ).claim()
     random = np.random.default_rng(seed)
 

@@ -1,7 +1,5 @@
 """Designs: placed, saved, loaded, checked; and what happens when the proof fails."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -24,6 +22,7 @@ from polefence import (
     tightest,
 )
 from polefence.region.text import digits_up
+from support.files import rewritten
 
 
 def test_the_paper_design_keeps_every_sampled_pole_in_the_disk(placed):
@@ -65,9 +64,8 @@ def test_a_design_file_runs_the_law_from_physical_parameters(placed, tmp_path):
 
 def test_an_unproved_file_is_loaded_only_by_name(small_designs, tmp_path):
     path = small_designs["slack"].save(tmp_path)
-    document = json.loads(path.read_text())
-    document["claims"][0]["region"]["radius"] *= 0.99
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["claims"][0]["region"]["radius"] *= 0.99
     with pytest.raises(NotProvedError, match="not proved"):
         Design.load(path)
     assert not Design.load(path, allow_unproved=True).proved
@@ -85,9 +83,8 @@ def test_an_unproved_file_is_loaded_only_by_name(small_designs, tmp_path):
 )
 def test_a_damaged_file_is_named(small_designs, tmp_path, damage):
     path = small_designs["slack"].save(tmp_path)
-    document = json.loads(path.read_text())
-    damage(document)
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        damage(document)
     with pytest.raises(DesignFileError, match=str(path)):
         Design.load(path)
 

@@ -1,7 +1,5 @@
 """Laws as doubles evaluate them, against exact rationals; and where rounding moves poles out."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction
@@ -38,6 +36,7 @@ from polefence.proof.matrices import mix
 from polefence.region.text import digits_up
 from polefence.search.by_lmi import _designs
 from polefence.search.limits import Limit
+from support.commands import ran
 
 # A helicopter and a moored floating platform, HE1 and MFP of F. Leibfritz, COMPleib: constrained
 # matrix-optimization problem library, 2004.
@@ -195,8 +194,7 @@ def test_a_law_that_doubles_cannot_run_is_called_so(sharpest, tmp_path, capsys):
     path = design.save(tmp_path)
     assert "does NOT keep the poles there: rounding takes" in check(path).reason
     assert "does NOT keep" in check(design.certificate).reason
-    assert main(["check", str(path)]) == 0
-    assert "does NOT keep" in capsys.readouterr().out
+    assert "does NOT keep" in ran(capsys, "check", path)
     runs = tightest_of(design.plant, design.region.centre)
     assert "NOT" not in check(runs).reason
 
@@ -226,8 +224,7 @@ def test_commands_say_what_was_given_up(tmp_path, capsys):
     assert f"note: centre -1, scheduled: {given_up} {said}" in capsys.readouterr().out
     assert row["runs"]
     assert row["unrunnable"] < row["radius"] < 1.1 * row["unrunnable"]
-    assert main(["tightest", "--of", "disk", *words]) == 0
-    assert said in capsys.readouterr().out
+    assert said in ran(capsys, "tightest", "--of", "disk", *words)
     summary = json.loads(rows.read_text())
     assert summary["unrunnable"] == row["unrunnable"]
     assert summary["value"] == row["radius"]

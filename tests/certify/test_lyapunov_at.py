@@ -1,7 +1,5 @@
 """The Lyapunov matrix at given parameters, judged by its inequality at random ones, in floats."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outputs that do not see enough: which pole no law moves that feeds them back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """What `optimise` proved is what its file says, whatever was asked of the search."""
 
-from __future__ import annotations
-
 import pytest
 
 from polefence import UncertainPlant

@@ -1,7 +1,5 @@
 """Loops whose poles nearly meet: Lyapunov matrices in rationals, and laws that lead there."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -23,10 +21,7 @@ def chain(n):
 
 @pytest.mark.parametrize(
     ("inside", "outside"),
-    [
-        (pf.HalfPlane(0.995), pf.HalfPlane(1.005)),
-        (pf.Disk(-2.0, 1.01), pf.Disk(-2.0, 0.99)),
-    ],
+    [(pf.HalfPlane(0.995), pf.HalfPlane(1.005)), (pf.Disk(-2.0, 1.01), pf.Disk(-2.0, 0.99))],
     ids=str,
 )
 def test_poles_that_meet_are_proved_near_the_edge_and_not_beyond(inside, outside):

@@ -1,7 +1,5 @@
 """Limits that no law keeps: brackets on both sides, laws that all exceed them, faults."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Given laws of which no one Lyapunov polynomial proves the region: proved in parts, or refuted."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

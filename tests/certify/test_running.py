@@ -1,7 +1,5 @@
 """Designs at a sample time, driven: as a recursion of SciPy's exponentials has it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -16,6 +14,7 @@ from polefence.plant.spec import loads
 from polefence.vehicle.driving.drive import Setup, run
 from polefence.vehicle.driving.parts import Hardware
 from polefence.vehicle.excitation import excited
+from support.commands import ran, refused
 from support.specs import TWO_STATES, rms
 
 T = 0.05
@@ -92,17 +91,13 @@ def test_the_command_drives_it(plant, tmp_path, monkeypatch, capsys):
     words = ["--region", "half_plane(0.05)", "--method", "quadratic", "--sample-time", "0.05"]
     assert main(["design", "two.toml", *words, "--delay", "1", "-o", "law"]) == 0
     moved = ["simulate", "two.toml", "--law", "law", "--initial", "x=1", "--duration", "20"]
-    assert main([*moved, "--json", "summary.json"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *moved, "--json", "summary.json")
     assert "at samples every 50 ms, for every constant value of the parameters" in said
     assert "in no claim" not in said
     (law,) = json.loads((tmp_path / "summary.json").read_text())["laws"]
     assert law["signals"][0]["peak"] == 1.0
-    assert main([*moved, "--law", "passive"]) == 2
-    assert "is simulated alone" in capsys.readouterr().err
-    assert main([*moved, "--sampling", "0.01"]) == 2
-    assert "the design has 0.05 s; leave it out" in capsys.readouterr().err
+    assert "is simulated alone" in refused(capsys, *moved, "--law", "passive")
+    assert "the design has 0.05 s; leave it out" in refused(capsys, *moved, "--sampling", "0.01")
     (tmp_path / "other.toml").write_text(TWO_STATES.replace("[1, 3]", "[1, 4]"))
     moved[1] = "other.toml"
-    assert main(moved) == 0
-    assert "nothing: its proof is about another plant" in capsys.readouterr().out
+    assert "nothing: its proof is about another plant" in ran(capsys, *moved)

@@ -1,7 +1,5 @@
 """Tables of gains: interpolation, cells, answers against poles in floats, files, figures, page."""
 
-from __future__ import annotations
-
 import doctest
 import importlib.util
 import json
@@ -31,7 +29,9 @@ from polefence.examples import family
 from polefence.law.laws import table_from
 from polefence.plant.points import values_text
 from polefence.show.plots import analysis_figure, render, table_figure
+from support.commands import ran, refused
 from support.console import blocks, follow
+from support.files import rewritten
 from support.paths import DOCS
 
 
@@ -242,8 +242,7 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
     assert again.region == found.region
     assert np.array_equal(again.table.gains, found.table.gains)
     assert again.summary == found.summary
-    assert main(["check", str(path), "--json", str(tmp_path / "a.json")]) == 1
-    assert found.summary in capsys.readouterr().out
+    assert found.summary in ran(capsys, "check", path, "--json", tmp_path / "a.json", status=1)
     assert json.loads((tmp_path / "a.json").read_text())["answer"] == "refuted"
     spec = '[parameter.m]\nrange = [1, {}]\nunit = "kg"\nthrough = "1/m"\n'
     spec += '[parameter.k]\nrange = [-1, 3]\nunit = "N/m"\n'
@@ -257,13 +256,10 @@ def test_a_saved_analysis_is_checked_and_loaded(tmp_path, capsys):
         assert ("but NOT about" in capsys.readouterr().out) is bool(status)
     text = path.read_text().replace('"undecided"', '"proved"').replace('"refuted"', '"undecided"')
     path.write_text(text)
-    assert main(["check", str(path)]) == 2
-    assert "unknown key" in capsys.readouterr().err
-    document = json.loads((tmp_path / "table.json").read_text())
-    document["claims"][0]["cells"][0]["parts"][0]["X"][0][0][0] *= -1
-    (tmp_path / "table.json").write_text(json.dumps(document))
-    assert main(["check", str(tmp_path)]) == 1
-    assert "undecided: cell 1: inequality" in capsys.readouterr().out
+    assert "unknown key" in refused(capsys, "check", path)
+    with rewritten(tmp_path / "table.json") as document:
+        document["claims"][0]["cells"][0]["parts"][0]["X"][0][0][0] *= -1
+    assert "undecided: cell 1: inequality" in ran(capsys, "check", tmp_path, status=1)
     with pytest.raises(NotProvedError, match="not proved: cell 1"):
         TableAnalysis.load(tmp_path)
 
@@ -302,8 +298,7 @@ def test_the_command_analyses_a_table(tmp_path, capsys, monkeypatch):
     assert "analyse a table with --region" in capsys.readouterr().err
     grid["mass"] = grid.pop("m")
     (tmp_path / "gains.json").write_text(json.dumps({"grid": grid, "gains": [[1]]}))
-    assert main(command) == 2
-    assert "gains.json: grid: unknown parameter 'mass'" in capsys.readouterr().err
+    assert "gains.json: grid: unknown parameter 'mass'" in refused(capsys, *command)
 
 
 def test_figures_have_their_axes_and_legend():

@@ -1,7 +1,5 @@
 """Designs of other tools: Lyapunov matrices decided on as they are; thresholds on both sides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
@@ -115,9 +113,7 @@ def test_what_is_refuted_names_the_car(family):
 
 def test_limits_are_proved_or_refuted():
     plant = UncertainPlant.from_vertices(
-        [[[0.0, 1.0], [-1.0, -0.5]], [[0.0, 1.0], [-2.0, -0.5]]],
-        [[[0], [1]]] * 2,
-        [[[0], [1]]] * 2,
+        [[[0.0, 1.0], [-1.0, -0.5]], [[0.0, 1.0], [-2.0, -0.5]]], [[[0], [1]]] * 2, [[[0], [1]]] * 2
     )
     # the static gain of x1 is 1 / stiffness; its peak, at c = 0.5, 2.07 where the stiffness is 1
     peak = 1 / (0.5 * np.sqrt(1 - 0.5**2 / 4))

@@ -1,7 +1,5 @@
 """The command line as its contract has it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -17,6 +15,8 @@ from polefence import check
 from polefence.cli.main import main
 from polefence.examples import SPECS, spec_text
 from polefence.plant.spec import dumps
+from support.commands import ran, refused
+from support.files import rewritten
 
 
 @pytest.fixture
@@ -63,21 +63,17 @@ def test_evenly_spaced_centres(spec, capsys):
 def test_design_then_check(car, tmp_path, capsys):
     folder = tmp_path / "design"
     words = ["design", car, "--disk", "-40", "31", "--method", "scheduled", "-o", str(folder)]
-    assert main([*words, "--json", str(tmp_path / "summary.json")]) == 0
-    assert "proved" in capsys.readouterr().out
+    assert "proved" in ran(capsys, *words, "--json", tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text())["answer"] == "proved"
     assert check(folder / "design.json").proved
-    assert main(["check", str(folder / "design.json"), "--spec", car]) == 0
-    assert "proved: 20 inequalities" in capsys.readouterr().out
+    assert "proved: 20 inequalities" in ran(capsys, "check", folder / "design.json", "--spec", car)
 
 
 @pytest.mark.parametrize(("method", "radius"), [("quadratic", "33.64"), ("slack", "33.50")])
 def test_a_disk_out_of_reach_exits_1_and_names_the_radius(car, tmp_path, capsys, method, radius):
     folder = tmp_path / "design"
     words = ["design", car, "--disk", "-40", "31", "--method", method, "-o", str(folder)]
-    assert main(words) == 1
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
+    error = refused(capsys, *words, status=1)
     assert error.startswith("refuted for ")
     assert radius in error
     assert not (folder / "design.json").exists()
@@ -90,29 +86,24 @@ def test_a_disk_across_the_axis_is_noted(spec, capsys):
 
 def test_check_refuses_another_plant(small_designs, spec, tmp_path, capsys):
     path = small_designs["slack"].save(tmp_path / "d")
-    assert main(["check", str(path), "--spec", spec]) == 1
-    assert "NOT about" in capsys.readouterr().out
+    assert "NOT about" in ran(capsys, "check", path, "--spec", spec, status=1)
 
 
 def test_check_refuses_other_parameter_ranges(placed, car, tmp_path, capsys):
     """alpha(p) would be wrong: the vertices are the same, their meaning is not."""
     path = placed.save(tmp_path / "d")
-    document = json.loads(path.read_text())
-    document["plant"]["parameters"][1]["range"] = [-20, 10]
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["plant"]["parameters"][1]["range"] = [-20, 10]
     assert main(["check", str(path)]) == 0
-    assert main(["check", str(path), "--spec", car]) == 1
-    assert "other parameter ranges" in capsys.readouterr().out
+    assert "other parameter ranges" in ran(capsys, "check", path, "--spec", car, status=1)
 
 
 def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
     path = small_designs["slack"].save(tmp_path / "d")
-    document = json.loads(path.read_text())
-    document["claims"][0]["region"]["radius"] *= 0.5
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["claims"][0]["region"]["radius"] *= 0.5
     answer = tmp_path / "answer.json"
-    assert main(["check", str(path), "--json", str(answer)]) == 1
-    assert "refuted: at alpha = (" in capsys.readouterr().out
+    assert "refuted: at alpha = (" in ran(capsys, "check", path, "--json", answer, status=1)
     assert json.loads(answer.read_text())["answer"] == "refuted"
 
 
@@ -127,21 +118,17 @@ def test_check_reports_a_counterexample(small_designs, tmp_path, capsys):
 def test_check_names_an_unreadable_file(tmp_path, capsys, content, message):
     path = tmp_path / "design.json"
     path.write_text(content)
-    assert main(["check", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
+    error = refused(capsys, "check", path)
     assert str(path) in error
     assert message in error
     assert main(["check", str(tmp_path / "none.json")]) == 2
 
 
 def test_examples_are_listed_and_printed(capsys):
-    assert main(["example"]) == 0
-    listed = capsys.readouterr().out
+    listed = ran(capsys, "example")
     for name in SPECS:
         assert name in listed
-        assert main(["example", name]) == 0
-        assert capsys.readouterr().out == spec_text(name)
+        assert ran(capsys, "example", name) == spec_text(name)
 
 
 def test_help_and_version(capsys):
@@ -207,8 +194,7 @@ def test_the_wrong_kind_of_file_is_named(tmp_path, monkeypatch, capsys):
     Path("gains.json").write_text('{"grid": {"k": [1, 2]}, "gains": [[[-1, -1]], [[-1, -2]]]}')
     region = ["--region", "half_plane(0.1)"]
     table = ["analyse", "plant.toml", "--gain", "gains.json", *region, "-o", "table"]
-    assert main(table) == 0
-    capsys.readouterr()
+    ran(capsys, *table)
     cases = {
         ("check", "plant.toml"): "plant.toml: a spec, but a design is needed",
         ("report", "plant.toml"): "plant.toml: a spec, but a design is needed",
@@ -234,25 +220,19 @@ def test_a_folder_is_checked_file_by_file(every_file, tmp_path, capsys):
     shutil.copytree(every_file / "service", folder)
     (folder / "note.json").write_text('{"format": "x"}')
     names = sorted(path.name for path in folder.iterdir() if path.name != "note.json")
-    assert main(["check", str(folder), "--json", str(tmp_path / "a.json")]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "check", folder, "--json", tmp_path / "a.json")
     assert [f"{folder / name}: proved: " in out for name in names] == [True] * 3
     assert out.count("SHA-256 of ") == 3
     rows = json.loads((tmp_path / "a.json").read_text())["files"]
     assert [row["answer"] for row in rows] == ["proved"] * 3
     assert all(row["inequalities"] > 0 for row in rows)
-    document = json.loads((folder / "gain.json").read_text())
-    document["claims"][0]["error"] = 1e3
-    (folder / "gain.json").write_text(json.dumps(document))
-    assert main(["check", str(folder)]) == 1
-    assert "gain.json: undecided: " in capsys.readouterr().out
+    with rewritten(folder / "gain.json") as document:
+        document["claims"][0]["error"] = 1e3
+    assert "gain.json: undecided: " in ran(capsys, "check", folder, status=1)
     (folder / "gain.json").write_text('{"format": "polefence-service", "version": 1}')
-    assert main(["check", str(folder)]) == 2
-    assert "polefence 0.1, which is not read any more" in capsys.readouterr().err
-    assert main(["check", str(every_file)]) == 2
-    assert "has no file of claims" in capsys.readouterr().err
+    assert "polefence 0.1, which is not read any more" in refused(capsys, "check", folder)
+    assert "has no file of claims" in refused(capsys, "check", every_file)
 
 
 def test_check_without_a_file(capsys):
-    assert main(["check"]) == 2
-    assert "name a FILE" in capsys.readouterr().err
+    assert "name a FILE" in refused(capsys, "check")

@@ -1,7 +1,5 @@
 """Cars on several wheels in the commands: roads under them, and a ride within limits."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -12,7 +10,7 @@ import pytest
 from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from polefence.plant.cars import Car
-from support.commands import refused
+from support.commands import ran, refused
 from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
 
@@ -29,8 +27,7 @@ def half(tmp_path):
 
 def test_a_half_car_rides_within_its_limits(half, tmp_path, capsys):
     words = ["optimise", str(half), *REGION, "--method", "quadratic", "-o", str(tmp_path / "d")]
-    assert main(words) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, *words)
     (line,) = [line for line in out.splitlines() if "driver acceleration" in line]
     proved, sampled = map(float, re.findall(r" (\d+\.\d+)", line)[:2])
     # the passive car, by its covariance: both roads act, each by itself
@@ -56,8 +53,7 @@ def test_a_design_drives_as_its_spec_does_with_it(half, sampled, tmp_path, capsy
     assert main(["design", str(half), *words]) == 0
     road = ["--road", "C", "--speed", "20", "--duration", "1", "-o"]
     alone, both = (str(tmp_path / name) for name in ("alone.csv", "both.csv"))
-    assert main(["simulate", design, *road, alone]) == 0
-    assert "vibration total value" in capsys.readouterr().out
+    assert "vibration total value" in ran(capsys, "simulate", design, *road, alone)
     assert main(["simulate", str(half), "--law", design, *road, both]) == 0
     assert Path(alone).read_bytes() == Path(both).read_bytes()
 
@@ -74,8 +70,7 @@ def test_no_load_of_ten_thousand_exceeds_a_bound(name, wheels, tmp_path, capsys,
         request.getfixturevalue("lmi_alone")
     spec = tmp_path / "car.toml"
     spec.write_text(spec_text(name))
-    assert main(["optimise", str(spec), *REGION, "--method", "quadratic"]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "optimise", spec, *REGION, "--method", "quadratic")
     assert "proved sampled 10000" in out
     rows = re.findall(r"rms of (.*) \[(?:m|N|m/s2)\] +(\S+) +(\S+) +\S+  (\w+)", out)
     assert [row[3] for row in rows] == ["minimised", *["limit"] * 2 * wheels]
@@ -107,21 +102,18 @@ def test_another_road_is_under_the_same_wheels(half, capsys, lmi_alone):
     words = ["optimise", str(half), *REGION, "--method", "quadratic", "--speed", "20", "--road"]
     levels = []
     for road in "BC":
-        assert main([*words, road]) == 0
-        out = capsys.readouterr().out
+        out = ran(capsys, *words, road)
         levels.append(float(re.search(r"driver acceleration \[m/s2\] +(\S+)", out)[1]))
     assert levels[0] < 0.5 * levels[1]  # a quarter of the density, and the limits are wider for it
 
 
 def test_an_rms_on_roads_is_of_roads_alone(half, capsys, lmi_alone):
     words = ["optimise", str(half), *REGION, "--method", "quadratic"]
-    assert main(words) == 0
-    flat = capsys.readouterr().out
+    flat = ran(capsys, *words)
     half.write_text(
         half.read_text().replace("[car.wheel.front]", "height = 0.55\n[car.wheel.front]")
     )
-    assert main(words) == 0
-    high = capsys.readouterr().out
+    high = ran(capsys, *words)
     acting = "from [front road velocity, rear road velocity]"
     assert acting in high
     levels = [re.search(r"driver acceleration.* \[m/s2\] +(\S+)", out)[1] for out in (flat, high)]
@@ -145,11 +137,9 @@ def test_a_law_of_a_car_on_tracks_does_not_measure_the_road(half, tmp_path, caps
     out, text = tmp_path / "d", half.read_text()
     names = [own.split(" [")[0] for own in family("half-car").states]
     words = ["optimise", str(half), *REGION, "--degree", "0", "-o", str(out)]
-    assert main([*words, "--measured", ", ".join(names)]) == 0
-    said = [capsys.readouterr().out]
+    said = [ran(capsys, *words, "--measured", ", ".join(names))]
     half.write_text(UNDER.sub("[road.tracks]\norder = 2\n", text))
-    assert main(words) == 0
-    said.append(capsys.readouterr().out)
+    said.append(ran(capsys, *words))
     assert f"of {', '.join(names)} keeps" in said[1]
     assert "road state" not in said[1]
     assert "steady state under constant road velocity = 1 m/s" in said[1]

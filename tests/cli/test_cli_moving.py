@@ -1,10 +1,9 @@
 """Parameters that move from the command line: what is said of them, and what is refused."""
 
-from __future__ import annotations
-
 import pytest
 
 from polefence.cli.main import main
+from support.commands import ran, refused
 
 SPEC = """
 name = "walk"
@@ -41,16 +40,13 @@ def folder(tmp_path, monkeypatch):
 )
 def test_what_is_said_is_what_is_checked(folder, capsys, form, rate, region, how, proved):
     (folder / "walk.toml").write_text(SPEC.format(**form, rate=rate))
-    assert main(["design", "walk.toml", "--region", region, "-o", "out"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "design", "walk.toml", "--region", region, "-o", "out")
     assert f"  the poles are for constant parameters; with p {how} the loop {proved}" in said
-    assert main(["check", "out", "--spec", "walk.toml"]) == 0
-    checked = capsys.readouterr().out
+    checked = ran(capsys, "check", "out", "--spec", "walk.toml")
     assert f"with p {how}" in checked
     # the same plant with other rates is another
     (folder / "still.toml").write_text(SPEC.format(**form, rate="[0, 0]"))
-    assert main(["check", "out", "--spec", "still.toml"]) == 1
-    assert "NOT about still.toml" in capsys.readouterr().out
+    assert "NOT about still.toml" in ran(capsys, "check", "out", "--spec", "still.toml", status=1)
 
 
 def test_a_region_that_says_nothing_of_motions_is_said_to(folder, capsys):
@@ -62,8 +58,7 @@ def test_a_region_that_says_nothing_of_motions_is_said_to(folder, capsys):
 def test_estimates_that_are_off_are_said_of_parameters_at_rest(folder, capsys):
     (folder / "walk.toml").write_text(SPEC.format(**AT_SAMPLES, rate="[-0.1, 0.1]"))
     words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--method", "scheduled"]
-    assert main([*words, "--error", "p=0.02"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *words, "--error", "p=0.02")
     off = "for estimates that the law is given and that are off, for constant parameters: p by"
     assert off in said
     assert "with p moving by up to 0.1 1/s, of exact estimates, the loop decays" in said
@@ -72,10 +67,8 @@ def test_estimates_that_are_off_are_said_of_parameters_at_rest(folder, capsys):
 def test_samples_are_of_parameters_at_rest(folder, capsys):
     (folder / "walk.toml").write_text(SPEC.format(**IN_TIME, rate="[-1, 1]"))
     words = ["design", "walk.toml", "--region", "half_plane(0.1)", "--sample-time", "0.01"]
-    assert main(words) == 2
-    said = capsys.readouterr().err
+    said = refused(capsys, *words)
     assert (
         "walk.toml: --sample-time 0.01: parameter p: rate: samples are for constant parameters"
         in said
     )
-    assert said.count("\n") == 1

@@ -1,7 +1,5 @@
 """`polefence optimise`: what it prints and writes, what `check` makes of it, what it refuses."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -18,12 +16,9 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
-from polefence.requirements.text import (
-    RoadSpectrum,
-    load_specifications,
-    parse_specification,
-)
-from support.commands import refused
+from polefence.requirements.text import RoadSpectrum, load_specifications, parse_specification
+from support.commands import ran, refused
+from support.files import rewritten
 
 PLANT = """
 name = "stage"
@@ -55,14 +50,6 @@ kind = "gain"
 signal = "v"
 at_most = 4
 """
-
-
-def ran(capsys, *words, status=0):
-    """Run a command; return what it said."""
-    found = main([str(word) for word in words])
-    said = capsys.readouterr()
-    assert found == status, said
-    return said.out + said.err
 
 
 @pytest.fixture(scope="module")
@@ -185,13 +172,12 @@ def test_limits_alone_and_relative_to_no_control(here, capsys):
 
 
 def change(path, keys, value):
-    document = json.loads(Path(path).read_text())
-    table = document
-    for key in keys[:-1]:
-        table = table[key]
-    assert isinstance(table, list) or table.get(keys[-1]) != value
-    table[keys[-1]] = value
-    Path(path).write_text(json.dumps(document))
+    with rewritten(Path(path)) as document:
+        table = document
+        for key in keys[:-1]:
+            table = table[key]
+        assert isinstance(table, list) or table.get(keys[-1]) != value
+        table[keys[-1]] = value
     return document
 
 
@@ -250,9 +236,9 @@ def test_the_command_knows_that_density(tmp_path, capsys, lmi_alone):
     spec.write_text(PLANT + ASKED)
     words = ["optimise", spec, "--method", "quadratic", "--json", "-"]
     asked = ["--minimise", "rms of x", "--limit", "rms of force <= 1.4"]
-    plain = json.loads(ran_json(capsys, *words, *asked))
+    plain = json.loads(ran(capsys, *words, *asked))
     full = [f"{text} with density 2" for text in ("rms of x", "rms of force <= 1.4")]
-    given = json.loads(ran_json(capsys, *words, "--minimise", full[0], "--limit", full[1]))
+    given = json.loads(ran(capsys, *words, "--minimise", full[0], "--limit", full[1]))
     assert plain["bounds"] == given["bounds"]
     out = ran(
         capsys, "tradeoff", spec, "--over", "rms of force", "--value", 1.4, "--method", "quadratic"
@@ -271,12 +257,6 @@ def test_no_integral_is_advised_against_what_an_input_must_hold(tmp_path, capsys
     assert "note: that is more than is allowed of the rms of force" in out
     assert "an input that has to hold the disturbance needs that beside its rms" in out
     assert "integral" not in out
-
-
-def ran_json(capsys, *words):
-    """Run a command that writes JSON to standard output; return that."""
-    assert main([str(word) for word in words]) == 0
-    return capsys.readouterr().out
 
 
 # --- bad input ------------------------------------------------------------------------------------

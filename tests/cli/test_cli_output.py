@@ -1,7 +1,5 @@
 """Where answers go: JSON on standard output, nothing at all, gains that can be given back."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -11,6 +9,7 @@ from polefence import InputError, Parameter, PlantError, UncertainPlant, load
 from polefence.cli.given import read_gain
 from polefence.cli.lines import MOST_GAINS, gain_lines, matrix_text
 from polefence.cli.main import main
+from support.commands import ran, refused
 
 SPEC = """
 [parameter.k]
@@ -97,14 +96,12 @@ def test_gains_of_many_vertices_are_summarised():
 
 
 def test_a_margin_as_wide_as_the_interval_says_so(spec, tmp_path, capsys):
-    assert main([DESIGN[0], spec, *DESIGN[2:6], "scheduled", "-o", str(tmp_path / "d")]) == 0
-    capsys.readouterr()
+    ran(capsys, DESIGN[0], spec, *DESIGN[2:6], "scheduled", "-o", tmp_path / "d")
     assert main(["service", str(tmp_path / "d")]) == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "of the estimate" in line]
     assert line.endswith("N/m, the whole interval: it need not be known")
     narrow = ["design", spec, "--disk", "-3", "0.2", "--method", "scheduled"]
-    assert main([*narrow, "-o", str(tmp_path / "n")]) == 0
-    capsys.readouterr()
+    ran(capsys, *narrow, "-o", tmp_path / "n")
     assert main(["service", str(tmp_path / "n")]) in (0, 1)
     assert "whole interval" not in capsys.readouterr().out
 
@@ -120,8 +117,7 @@ def test_no_higher_degree_is_advised_where_there_is_none(spec, capsys):
 def test_a_parameter_that_changes_nothing_is_refused(spec, tmp_path, capsys):
     path = tmp_path / "unused.toml"
     path.write_text(SPEC + "[parameter.spare]\nrange = [1, 2]\n")
-    assert main(["limits", str(path), "--centre", "-3"]) == 2
-    error = capsys.readouterr().err
+    error = refused(capsys, "limits", path, "--centre", "-3")
     assert "parameter spare changes no entry" in error
     assert "leave it out" in error
     p, q = Parameter("p", 1, 2), Parameter("q", 1, 2, "", "1/q")
@@ -135,8 +131,7 @@ def test_a_parameter_that_changes_nothing_is_refused(spec, tmp_path, capsys):
 def test_a_rational_dependence_is_told_its_way_out(tmp_path, capsys):
     path = tmp_path / "spec.toml"
     path.write_text(SPEC.replace('"-k"', '"-k*k"'))
-    assert main(["limits", str(path), "--centre", "-3"]) == 2
-    error = capsys.readouterr().err
+    error = refused(capsys, "limits", path, "--centre", "-3")
     assert "A[2][1] is not multi-affine" in error
     assert "m2 = m**2" in error
     assert "give vertices" in error
@@ -158,25 +153,21 @@ def test_margins_of_whole_intervals_are_whole(tmp_path, capsys):
     assert every.endswith("of each range, the whole intervals: no parameter need be known")
     assert lines["rate of change, b"].endswith("(N s/m)/s")
     assert main(["check", str(tmp_path / "s" / "estimate-b.json")]) == 0
-    assert main(["check", str(tmp_path / "s" / "rate-b.json")]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "check", tmp_path / "s" / "rate-b.json")
     assert "b wrong by up to 0.2 N s/m, " in out
     assert "(N s/m)/s, " in out
 
 
 def test_service_says_where_the_law_itself_is_outside(spec, tmp_path, capsys):
     design = [DESIGN[0], spec, *DESIGN[2:6], "scheduled", "-o", str(tmp_path / "d")]
-    assert main(design) == 0
-    capsys.readouterr()
+    ran(capsys, *design)
     words = ["service", str(tmp_path / "d"), "--decay", "40"]
-    assert main([*words, "--region", "disk(-3, 0.01)"]) == 1
-    out = capsys.readouterr().out
+    out = ran(capsys, *words, "--region", "disk(-3, 0.01)", status=1)
     assert "note: even without an error at k = " in out
     assert "is not in disk(-3, 0.01)" in out
     assert "stable, with a decay rate of 40 1/s; ask for a lower decay rate by --decay" in out
     assert "\nat these rates" not in out
-    assert main(["service", str(tmp_path / "d"), "--region", "half_plane(0)"]) == 0
-    assert "even without" not in capsys.readouterr().out
+    assert "even without" not in ran(capsys, "service", tmp_path / "d", "--region", "half_plane(0)")
 
 
 def test_the_disk_that_is_advised_is_of_the_plant_s_speed(tmp_path, capsys):
@@ -186,7 +177,6 @@ def test_the_disk_that_is_advised_is_of_the_plant_s_speed(tmp_path, capsys):
             f"[matrices]\nA = [[-{speed}, 0], [{speed}, -{speed}]]\nB = [[1], [0]]\n"
             "[parameter.p]\nrange = [1, 2]\n".replace("[[1], [0]]", "[['p'], [0]]")
         )
-        assert main(["tightest", str(spec), "--of", "sector"]) == 0
-        out = capsys.readouterr().out
+        out = ran(capsys, "tightest", spec, "--of", "sector")
         centre = float(out.partition("by --within, for example 'disk(")[2].partition(",")[0])
         assert 10 * speed <= -centre <= 100 * speed

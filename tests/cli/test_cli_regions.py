@@ -1,7 +1,5 @@
 """Regions, degrees and the tightest question from the command line."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -12,6 +10,8 @@ from polefence import Design, Disk, HalfPlane, Sector, check, load
 from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps, loads
+from support.commands import ran, refused
+from support.files import rewritten
 
 STAGE = """
 name = "stage"
@@ -101,10 +101,8 @@ def test_degree_auto_climbs_and_says_where_it_came_to(stage, tmp_path, capsys):
 
 def test_a_region_out_of_reach_exits_1_and_writes_nothing(stage, tmp_path, capsys):
     words = ["design", stage, "--region", "half_plane(9) & disk(-10, 2)", "--method", "quadratic"]
-    assert main([*words, "-o", str(tmp_path / "d"), "--plot", str(tmp_path / "p.png")]) == 1
-    error = capsys.readouterr().err
+    error = refused(capsys, *words, "-o", tmp_path / "d", "--plot", tmp_path / "p.png", status=1)
     assert error.startswith("not proved: quadratic")
-    assert error.count("\n") == 1
     assert not (tmp_path / "d").exists()
     assert not (tmp_path / "p.png").exists()
 
@@ -130,8 +128,7 @@ def test_tightest_prints_what_is_proved_rounded_to_the_safe_side(stage, tmp_path
     words = ["tightest", stage, "--of", of.replace("_", "-"), *options, "--method", "quadratic"]
     words += ["-o", str(tmp_path / "d"), "--json", str(tmp_path / "s.json")]
     plot = ["--plot", str(tmp_path / "p.png")] if of == "sector" else []
-    assert main([*words, *plot]) == 0
-    printed = float(re.search(pattern, capsys.readouterr().out)[1])
+    printed = float(re.search(pattern, ran(capsys, *words, *plot))[1])
     design = Design.load(tmp_path / "d")
     summary = json.loads((tmp_path / "s.json").read_text())
     value = summary["value"]
@@ -160,13 +157,11 @@ def test_what_lies_beyond_the_tightest_is_not_proved(stage, tmp_path, capsys):
 
 
 def test_speed_without_a_bound_is_noted(stage, capsys):
-    assert main(["tightest", stage, "--of", "half_plane", "--method", "quadratic"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "tightest", stage, "--of", "half_plane", "--method", "quadratic")
     assert "note: a disk was added, or the gain would grow without bound" in said
     own = said.split("for example '")[1].split("'")[0]
     words = ["tightest", stage, "--of", "half_plane", "--method", "quadratic", "--within", own]
-    assert main(words) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *words)
     assert f"within {own}," in said
     assert "note: a disk" not in said
 
@@ -203,14 +198,12 @@ def test_a_row_of_no_method_is_no_row_to_resume(tmp_path, stage, capsys):
         document = json.loads(rows.read_text())
         document["rows"][0]["method"] = label
         (tmp_path / "bad.json").write_text(json.dumps(document))
-        assert main([*words[:-1], str(tmp_path / "bad.json"), "--resume"]) == 2
-        assert "a row is damaged" in capsys.readouterr().err
+        assert "a row is damaged" in refused(capsys, *words[:-1], tmp_path / "bad.json", "--resume")
 
 
 def test_one_gain_of_degree_zero_is_one_row(stage, capsys):
     words = ["limits", stage, "--centre", "-10", "--degree", "0", "--method"]
-    assert main([*words, "scheduled", "--method", "quadratic"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert len(ran(capsys, *words, "scheduled", "--method", "quadratic").splitlines()) == 3
 
 
 def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
@@ -230,10 +223,7 @@ def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
     ("words", "message"),
     [
         (["design", "--disk", "-40", "31"], "discrete-time plant; give a disk in the unit"),
-        (
-            ["design", "--region", "ellipse(-3, 2, 1)"],
-            "has no image in the z-plane here",
-        ),
+        (["design", "--region", "ellipse(-3, 2, 1)"], "has no image in the z-plane here"),
         (["tightest", "--of", "sector", "--within", "disk(-4, 3)"], "--within is of continuous"),
         (["tightest", "--of", "disk", "--centre", "-2"], "not inside the unit circle"),
         (["limits", "--centre", "-40"], "not inside the unit circle"),
@@ -244,10 +234,8 @@ def test_discrete_time_goes_all_the_way(cart, tmp_path, capsys):
     ],
 )
 def test_discrete_time_refuses_what_is_of_continuous_time(cart, capsys, words, message):
-    assert main([words[0], cart, *words[1:]]) == 2
-    error = capsys.readouterr().err
+    error = refused(capsys, words[0], cart, *words[1:])
     assert message in error
-    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("disk", [("0", "1"), ("0.5", "0.5"), ("-0.25", "0.75")])
@@ -257,8 +245,7 @@ def test_a_disk_that_touches_the_unit_circle_goes_all_the_way(cart, tmp_path, ca
     assert main(["check", folder, "--spec", cart]) == 0
     assert main(["design", cart, "--region", text, "--method", "quadratic"]) == 0
     assert main(["analyse", cart, "--gain", f"{folder}/design.json", "--region", text]) == 0
-    assert main(["observe", cart, "--measured", "x1", "--disk", *disk]) == 0
-    capsys.readouterr()
+    ran(capsys, "observe", cart, "--measured", "x1", "--disk", *disk)
     main(["service", folder, "--region", "disk(0, 1)"])
     said = capsys.readouterr()
     assert said.err == ""
@@ -274,15 +261,13 @@ def test_service_in_discrete_time_refuses_what_is_of_continuous_time(cart, tmp_p
         (["--region", "disk(-40, 31)"], "disk(0, 1) for stability alone"),
         (["--decay", "0.1"], "is in discrete time, where no rates of change are proved"),
     ):
-        assert main(["service", str(tmp_path / "d"), *words]) == 2
-        assert message in capsys.readouterr().err
+        assert message in refused(capsys, "service", tmp_path / "d", *words)
 
 
 def test_a_spec_without_region_is_told_one_of_its_kind_of_time(cart, tmp_path, capsys):
     spec = tmp_path / "bare.toml"
     spec.write_text("\n".join(x for x in CART.splitlines() if not x.startswith("region")))
-    assert main(["design", str(spec)]) == 2
-    assert "write region = 'disk(0.5, 0.4)'" in capsys.readouterr().err
+    assert "write region = 'disk(0.5, 0.4)'" in refused(capsys, "design", spec)
 
 
 def test_check_compares_the_sample_time(cart, tmp_path, capsys):
@@ -296,8 +281,7 @@ def test_check_compares_the_sample_time(cart, tmp_path, capsys):
     ):
         other = tmp_path / "other.toml"
         other.write_text(change(CART))
-        assert main(["check", str(tmp_path / "d"), "--spec", str(other)]) == 1
-        out = capsys.readouterr().out
+        out = ran(capsys, "check", tmp_path / "d", "--spec", other, status=1)
         assert "other time" in out
         assert says in out
 
@@ -316,9 +300,8 @@ VERTEX = "[[vertex]]\nA = [[0, 1], [2, 3]]\nB = [[0], [1]]\n"
 def test_a_design_file_with_no_sensible_sample_time_is_refused(cart, tmp_path, capsys, time):
     assert main(["design", cart, "--method", "quadratic", "-o", str(tmp_path)]) == 0
     path = tmp_path / "design.json"
-    document = json.loads(path.read_text())
-    document["plant"]["sample_time"] = time
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["plant"]["sample_time"] = time
     assert main(["check", str(path), "--spec", cart]) == 2
     assert str(path) in capsys.readouterr().err
 

@@ -1,7 +1,5 @@
 """`polefence semi-active`: what it prints, writes and refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -9,7 +7,7 @@ import pytest
 
 from polefence.cli.main import main
 from polefence.examples import spec_text
-from support.commands import refused
+from support.commands import ran, refused
 
 RANGE = "range = [300, 3000]"
 
@@ -24,8 +22,7 @@ def spec(tmp_path):
 def test_the_example_is_designed_proved_and_saved(spec, tmp_path, capsys):
     made = tmp_path / "made"
     words = ["semi-active", str(spec), "--degree", "4", "-o", str(made), "--json"]
-    assert main([*words, str(tmp_path / "own.json")]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, *words, tmp_path / "own.json")
     number = r"(\d\.\d+)"
     law = float(re.search(rf"proved: rms of .* <= {number} for every alpha", out)[1])
     stays = float(re.search(rf"582 N s/m for damper force: {number}", out)[1])
@@ -36,8 +33,7 @@ def test_the_example_is_designed_proved_and_saved(spec, tmp_path, capsys):
     assert found["at_most"] == pytest.approx(law, rel=1e-5)
     assert found["no semi-active law below"] == pytest.approx(semi_active, rel=1e-5)
     assert found["degree"] == 4
-    assert main(["check", str(made), "--spec", str(spec)]) == 0
-    assert capsys.readouterr().out.count("proved:") == 2
+    assert ran(capsys, "check", made, "--spec", spec).count("proved:") == 2
 
 
 @pytest.mark.parametrize(
@@ -55,8 +51,7 @@ def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, differenc
     other = tmp_path / "other.toml"
     other.write_text(spec.read_text().replace(old, new))
     capsys.readouterr()
-    assert main(["check", str(made / "law.json"), "--spec", str(other)]) == 1
-    assert difference in capsys.readouterr().out
+    assert difference in ran(capsys, "check", made / "law.json", "--spec", other, status=1)
 
 
 @pytest.mark.parametrize(
@@ -92,8 +87,7 @@ def test_where_no_bound_is_proved_the_rest_is_printed_and_saved(spec, tmp_path, 
     made, summary = tmp_path / "made", tmp_path / "own.json"
     spec.write_text(spec.read_text().replace(RANGE, "range = [0, 3000]"))
     words = ["semi-active", str(spec), "-o", str(made), "--json", str(summary)]
-    assert main(words) == 1
-    out = capsys.readouterr().out
+    out = ran(capsys, *words, status=1)
     assert "damper force = 0 v, vertex 1 is not stable; raise the lower bound of damper" in out
     stays = float(re.search(r"with the best fixed dampers, 582 N s/m .*: (\S+)", out)[1])
     low = float(re.search(r"no semi-active law goes below (\S+) at vertex 1", out)[1])
@@ -106,8 +100,7 @@ def test_where_no_bound_is_proved_the_rest_is_printed_and_saved(spec, tmp_path, 
     assert found["no semi-active law below"] == pytest.approx(low, rel=1e-5)
     assert [path.name for path in made.iterdir()] == ["limit.json"]
     (made / "law.json").write_text((made / "limit.json").read_text())
-    assert main(words) == 1
-    assert "law.json is that of an earlier design" in capsys.readouterr().out
+    assert "law.json is that of an earlier design" in ran(capsys, *words, status=1)
     (made / "law.json").unlink()
     assert main(["check", str(made), "--spec", str(spec)]) == 0
 
@@ -126,8 +119,7 @@ def test_dampers_of_a_spec_are_refused_by_every_command(spec, capsys):
 
 def test_the_saved_law_is_driven_with_the_dampers_of_the_spec(spec, tmp_path, capsys):
     made = tmp_path / "made"
-    assert main(["semi-active", str(spec), "--degree", "2", "-o", str(made)]) == 0
-    capsys.readouterr()
+    ran(capsys, "semi-active", spec, "--degree", "2", "-o", made)
     road = ["--road", "C", "--speed", "20", "--duration", "2", "--json", "-"]
     laws = ["--law", str(made / "law.json"), "--law", "passive"]
     assert main(["simulate", str(spec), *laws, *road]) == 0
@@ -138,6 +130,5 @@ def test_the_saved_law_is_driven_with_the_dampers_of_the_spec(spec, tmp_path, ca
     assert passive["proved"] == "nothing"
     other = tmp_path / "other.toml"
     other.write_text(spec.read_text().replace("k = 10000", "k = 12000"))
-    assert main(["simulate", str(other), *laws[:2], *road]) == 0
-    own = json.loads(capsys.readouterr().out)["laws"][0]
+    own = json.loads(ran(capsys, "simulate", other, *laws[:2], *road))["laws"][0]
     assert own["proved"] == "nothing: its proof is about another plant"

@@ -1,7 +1,5 @@
 """Structures of laws on the command line: options, the spec's [law], and what is refused."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest
@@ -11,6 +9,7 @@ from polefence.cli.main import main
 from polefence.cli.options import method_arguments, structure_arguments, structure_of
 from polefence.examples import spec_text
 from polefence.plant.spec import load
+from support.commands import refused
 from support.memories import design, exported
 
 LAW = '\n[law]\nmeasured = ["tyre deflection"]\ndegree = 2\n'
@@ -111,11 +110,9 @@ def test_hardware_that_cannot_be_gets_one_line_and_exit_2(text, said, tmp_path, 
     # before the first table, as keys at the top must be
     own = spec_text("quarter-car-ride")
     path.write_text(f"{text}\n{own}" if not text.startswith("[") else f"{own}\n{text}\n")
-    assert main(["design", str(path), "--disk", "-40", "36"]) == 2
-    said_line = capsys.readouterr().err
+    said_line = refused(capsys, "design", path, "--disk", "-40", "36")
     assert said_line.startswith(f"polefence: {path}: ")
     assert said in said_line
-    assert said_line.count("\n") == 1
 
 
 def test_noise_of_a_disturbance_that_is_not_there(tmp_path, capsys):

@@ -1,7 +1,5 @@
 """`verify` from the command line: what is said, written and refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,13 +1,11 @@
 """What newcomers get wrong, and what they are told: one line that names the remedy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 
-from polefence.cli.main import main
 from polefence.plant.spec import loads
+from support.commands import ran, refused
 
 CRANE = """
 name = "crane"
@@ -45,19 +43,6 @@ def spec(tmp_path, monkeypatch):
     return written
 
 
-def said(capsys, *words, status=2):
-    try:
-        found = main(list(words))
-    except SystemExit as end:
-        found = end.code
-    out = capsys.readouterr()
-    assert found == status, out
-    if status == 2:
-        assert out.err.count("\n") == 1
-        assert out.out == ""
-    return out.out + out.err
-
-
 @pytest.mark.parametrize("law", [["--schedule", "none"], ["--method", "quadratic"]])
 @pytest.mark.parametrize(
     ("given", "words"),
@@ -68,21 +53,21 @@ def said(capsys, *words, status=2):
 )
 def test_initial_states_of_another_size(spec, capsys, law, given, words):
     name = spec(PEAK.format(given))
-    found = said(capsys, "optimise", name, "--minimise", "gain of rope angle", *law)
+    found = refused(capsys, "optimise", name, "--minimise", "gain of rope angle", *law)
     assert words in found
     assert "trolley, rope angle, speed, rate" in found
 
 
 def test_a_region_on_the_wrong_side(spec, capsys):
-    found = said(capsys, "design", spec(), "--region", "half_plane(-1)", status=0)
+    found = ran(capsys, "design", spec(), "--region", "half_plane(-1)")
     assert "note: half_plane(-1) lets poles go up to +1; left of -1 is half_plane(1)" in found
-    found = said(capsys, "design", spec(), "--region", "half_plane(0.1)", status=0)
+    found = ran(capsys, "design", spec(), "--region", "half_plane(0.1)")
     assert "note" not in found
 
 
 def test_a_region_out_of_reach_names_the_other_way(spec, capsys):
     region = "half_plane(1) & sector(0.9) & disk(-2, 2)"
-    found = said(capsys, "design", spec(), "--region", region, status=1)
+    found = ran(capsys, "design", spec(), "--region", region, status=1)
     assert "a tuned law ([law] in the spec) may reach further" in found
 
 
@@ -91,15 +76,15 @@ def test_the_sign_of_a_regulator(spec, capsys):
     A, B = plant.at([0.5, 0.5])
     K = B.T @ solve_continuous_are(A, B, np.eye(4), np.eye(1) * 1e-6) * 1e6
     np.savetxt("lqr.csv", K, delimiter=",")
-    found = said(capsys, "verify", spec(), "--gain", "lqr.csv", status=1)
+    found = ran(capsys, "verify", spec(), "--gain", "lqr.csv", status=1)
     assert "note: -K keeps the poles of all vertices there" in found
     assert "add --minus" in found
-    assert "proved" in said(capsys, "verify", spec(), "--gain", "lqr.csv", "--minus", status=0)
+    assert "proved" in ran(capsys, "verify", spec(), "--gain", "lqr.csv", "--minus")
     words = ["--gain", "lqr.csv", "--region", "half_plane(0)"]
-    assert "u = -K x, add --minus" in said(capsys, "analyse", spec(), *words, status=1)
+    assert "u = -K x, add --minus" in ran(capsys, "analyse", spec(), *words, status=1)
     np.savetxt("weak.csv", 0 * K, delimiter=",")
     words[1] = "weak.csv"
-    assert "note" not in said(capsys, "analyse", spec(), *words, status=1)
+    assert "note" not in ran(capsys, "analyse", spec(), *words, status=1)
 
 
 @pytest.mark.parametrize(
@@ -122,18 +107,18 @@ def test_the_sign_of_a_regulator(spec, capsys):
 )
 def test_words_that_are_none(spec, capsys, words, remedy):
     spec()
-    assert remedy in said(capsys, *words)
+    assert remedy in refused(capsys, *words)
 
 
 def test_a_key_below_the_tables(spec, capsys):
     name = spec('region = "half_plane(1)"\n')
-    assert "matrices: unknown key 'region'; it belongs to the top of the file" in said(
+    assert "matrices: unknown key 'region'; it belongs to the top of the file" in refused(
         capsys, "design", name
     )
 
 
 def test_measured_signals_in_one_word(spec, capsys):
     words = ["observe", spec(), "--disk", "-3", "2.5"]
-    one = said(capsys, *words, "--measured", "trolley, rope angle", status=0)
-    two = said(capsys, *words, "--measured", "trolley", "--measured", "rope angle", status=0)
+    one = ran(capsys, *words, "--measured", "trolley, rope angle")
+    two = ran(capsys, *words, "--measured", "trolley", "--measured", "rope angle")
     assert one == two

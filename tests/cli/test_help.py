@@ -1,7 +1,5 @@
 """Help in groups, with examples that can be typed; completion in real shells."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -14,6 +12,7 @@ import pytest
 
 from polefence.cli.help import EXAMPLES, GROUPS
 from polefence.cli.main import COMMANDS, _parser, main
+from support.commands import ran
 
 NAMES = [name for name, *_ in COMMANDS]
 
@@ -74,8 +73,7 @@ def test_words_are_completed(tmp_path, typed, wanted):
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_code_is_one_that_the_shell_reads(capsys, tmp_path, shell):
-    assert main(["completion", shell]) == 0
-    code = capsys.readouterr().out
+    code = ran(capsys, "completion", shell)
     assert "_ARGCOMPLETE" in code
     assert "polefence" in code
     if shutil.which(shell):

@@ -1,7 +1,5 @@
 """A message names no option that the command which prints it lacks."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import re

@@ -1,7 +1,5 @@
 """Compilers and the emulator: where they are absent tests skip, but in continuous integration."""
 
-from __future__ import annotations
-
 import pytest
 
 from polefence import Disk, Scheduled, place

@@ -1,7 +1,5 @@
 """The observer's C: against numpy, in the loop with the law's C, and whatever it is given."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The generated C: no warning, no finding that the docs do not list, the documented answers."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Names, units and titles of strangers: the C compiles, and nothing leaks out of its comments."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from concurrent.futures import ThreadPoolExecutor

@@ -3,8 +3,6 @@
 LAW_SAMPLE_TIME and LAW_DELAY are read from the header, as a program would have them.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 from functools import cache

@@ -1,7 +1,5 @@
 """C of a law of controllable dampers: its own coefficients, within their bounds whatever x."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import replace
 from fractions import Fraction
@@ -16,7 +14,7 @@ from polefence.export.damper import damper_sources
 from polefence.proof.document import loads
 from polefence.requirements.rms import Rms
 from polefence.vehicle import Damper
-from support.commands import refused
+from support.commands import ran, refused
 from support.needed import need
 from support.shapes_of_laws import STRICT, run
 
@@ -61,8 +59,7 @@ def expected(K, rates, low, high, x):
 def test_the_code_sets_the_coefficients_of_the_law(saved, bits, kind, close, tmp_path, capsys):
     folder = tmp_path / "code"
     assert main(["export", str(saved), "--float", str(bits), "-o", str(folder)]) == 0
-    assert main(["check", str(folder / "guarantee.json")]) == 0
-    assert "clipped to 300 to 3000" in capsys.readouterr().out
+    assert "clipped to 300 to 3000" in ran(capsys, "check", folder / "guarantee.json")
     update, claim = library(folder), loads(saved.read_text()).claims[0]
     K = np.array([[float(x) for x in row] for row in claim.K])
     rates = np.array([[0.0, 0, -1, 1]])

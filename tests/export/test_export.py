@@ -26,6 +26,8 @@ from polefence.cli.main import main
 from polefence.examples import family
 from polefence.export import check_guarantee, export_c99
 from polefence.response.discrete import Sampling
+from support.commands import ran, refused
+from support.files import rewritten
 from support.once import proved_once  # noqa: F401
 
 FILES = {"law.c", "law.h", "law_test.c", "Makefile", "README.md", "guarantee.json"}
@@ -59,8 +61,7 @@ def test_the_folder_is_whole_and_proved(saved, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "Proved in exact arithmetic" in text
     assert {path.name for path in out.iterdir()} == FILES
-    assert main(["check", str(out)]) == 0
-    assert "float32 code" in capsys.readouterr().out
+    assert "float32 code" in ran(capsys, "check", out)
     assert run(saved, "--float", 32, "-o", out) == 0  # over an export of its own
     (out / "build").mkdir()
     assert run(saved, "--float", 64, "-o", out) == 0
@@ -114,14 +115,11 @@ def test_foreign_files_are_left_alone(saved, tmp_path, capsys):
     out = tmp_path / "out"
     out.mkdir()
     (out / "main.c").write_text("int main(void) { return 0; }\n")
-    assert run(saved, "-o", out) == 2
-    error = capsys.readouterr().err
+    error = refused(capsys, "export", saved, "-o", out)
     assert "main.c" in error
-    assert len(error.splitlines()) == 1
     assert [path.name for path in out.iterdir()] == ["main.c"]
     (out / "main.c").rename(out / "law.c")  # of the same name, but not ours
-    assert run(saved, "-o", out) == 2
-    assert "law.c" in capsys.readouterr().err
+    assert "law.c" in refused(capsys, "export", saved, "-o", out)
     assert (out / "law.c").read_text().startswith("int main")
     (tmp_path / "file").write_text("")
     assert run(saved, "-o", tmp_path / "file") == 2
@@ -145,10 +143,7 @@ def test_an_export_of_another_name_is_foreign(tmp_path):
     ],
 )
 def test_bad_options_are_one_line(arguments, words, saved, tmp_path, capsys):
-    assert run(saved, "-o", tmp_path / "out", *arguments) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert len(error.splitlines()) == 1
+    assert words in refused(capsys, "export", saved, "-o", tmp_path / "out", *arguments)
     assert not (tmp_path / "out").exists()
 
 
@@ -183,8 +178,9 @@ def test_too_small_a_margin_is_refused_for_float32_and_accepted_for_float64(tmp_
     """The claim is false when it should be."""
     design(29.08).save(tmp_path / "tight")
     out = tmp_path / "out"
-    assert run(tmp_path / "tight", "--float", 32, "-o", out) == 1
-    assert "--float 64" in capsys.readouterr().err
+    assert "--float 64" in refused(
+        capsys, "export", tmp_path / "tight", "--float", 32, "-o", out, status=1
+    )
     assert not out.exists()
     assert run(tmp_path / "tight", "--float", 64, "-o", out) == 0
     assert main(["check", str(out)]) == 0
@@ -234,7 +230,7 @@ def test_an_interval_out_of_reach_of_the_numbers_is_refused(low, high):
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory):
+def commanded(tmp_path_factory):
     """A folder with a sample time, what the command said of it, and how it ended."""
     folder, said = tmp_path_factory.mktemp("timed"), io.StringIO()
     design().save(folder / "car")
@@ -244,17 +240,16 @@ def ran(tmp_path_factory):
 
 
 @pytest.fixture
-def timed(ran, tmp_path):
+def timed(commanded, tmp_path):
     """A copy of that folder."""
-    return shutil.copytree(ran[0], tmp_path / "out")
+    return shutil.copytree(commanded[0], tmp_path / "out")
 
 
-def test_a_sample_time_is_proved_with_the_rounding(ran, timed, capsys):
-    _, said, status = ran
+def test_a_sample_time_is_proved_with_the_rounding(commanded, timed, capsys):
+    _, said, status = commanded
     assert status == 0
     assert "proved to decay" in said
-    assert main(["check", str(timed)]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "check", timed)
     assert "poles in disk(0, 0.98" in said
     assert "samples every 2 ms of x' = A x + B u" in said
     assert "u 1 sample late" in said
@@ -297,10 +292,9 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_changed_file_of_the_sampled_loop_is_refused(timed, fault):
     path = timed / "sampled.json"
-    whole = json.loads(path.read_text())
-    assert check_guarantee(timed).proved
-    FAULTS[fault](whole)
-    path.write_text(json.dumps(whole))
+    with rewritten(path) as whole:
+        assert check_guarantee(timed).proved
+        FAULTS[fault](whole)
     with suppress(DesignFileError):
         assert not check_guarantee(timed).proved
 
@@ -370,9 +364,8 @@ def test_a_wider_region_kept_is_what_the_head_says(tmp_path):
     """The claim about the code may be of another region than the design's own."""
     exported().save(tmp_path)
     path = tmp_path / "guarantee.json"
-    whole = json.loads(path.read_text())
-    whole["claims"][0]["gain"]["region"] = Disk(-40, 39).document()
-    path.write_text(json.dumps(whole))
+    with rewritten(path) as whole:
+        whole["claims"][0]["gain"]["region"] = Disk(-40, 39).document()
     answer = check_guarantee(tmp_path)
     assert not answer.proved  # law.h says disk(-40, 31)
     assert "law.h" in answer.reason
@@ -380,18 +373,17 @@ def test_a_wider_region_kept_is_what_the_head_says(tmp_path):
 
 def test_too_long_a_sample_time_is_refused_and_leaves_nothing_to_check(saved, tmp_path, capsys):
     out = tmp_path / "out"
-    assert run(saved, "--sample-time", 0.01, "-o", out) == 1
-    assert "found stable up to 7.1" in capsys.readouterr().err
+    assert "found stable up to 7.1" in refused(
+        capsys, "export", saved, "--sample-time", 0.01, "-o", out, status=1
+    )
     assert not out.exists()
     assert run(saved, "--sample-time", 0.01, "-o", out, "--allow-unproved") == 1
     assert "NOT PROVED to be stable" in (out / "law.h").read_text()
     assert not (out / "guarantee.json").exists()
     capsys.readouterr()
-    assert main(["check", str(out)]) == 2
-    assert "no file of claims" in capsys.readouterr().err
+    assert "no file of claims" in refused(capsys, "check", out)
     for value in ("0", "-1", "nan", "inf"):
-        assert run(saved, f"--sample-time={value}", "-o", tmp_path / "other") == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
+        refused(capsys, "export", saved, f"--sample-time={value}", "-o", tmp_path / "other")
     assert not (tmp_path / "other").exists()
 
 
@@ -404,14 +396,12 @@ def test_an_observer_is_put_beside_the_law(saved, tmp_path, capsys):
     observer.save(tmp_path / "observer")
     out = tmp_path / "out"
     arguments = [saved, "--float", 32, "--observer", tmp_path / "observer", "-o", out]
-    assert run(*arguments) == 2
-    assert "--sample-time" in capsys.readouterr().err
+    assert "--sample-time" in refused(capsys, "export", *arguments)
     assert run(*arguments, "--sample-time", 0.002) == 0
     assert {path.name for path in out.iterdir()} == TIMED | {"law_observer.c", "law_observer.h"}
     assert "Observer: proved" in (out / "README.md").read_text()
     capsys.readouterr()
-    assert main(["check", str(out)]) == 0
-    assert "poles in disk(-80, 30), of A - L C with -L(alpha)'" in capsys.readouterr().out
+    assert "poles in disk(-80, 30), of A - L C with -L(alpha)'" in ran(capsys, "check", out)
     observer_is_proved(out)
     (out / "law_observer.c").write_text("")
     assert main(["check", str(out)]) == 1
@@ -526,22 +516,19 @@ def test_a_discrete_time_plant_runs_at_its_own_time(tmp_path):
     ],
 )
 def test_options_without_a_meaning_are_refused(arguments, saved, tmp_path, capsys):
-    assert run(saved, *arguments, "-o", tmp_path / "out") == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    refused(capsys, "export", saved, *arguments, "-o", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_without_a_design_says_what_to_name(tmp_path, capsys):
-    assert run(tmp_path, "-o", tmp_path / "out") == 2
-    assert "polefence design -o" in capsys.readouterr().err
+    assert "polefence design -o" in refused(capsys, "export", tmp_path, "-o", tmp_path / "out")
 
 
 def test_a_guarantee_cut_short_is_named(tmp_path, capsys):
     exported().save(tmp_path)
     path = tmp_path / "guarantee.json"
     path.write_text(path.read_text()[:500])
-    assert main(["check", str(tmp_path)]) == 2
-    assert "guarantee.json" in capsys.readouterr().err
+    assert "guarantee.json" in refused(capsys, "check", tmp_path)
 
 
 @pytest.mark.parametrize("bits", [32, 64])
@@ -555,7 +542,6 @@ def test_a_law_of_one_vertex_is_one_gain(bits, tmp_path):
     K = np.array(json.loads((tmp_path / "guarantee.json").read_text())["claims"][0]["code"]["K"])
     assert pytest.approx(made.law.gain([1.0]), rel=1e-6) == K
     path = tmp_path / "guarantee.json"
-    whole = json.loads(path.read_text())
-    whole["claims"][0]["code"]["K"][0][0] *= 2
-    path.write_text(json.dumps(whole))
+    with rewritten(path) as whole:
+        whole["claims"][0]["code"]["K"][0][0] *= 2
     assert not check_guarantee(tmp_path).proved

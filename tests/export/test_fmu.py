@@ -1,7 +1,5 @@
 """FMUs, run by fmpy: the same u as the law in Python, and what the standard asks of them."""
 
-from __future__ import annotations
-
 import ctypes
 import io
 import os

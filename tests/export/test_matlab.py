@@ -1,7 +1,5 @@
 """MATLAB files: what they hold, and K(alpha) by the very formula that the documentation shows."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import comb
 

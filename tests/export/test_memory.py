@@ -1,7 +1,5 @@
 """Code of laws with states of their own: it keeps them, as the proof says, whatever is given."""
 
-from __future__ import annotations
-
 import json
 import math
 from contextlib import suppress
@@ -13,7 +11,6 @@ import pytest
 from scipy.linalg import expm
 
 from polefence import HalfPlane, InputError, NotProvedError, observe
-from polefence.cli.main import main
 from polefence.export import check_guarantee, export_c99
 from polefence.export.memory import kept, with_rates
 from polefence.export.sampled import sampled_poles
@@ -21,7 +18,9 @@ from polefence.export.vectors import special, vectors
 from polefence.plant.larger import own_states
 from polefence.proof.claims.rounding import gain_errors
 from polefence.response.discrete import Sampling
+from support.commands import ran, refused
 from support.cortex import Export, _bounds, run
+from support.files import rewritten
 from support.memories import CORNER, TIME, Code, design, exactly, exported
 from support.once import proved_once  # noqa: F401
 from support.shapes_of_laws import SANITIZED, STRICT
@@ -46,8 +45,7 @@ def test_the_folder_is_proved_and_its_test_passes(host_compiler, kind, bits, tmp
     lines = run("make", "-s", "test", "CFLAGS=-O1 -Werror", cwd=tmp_path).splitlines()
     assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
     if kind != "one gain":
-        assert main(["check", str(tmp_path)]) == 0
-        said = capsys.readouterr().out
+        said = ran(capsys, "check", tmp_path)
         assert "code computes it" in said
         assert "samples every 10 ms of x' = A x + B u" in said
         assert "u 1 sample late" in said
@@ -199,8 +197,7 @@ def test_limits_are_of_inputs_of_the_plant():
 def test_without_a_sample_time_there_is_no_code(tmp_path, capsys):
     design("affine").save(tmp_path / "own")
     capsys.readouterr()
-    assert main(["export", str(tmp_path / "own"), "-o", str(tmp_path / "code")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = refused(capsys, "export", tmp_path / "own", "-o", tmp_path / "code").splitlines()
     assert "1 state of its own" in line
     assert "--sample-time 0.001" in line
     assert not (tmp_path / "code").exists()
@@ -260,9 +257,8 @@ def test_changed_files_are_not_what_is_proved(change, tmp_path):
 def test_a_memory_needs_a_claim_about_the_sampled_loop(tmp_path):
     exported("affine", 32).save(tmp_path)
     path = tmp_path / "guarantee.json"
-    table = json.loads(path.read_text())
-    del table["export"]["text"]["sampled"]
-    path.write_text(json.dumps(table))
+    with rewritten(path) as table:
+        del table["export"]["text"]["sampled"]
     with pytest.raises(InputError, match="needs a claim about its sampled loop"):
         check_guarantee(path)
 

@@ -1,7 +1,5 @@
 """Polynomial laws, of states and of signals, as C99, as FMU and for MATLAB."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -13,7 +11,6 @@ import pytest
 from scipy.io import loadmat
 
 from polefence import Disk, FixedGain, HalfPlane, InputError, NotProvedError, analyse, observe
-from polefence.cli.main import main
 from polefence.export import check_guarantee, export_c99
 from polefence.export.fmu import variables
 from polefence.export.matlab import mat
@@ -22,6 +19,7 @@ from polefence.export.sources import context
 from polefence.export.vectors import ALLOWED, special, vectors
 from polefence.law.laws import PolynomialGain
 from polefence.response.discrete import Sampling
+from support.commands import ran
 from support.cortex import export, run
 from support.once import proved_once  # noqa: F401
 from support.polynomials import KINDS, REGION, design
@@ -34,8 +32,7 @@ def test_the_folder_is_proved_and_its_test_passes(host_compiler, kind, tmp_path,
     made = export_c99(design(kind), 32, limits=800.0)
     made.save(tmp_path)
     assert made.proved
-    assert main(["check", str(tmp_path)]) == 0
-    assert "as the float32 code computes it" in capsys.readouterr().out
+    assert "as the float32 code computes it" in ran(capsys, "check", tmp_path)
     lines = run("make", "-s", "test", "CFLAGS=-O1 -Werror", cwd=tmp_path).splitlines()
     assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
 
@@ -190,13 +187,7 @@ def test_an_fmu_has_the_signals_as_inputs():
     made = export_c99(design("varying"), 64)
     found = variables(made.program, made.texts, context(made.program, made.texts))
     names = [each.name for each in found["inputs"]]
-    assert names == [
-        "spring_force",
-        "sprung_mass_velocity",
-        "unsprung_mass_velocity",
-        "m1",
-        "beta",
-    ]
+    assert names == ["spring_force", "sprung_mass_velocity", "unsprung_mass_velocity", "m1", "beta"]
     assert found["inputs"][0].unit == "kN"
     assert "y not finite" in found["flags"].description
 

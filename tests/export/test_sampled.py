@@ -14,11 +14,7 @@ from polefence.certify.at_samples import at_samples
 from polefence.examples import family
 from polefence.export.decay import prove_decay
 from polefence.export.program import number, program
-from polefence.export.sampled import (
-    largest_sample_time,
-    sampled_poles,
-    sampling_effect,
-)
+from polefence.export.sampled import largest_sample_time, sampled_poles, sampling_effect
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.rounding import Rounded, rounding_error
 from polefence.proof.document import loads

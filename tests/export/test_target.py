@@ -1,7 +1,5 @@
 """The C code on this machine and on an emulated Cortex-M4F: what it answers and what it costs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test vectors against the law, the C test that is made of them, and faults it must find."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 
@@ -103,13 +101,7 @@ def eliminated(W, x):
 def test_special_vectors_have_every_fault(car_designs):
     design = car_designs["scheduled"]
     found = special(made(design), design.law)
-    assert set(found.flags) == {
-        OK,
-        CLAMPED,
-        NOT_A_NUMBER,
-        CLAMPED | NOT_A_NUMBER,
-        NO_CONTROL,
-    }
+    assert set(found.flags) == {OK, CLAMPED, NOT_A_NUMBER, CLAMPED | NOT_A_NUMBER, NO_CONTROL}
     bad = ~np.isfinite(found.x)
     assert bad.any(axis=0).all()
     assert np.array_equal(bad.any(axis=1), found.flags == NO_CONTROL)

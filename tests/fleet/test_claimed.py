@@ -4,9 +4,6 @@ What is lowered in a claim here (noise, a filter, a signal, errors) leaves it pr
 the proof alone has nothing to say against it.
 """
 
-from __future__ import annotations
-
-import hashlib
 import json
 import math
 import shutil
@@ -25,7 +22,7 @@ from polefence.fleet import Store, judged, processes
 from polefence.fleet.claimed import bounds, fault_of, is_about
 from polefence.fleet.form import Form
 from polefence.fleet.questions import read_questions
-from polefence.fleet.store import digest_of, law_of
+from polefence.fleet.store import law_of
 from polefence.law.structure import Structure
 from polefence.plant.spec import loads
 from polefence.proof.document import check
@@ -40,6 +37,8 @@ from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.saturation import Saturation
 from polefence.requirements.specification import claim_of
+from support.commands import ran
+from support.studies import put_proof, put_rows, signed
 
 pytest.importorskip("pyarrow")
 
@@ -142,32 +141,28 @@ def faults(results):
 
 def written(results, change):
     """Rows written anew with digests that fit; ``change`` has them by question."""
-    from polefence.fleet.store import _table
-
     rows = {row["question"]: row for row in Store(results).rows()}
-    for path in (results / "rows").iterdir():
-        path.unlink()
     change(rows)
-    signed = [row | {"digest": digest_of(row)} for row in rows.values()]
-    names = Store(results).about["names"]
-    (results / "rows" / "all.parquet").write_bytes(_table(signed, names))
+    put_rows(results, [signed(row) for row in rows.values()])
+
+
+def with_claims_of(row, results, content):
+    """A row that names this file of claims, and says what it does."""
+    answer = read(content.decode())
+    claim = "; ".join(own.said(answer.plant) for own in answer.claims)
+    return row | {"proof": put_proof(results, content), "law": law_of(content), "claim": claim}
 
 
 def with_file(results, question, change, **new):
     """A file of claims changed, and its row put right by it; the file is proved as it is."""
 
     def rewrite(rows):
-        row, store = rows[question], Store(results)
-        document = json.loads(store.proof(row["proof"]).read_text())
+        row = rows[question]
+        document = json.loads(Store(results).proof(row["proof"]).read_text())
         change(document)
         content = json.dumps(document).encode()
-        answer = read(content.decode())
-        assert check(answer).proved
-        digest = hashlib.sha256(content).hexdigest()
-        store.proof(digest).parent.mkdir(exist_ok=True)
-        store.proof(digest).write_bytes(content)
-        claim = "; ".join(own.said(answer.plant) for own in answer.claims)
-        rows[question] = row | {"proof": digest, "law": law_of(content), "claim": claim} | new
+        assert check(read(content.decode())).proved
+        rows[question] = with_claims_of(row, results, content) | new
 
     written(results, rewrite)
 
@@ -360,8 +355,7 @@ def test_a_law_that_leaves_its_first_input_alone_is_of_the_question(results, tmp
     assert not any(own.sizes[0])
     assert all(own.sizes[1])
     folder = place(loads(PLANT), Disk(-4, 3.9)).save(tmp_path / "law").parent
-    assert main(["service", str(folder), "-o", str(tmp_path / "margins")]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "service", folder, "-o", tmp_path / "margins")
     assert "error of each gain" in said
     files = sorted(own.name for own in (tmp_path / "margins").iterdir())
     assert "gain.json" in files
@@ -540,19 +534,9 @@ def test_a_scheduled_law_as_one_gain_is_found(results):
     plant = loads(PLANT + ASKED, "variant")
 
     def change(rows):
-        row, store = rows["disk"], Store(results)
-        content = (
-            place(plant, Disk(-4, row["bound"]), "scheduled")
-            .certificate.file()
-            .dumps(None)
-            .encode()
-        )
-        digest = hashlib.sha256(content).hexdigest()
-        store.proof(digest).parent.mkdir(exist_ok=True)
-        store.proof(digest).write_bytes(content)
-        answer = read(content.decode())
-        claim = "; ".join(own.said(answer.plant) for own in answer.claims)
-        rows["disk"] = row | {"proof": digest, "law": law_of(content), "claim": claim}
+        other = place(plant, Disk(-4, rows["disk"]["bound"]), "scheduled")
+        content = other.certificate.file().dumps(None).encode()
+        rows["disk"] = with_claims_of(rows["disk"], results, content)
 
     written(results, change)
     assert faults(results) == {"disk": "its law is of degree 1, not of 0 at most"}

@@ -1,7 +1,5 @@
 """Studies on Dask clusters: the same rows, whatever dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket
@@ -18,6 +16,7 @@ from polefence.examples import spec_text
 from polefence.fleet import Store, dask, load_study, run
 from polefence.fleet.questions import Tightest
 from support.commands import refused
+from support.studies import keys
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -41,10 +40,6 @@ def write(folder, count):
     path = folder / "study.toml"
     path.write_text(STUDY.replace("COUNT", str(count)))
     return path
-
-
-def keys(folder):
-    return Counter((row["variant"], row["question"]) for row in Store(folder).rows())
 
 
 def every(count):

@@ -1,7 +1,5 @@
 """Few laws for many variants: no more than are needed, each proved of each of its variants."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections import Counter
@@ -16,10 +14,11 @@ from polefence.cli.main import main
 from polefence.examples import spec_text
 from polefence.fleet import Store, Workers, judged, load_study, processes, run
 from polefence.fleet.questions import LOST, NOT_PROVED, Answer, Cover
-from polefence.fleet.store import digest_of
 from polefence.plant.joined import joined
 from polefence.plant.outputs import Output
 from polefence.show.fleet import _laws, _ringed
+from support.commands import ran
+from support.studies import put_proof, put_rows, signed
 
 pytest.importorskip("pyarrow")
 
@@ -81,12 +80,7 @@ def least(values):
 
 @pytest.mark.parametrize(
     "values",
-    [
-        [1, 2, 3],
-        [-2, -1, 1, 2],
-        [1, 2, 3, 10, -1, -2],
-        [0.1, 0.2, 0.5, 0.9, 1.7, 3, 5, 9, 16, 30],
-    ],
+    [[1, 2, 3], [-2, -1, 1, 2], [1, 2, 3, 10, -1, -2], [0.1, 0.2, 0.5, 0.9, 1.7, 3, 5, 9, 16, 30]],
 )
 def test_as_few_gains_as_intervals_need(answered, values):
     store = Store(answered(*values)[1])
@@ -101,8 +95,7 @@ def test_as_few_gains_as_intervals_need(answered, values):
 def test_one_that_nothing_moves_is_a_row_with_its_reason(tmp_path, capsys):
     study_of(tmp_path, [0, 1, 2])
     path, out = tmp_path / "study.toml", tmp_path / "out"
-    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 1
-    said = capsys.readouterr().out
+    said = ran(capsys, "study", path, "-o", out, "--jobs", "1", status=1)
     assert "2 proved; by 1 law: of 2 variants" in said
     rows = {row["b"]: row for row in Store(out).rows()}
     assert rows[0]["status"] != "proved"
@@ -145,18 +138,11 @@ def test_resuming_gives_a_law_to_those_that_have_none(answered, tmp_path):
 
 
 def test_a_row_that_names_another_law_is_found(tmp_path):
-    import pyarrow.parquet as parquet
-    from pyarrow import Table
-
     study, out = study_of(tmp_path, [-1, 1]), tmp_path / "out"
     for _ in run(study, Store(out), processes(1)):
         pass
     one, other = Store(out).rows()
-    for path in (out / "rows").iterdir():
-        table = parquet.read_table(path)
-        rows = [row | {"law": one["law"]} for row in table.to_pylist()]
-        rows = [row | {"digest": digest_of(row)} for row in rows]
-        parquet.write_table(Table.from_pylist(rows, table.schema), path)
+    put_rows(out, [signed(row, law=one["law"]) for row in (one, other)])
     faults = {own.variant: own.fault for own in judged(Store(out), processes(1))}
     assert faults == {one["variant"]: "", other["variant"]: "names another law than its file"}
 
@@ -165,31 +151,19 @@ def test_an_estimate_tries_the_first_group(tmp_path, capsys, monkeypatch):
     study_of(tmp_path, [1 + k / 100 for k in range(20)])
     tried = []
     monkeypatch.setattr(Cover, "proved", lambda *own: tried.append(own) or Answer("proved"))
-    assert main(["study", str(tmp_path / "study.toml"), "--estimate"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "study", tmp_path / "study.toml", "--estimate")
     assert re.search(r"  cover: cover, region = disk\(-5, 4\): \S+ s a variant\n", said)
     assert re.search(r"  20 rows: about \S+ s of one processor", said)
     assert len(tried) == Cover.group
 
 
 def test_a_proof_that_is_no_file_of_claims_is_found(tmp_path):
-    import hashlib
-
-    import pyarrow.parquet as parquet
-    from pyarrow import Table
-
     study, out = study_of(tmp_path, [1]), tmp_path / "out"
     for _ in run(study, Store(out), processes(1)):
         pass
     for content in (b"[1]", b"{", b"\xff", b"{}"):
-        digest = hashlib.sha256(content).hexdigest()
-        Store(out).proof(digest).parent.mkdir(exist_ok=True)
-        Store(out).proof(digest).write_bytes(content)
-        (path,) = (out / "rows").iterdir()
-        table = parquet.read_table(path)
-        rows = [row | {"proof": digest} for row in table.to_pylist()]
-        rows = [row | {"digest": digest_of(row)} for row in rows]
-        parquet.write_table(Table.from_pylist(rows, table.schema), path)
+        digest = put_proof(out, content)
+        put_rows(out, [signed(row, proof=digest) for row in Store(out).rows()])
         (own,) = judged(Store(out), processes(1))
         assert own.fault
 
@@ -207,8 +181,6 @@ def test_where_those_that_prove_die_rows_are_lost(tmp_path):
 
 
 def test_a_law_that_no_proof_follows_ends_with_a_reason(tmp_path, monkeypatch):
-    from polefence.fleet.questions import Answer, Cover
-
     def refused(self, K, spec):
         return Answer(NOT_PROVED, reason="no")
 

@@ -1,7 +1,5 @@
 """Tasks in processes that die: each done once, the one that kills its workers given up."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections import Counter

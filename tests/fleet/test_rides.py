@@ -1,7 +1,5 @@
 """Questions about rides, of every method, and of several values: what they ask, and their rows."""
 
-from __future__ import annotations
-
 import pytest
 
 import polefence
@@ -12,7 +10,7 @@ from polefence.fleet import Store, Study, load_study, processes
 from polefence.fleet.questions import MOST, Ride, Tightest, read_questions
 from polefence.plant.spec import loads
 from polefence.vehicle.compare import QUANTITIES, compare, standard_laws
-from support.commands import refused
+from support.commands import ran, refused
 from support.paths import DOCS
 
 pytest.importorskip("pyarrow")
@@ -112,8 +110,7 @@ def test_sampled_rows_are_said_to_be_that(results, capsys, tmp_path):
     html = page.read_text()
     assert "Worst samples (not proved)" in html
     assert html.count("<td>2 sampled</td>") == 2
-    assert main(["study", str(out), "--best", "compare passive"]) == 0
-    head, first, *_ = capsys.readouterr().out.splitlines()
+    head, first, *_ = ran(capsys, "study", out, "--best", "compare passive").splitlines()
     assert "sample" in head
     assert "bound" not in head
     assert int(first.split()[0]) == worst.index(min(worst))
@@ -131,8 +128,7 @@ def test_rides_without_failures_end_well(written, capsys):
     path = written.with_name("rides.toml")
     path.write_text("[[question]]".join(text[:2]))
     out = written.with_name("alone")
-    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 0
-    assert "compare quadratic: 2 sampled" in capsys.readouterr().out
+    assert "compare quadratic: 2 sampled" in ran(capsys, "study", path, "-o", out, "--jobs", "1")
     assert {row["status"] for row in Store(out).rows()} == {"sampled"}
 
 
@@ -175,7 +171,5 @@ def test_every_quantity_has_its_unit(written):
 def test_the_page_shows_the_example(capsys):
     page = (DOCS / "fleet.md").read_text()
     assert f"```toml\n{spec_text('fleet')}```" in page
-    assert main(["example", "fleet"]) == 0
-    assert capsys.readouterr().out == spec_text("fleet")
-    assert main(["example"]) == 0
-    assert "\nfleet  " in capsys.readouterr().out
+    assert ran(capsys, "example", "fleet") == spec_text("fleet")
+    assert "\nfleet  " in ran(capsys, "example")

@@ -1,7 +1,5 @@
 """Studies from the command line: rows, proofs, and what befalls processes and files."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -22,7 +20,9 @@ from polefence.examples import spec_text
 from polefence.fleet import Store, judged, load_study, processes, run
 from polefence.fleet.store import digest_of
 from polefence.plant.spec import loads
-from support.commands import refused
+from support.commands import ran, refused
+from support.files import rewritten
+from support.studies import keys, put_proof, put_rows, signed
 
 pytest.importorskip("pyarrow")
 
@@ -75,10 +75,6 @@ def command(*words):
 def started(*words, **options):
     kept = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(command(*words), **kept | options)
-
-
-def keys(folder):
-    return Counter((row["variant"], row["question"]) for row in Store(folder).rows())
 
 
 def every(count):
@@ -136,8 +132,7 @@ def test_other_tools_read_rows_as_one_table(done):
 
 def test_results_say_what_they_are(done, capsys):
     path, out = done
-    assert main(["study", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "study", out)
     assert f"{2 * FEW} of {2 * FEW} rows of hatchbacks" in said
     rows = [row for row in Store(out).rows() if row["question"] == "tightest"]
     shown = re.search(rf"tightest: {FEW} proved; (\S+) to (\S+) 1/s", said)
@@ -146,12 +141,10 @@ def test_results_say_what_they_are(done, capsys):
     assert low >= min(bounds)  # rounded to the weaker side
     assert high >= max(bounds)
     assert high == pytest.approx(max(bounds), rel=1e-5)
-    assert main(["study", str(out), "--best", "tightest"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = ran(capsys, "study", out, "--best", "tightest").splitlines()
     best = min(rows, key=lambda row: row["bound"])
     assert int(lines[1].split()[0]) == best["variant"]
-    assert main(["study", str(path), "--estimate"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "study", path, "--estimate")
     assert re.search(rf"{2 * FEW} rows: about \S+ s of one processor, 0\.\d+ MB", said)
     assert main(["study", str(path), "--variant", "2"]) == 0
     assert loads(capsys.readouterr().out).digest == loads(load_study(path).spec(2)).digest
@@ -168,8 +161,7 @@ method = "quadratic"
 """
     out = tmp_path / "out"
     words = ["study", str(write(tmp_path, text=text)), "-o", str(out), "--jobs", "1"]
-    assert main(words) == 1
-    said = capsys.readouterr().out
+    said = ran(capsys, *words, status=1)
     assert "design: 1 error, 2 not proved" in said
     assert "variant 0 and 1 more: not proved: " in said
     rows = {row["variant"]: row for row in Store(out).rows()}
@@ -195,8 +187,7 @@ method = "quadratic"
 """
     out, page = tmp_path / "out", tmp_path / "page.html"
     main(["study", str(write(tmp_path, text=text)), "-o", str(out), "--jobs", "1"])
-    assert main(["study", str(out), "--html", str(page)]) == 1
-    assert f"saved: {page}" in capsys.readouterr().out
+    assert f"saved: {page}" in ran(capsys, "study", out, "--html", page, status=1)
     html = page.read_text()
     assert "<h1>&lt;b&gt;fleet&lt;/b&gt;: 6 variants</h1>" in html
     assert "4 of 12 answers proved" in html
@@ -226,8 +217,7 @@ grid = {"m1.high" = [346, 380]}
         text += f'[[question]]\nname = "{name}"\nask = "service"\nmargin = "{name}"\n'
         text += 'region = "disk(-40, 8)"\n'
     path, out = write(tmp_path, text=text), tmp_path / "out"
-    assert main(["study", str(path), "-o", str(out), "--jobs", "1"]) == 0
-    said, study = capsys.readouterr().out, load_study(path)
+    said, study = ran(capsys, "study", path, "-o", out, "--jobs", "1"), load_study(path)
     rows = list(Store(out).rows())
     alone = in_service(place(loads(study.spec(1)), Disk(-40, 8)))
     for name in margins:
@@ -432,23 +422,8 @@ def test_a_full_disk_leaves_no_half_file(tmp_path):
 
 
 def changed(results, change):
-    """Rows written anew, changed and with digests that fit them."""
-    from pyarrow import parquet
-
-    from polefence.fleet.store import _table
-
-    about = Store(results).about
-    rows = list(Store(results).rows())
-    for path in (results / "rows").iterdir():
-        path.unlink()
-    rows = change(rows)
-    (results / "rows" / "all.parquet").write_bytes(_table(rows, about["names"]))
-    assert parquet.read_table(results / "rows" / "all.parquet").num_rows == len(rows)
-
-
-def signed(row, **new):
-    row = row | new
-    return row | {"digest": digest_of(row)}
+    """Put rows that are changed into the place of those that are there."""
+    put_rows(results, change(list(Store(results).rows())))
 
 
 def of(rows, question):
@@ -517,17 +492,15 @@ def _answered_otherwise(rows):
 def test_a_changed_row_is_found(name, results, capsys):
     change, said = CHANGES[name]
     changed(results, change)
-    assert main(["study", str(results), "--check", "--jobs", "1"]) == 1
-    out = capsys.readouterr().out
+    out = ran(capsys, "study", results, "--check", "--jobs", "1", status=1)
     assert said in out
     assert "; 1 faults" in out
 
 
 def test_a_changed_proof_is_found(results):
     paths = sorted((results / "proofs").rglob("*.json"))
-    document = json.loads(paths[0].read_text())
-    document["polefence"] = "9"
-    paths[0].write_text(json.dumps(document))
+    with rewritten(paths[0]) as document:
+        document["polefence"] = "9"
     paths[1].unlink()
     faults = sorted(own.fault for own in judged(Store(results), processes(1)) if own.fault)
     assert len(faults) == 2
@@ -537,18 +510,13 @@ def test_a_changed_proof_is_found(results):
 
 def test_a_file_that_proves_nothing_is_found(results):
     """A better radius in the file too, and all digests put right."""
-    import hashlib
-
     store = Store(results)
 
     def change(rows):
         own = of(rows, "tightest")
         document = json.loads(store.proof(own["proof"]).read_text())
         document["claims"][0]["region"]["radius"] = own["bound"] * 0.9
-        content = json.dumps(document).encode()
-        digest = hashlib.sha256(content).hexdigest()
-        store.proof(digest).parent.mkdir(exist_ok=True)
-        store.proof(digest).write_bytes(content)
+        digest = put_proof(results, json.dumps(document).encode())
         new = signed(own, proof=digest, bound=own["bound"] * 0.9)
         return [new if row is own else row for row in rows]
 

@@ -1,7 +1,5 @@
 """Variants of specs: what they change and nothing else, as many as were asked for, all decimals."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

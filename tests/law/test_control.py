@@ -1,7 +1,5 @@
 """Plants and laws as systems of python-control: the loops that they close, and how they refuse."""
 
-from __future__ import annotations
-
 import sys
 from fractions import Fraction
 
@@ -176,9 +174,7 @@ def test_the_loop_has_the_poles_of_the_design(design, given):
     scheduled = list(HERE) if given == "parameters" else [f"alpha{j + 1}" for j in range(4)]
     assert law.input_labels[5:] == scheduled
     loop = control.interconnect(
-        [plant_at(design, law, alpha), law],
-        inputs=["road", *scheduled],
-        outputs=law.output_labels,
+        [plant_at(design, law, alpha), law], inputs=["road", *scheduled], outputs=law.output_labels
     )
     here = list(HERE.values()) if given == "parameters" else list(alpha)
     linear = loop.linearize(np.zeros(5), [0, *here])

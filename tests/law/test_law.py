@@ -1,7 +1,5 @@
 """Laws: K(alpha) against its definition, and what they refuse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

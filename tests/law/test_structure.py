@@ -1,7 +1,5 @@
 """Structures of laws: what is measured and free, dynamic laws and PIDs, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import control
@@ -10,14 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polefence import (
-    InputError,
-    SpecError,
-    Structure,
-    UncertainPlant,
-    load_structure,
-    with_sensor,
-)
+from polefence import InputError, SpecError, Structure, UncertainPlant, load_structure, with_sensor
 from polefence.examples import family, spec_text
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads

@@ -1,7 +1,5 @@
 """What a polynomial law is called: a formula that gives its gain, evaluated as it is written."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random plants drawn wide, and hostile ones, through the public door: proved or refused."""
 
-from __future__ import annotations
-
 import runpy
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lyapunov polynomials along motions, by interpolation: against closed forms, LMIs, the proof."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

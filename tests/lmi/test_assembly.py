@@ -1,7 +1,5 @@
 """Conditions stacked at once against the same conditions written one inequality at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

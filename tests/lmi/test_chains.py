@@ -1,7 +1,5 @@
 """Chains of masses, whose Lyapunov matrices are far from any coordinates that one starts in."""
 
-from __future__ import annotations
-
 import runpy
 
 import numpy as np

@@ -3,8 +3,6 @@
 The matrix at alpha is built here from A(alpha), W(alpha), Z(alpha) and regions written out by hand.
 """
 
-from __future__ import annotations
-
 from math import factorial, prod
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dual polynomials by interpolation: equations against SciPy, levels against samples, parts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise, product
 

@@ -1,7 +1,5 @@
 """The first point of a search: the least power of two at which a pencil is positive definite."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

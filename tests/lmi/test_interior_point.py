@@ -1,7 +1,5 @@
 """The interior point's reference: its operators, its optimality conditions, its path."""
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The compiled interior point: the reference's twin, and no way to misuse it."""
 
-from __future__ import annotations
-
 import runpy
 import signal
 import threading

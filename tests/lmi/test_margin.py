@@ -1,7 +1,5 @@
 """The second solver that other tests ask, and what is said where a search fails."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from polefence import build, limits

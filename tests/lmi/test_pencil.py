@@ -1,7 +1,5 @@
 """Each condition's pencil against the paper's own displays, built here by hand."""
 
-from __future__ import annotations
-
 from itertools import combinations, permutations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scaling is exactly undone, and changes no radius."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Blocks of many terms and few unknowns, whose derivatives the kernel spells out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """One step of the compiled interior point against one of the reference's, for many shapes."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of other tools: the same matrices whatever the format; what is none is one line."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct
@@ -209,10 +207,7 @@ def written(content):
 
 BAD = {
     "pickled.npz": (pickled, "A: not a plain array of NumPy"),
-    "huge.npz": (
-        claiming(10**6, 10**6),
-        "its header says 1000000 x 1000000",
-    ),
+    "huge.npz": (claiming(10**6, 10**6), "its header says 1000000 x 1000000"),
     "negative.npz": (claiming(-1, 4), "A: not a plain array of NumPy"),
     "short.npz": (claiming(1, 3), "A: not a plain array of NumPy"),
     "short.npy": (written(b"\x93NUMPY\x01\x00"), "not a plain array of NumPy"),

@@ -1,7 +1,5 @@
 """Parts of a box: their points and polynomials, and how it is divided."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import prod
 

@@ -1,7 +1,5 @@
 """What notebooks show: the facts, and no name as markup."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

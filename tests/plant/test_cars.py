@@ -1,7 +1,5 @@
 """Cars on wheels, against their energies: another way to the same equations."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import product
 
@@ -315,11 +313,7 @@ FAULTS = [
     ("[car.seat]", "[matrices]\n[car.seat]", "matrices and car exclude each other"),
     ("[car.seat]", 'states = ["x"]\n[car.seat]', "car.body: unknown key|unknown key"),
     ("y = 0.6935", 'y = "age"', "front left: y"),
-    (
-        "[road]",
-        '[outputs]\n"driver acceleration [m/s2]" = {C = [1]}\n[road]',
-        "choose another",
-    ),
+    ("[road]", '[outputs]\n"driver acceleration [m/s2]" = {C = [1]}\n[road]', "choose another"),
 ]
 
 

@@ -1,7 +1,5 @@
 """Modes that no gain moves, against plants whose modes are known, and what is refused for them."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Specs that are written: what is read from them is the plant, with its parameters."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Expressions: exact values, the multi-affinity verdict, and all else refused in one clear line."""
 
-from __future__ import annotations
-
 import re
 from contextlib import nullcontext
 from fractions import Fraction

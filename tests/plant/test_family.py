@@ -1,7 +1,5 @@
 """Uncertain plants: vertices, alpha, the exact multi-affinity test, controllability."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

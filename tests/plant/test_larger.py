@@ -1,7 +1,5 @@
 """Larger plants: against transfer functions, feedback of python-control, and noise by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

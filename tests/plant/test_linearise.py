@@ -1,7 +1,5 @@
 """Linearised plants: Jacobians by hand, how far the polytope misses them, what cannot be done."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MATLAB workspaces with objects in them, written byte by byte: what is numbers is read."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 

@@ -1,7 +1,5 @@
 """Samples of a family: in the domain, on its edges, seeded, and as many as the work allows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

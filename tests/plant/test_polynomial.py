@@ -1,7 +1,5 @@
 """Polynomials on simplices and boxes against direct evaluation, away from sum one too."""
 
-from __future__ import annotations
-
 from math import comb, factorial, prod
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Spec files: what they mean, and that they survive being written."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

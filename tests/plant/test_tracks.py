@@ -1,7 +1,5 @@
 """Roads in tracks, against integrals over frequency with true delays and coherence."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Regions: membership and distance against the defining inequality, refusals, discrete time."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

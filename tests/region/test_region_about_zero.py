@@ -1,7 +1,5 @@
 """Disks and ellipses about points that are not on the left: parts of regions that lie there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -30,6 +28,7 @@ from polefence.region.text import parse_region
 from polefence.requirements.gain import Gain
 from polefence.search.optimise import optimise
 from polefence.studio.handles import Handle, moved
+from support.commands import ran
 
 STANDARD = HalfPlane(1) & Sector(0.7) & Disk(0, 500)
 SPEC = """
@@ -156,8 +155,7 @@ def test_what_else_is_asked_of_it():
 def test_commands_take_it_and_their_files_are_checked(spec, capsys, command):
     assert main(command) == 0, capsys.readouterr()
     assert "disk(0, 30)" in capsys.readouterr().out
-    assert main(["check", "d", "--spec", spec]) == 0
-    assert "disk(0, 30)" in capsys.readouterr().out
+    assert "disk(0, 30)" in ran(capsys, "check", "d", "--spec", spec)
     assert main(["report", "d", "-o", "r.html"]) == 0
 
 

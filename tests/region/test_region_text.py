@@ -1,7 +1,5 @@
 """Regions as text: what reads, what does not, and that writing and reading agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Regions of continuous time in the z-plane: what was asked holds there, and little is lost."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -32,6 +30,7 @@ from polefence.cli.main import main
 from polefence.region.regions import Region
 from polefence.region.text import short_text
 from polefence.region.z_plane import annulus_kept, share_kept
+from support.commands import ran
 
 T = 0.05
 DAMPINGS = [1e-6, 0.02, 0.3, 0.7071, 0.9, 0.99, 0.999]
@@ -210,8 +209,7 @@ def test_the_command_says_how_much_of_an_annulus_was_proved(tmp_path, monkeypatc
     (tmp_path / "cart.toml").write_text(SPEC)
     words = ["cart.toml", "--region", "vertical_strip(-8, -1)"]
     said = f"; the right part of {VerticalStrip(-8, -1)} is 17 % of its image"
-    assert main(["design", *words, "--method", "quadratic"]) == 0
-    assert said in capsys.readouterr().out
+    assert said in ran(capsys, "design", *words, "--method", "quadratic")
     assert main(["analyse", *words, "--gain", "[[-1, -1]]"]) == 1
     assert "note: so a pole outside that part may still be in the strip" in capsys.readouterr().out
 
@@ -251,8 +249,7 @@ def test_the_command_finds_decay_rate_and_damping_ratio(tmp_path, monkeypatch, c
         assert float(first.split()[3].rstrip(",")) == pytest.approx(value, rel=1e-5)
         region = Design.load("law/design.json").region
         assert f"within {' & '.join(map(short_text, region.parts))}" in first
-        assert main(["check", "law", "--spec", "cart.toml"]) == 0
-        capsys.readouterr()
+        ran(capsys, "check", "law", "--spec", "cart.toml")
 
 
 def test_the_command_says_what_was_proved_and_what_was_asked(tmp_path, monkeypatch, capsys):
@@ -267,9 +264,7 @@ def test_the_command_says_what_was_proved_and_what_was_asked(tmp_path, monkeypat
         "  that lies within half_plane(1) & sector(0.5) at T = 0.05 s, z = exp(s T); the polygon "
         "of sector(0.5) is 91 % of its image"
     )
-    assert main(["check", "law", "--spec", "cart.toml"]) == 0
-    assert f"poles in {proved}, of A + B K" in capsys.readouterr().out
-    assert main(["analyse", *words, "--gain", "[-1 -1]"]) == 1
-    said = capsys.readouterr().out
+    assert f"poles in {proved}, of A + B K" in ran(capsys, "check", "law", "--spec", "cart.toml")
+    said = ran(capsys, "analyse", *words, "--gain", "[-1 -1]", status=1)
     assert said.startswith("refuted: ")
     assert "note: so a pole outside the polygon may still have the damping asked" in said

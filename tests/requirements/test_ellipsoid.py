@@ -1,7 +1,5 @@
 """Peaks from every initial state of an ellipsoid: brackets, other computations, one fault each."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction
@@ -174,10 +172,7 @@ def test_everything_that_is_proved_is_met(designed):
 def test_points_and_an_ellipsoid_are_both_kept(stage):
     law, alpha = FixedGain([[-2.0, -2.0]]), seeded(stage, 5)
     both = InitialPeak("x", None, ((0.5, 0.0),), 0.1, X0)
-    parts = [
-        replace(both, points=(), impulse=0.0),
-        replace(both, ellipsoid=()),
-    ]
+    parts = [replace(both, points=(), impulse=0.0), replace(both, ellipsoid=())]
     values = [sampled(stage, law, own, alpha).values for own in (both, *parts)]
     assert values[0] == pytest.approx(np.maximum(*values[1:]))
     levels = [best_bound(stage, law, own).level for own in (both, *parts)]

@@ -1,7 +1,5 @@
 """Every kind of requirement: read, written, of another output, designed for, on the pages."""
 
-from __future__ import annotations
-
 import re
 from contextlib import nullcontext
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Limits on the norm of the gain: blocks at alpha, brackets, closed forms, one fault at a time."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -25,12 +23,7 @@ from polefence import (
     load,
 )
 from polefence.base.errors import SpecError
-from polefence.certify.bounds import (
-    best_bound,
-    bounds_file,
-    kept_bound,
-    sampled,
-)
+from polefence.certify.bounds import best_bound, bounds_file, kept_bound, sampled
 from polefence.certify.certificate import file_plant
 from polefence.certify.design import check
 from polefence.cli.main import main
@@ -49,6 +42,7 @@ from polefence.requirements.rms import Rms
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.requirements.weights import with_weights
 from polefence.search.optimise import optimise
+from support.commands import ran
 from support.files import bounds_in
 from support.once import searched_once  # noqa: F401
 from support.paths import DOCS
@@ -521,8 +515,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     spec.write_text(TWO_STATES + table + least)
     folder = tmp_path / "new"
     one = ["optimise", str(spec), "--method", "quadratic", "-o", str(folder)]
-    assert main([*one, "--json", str(tmp_path / "j")]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, *one, "--json", tmp_path / "j")
     assert "gain norm of the law" in out
     bound = json.loads((tmp_path / "j").read_text())["bounds"][1]
     assert (bound["kind"], bound["limit"], bound["proved"]) == ("gain norm", 6, 6)
@@ -532,8 +525,7 @@ def test_the_command_keeps_it(tmp_path, capsys):
     # a line is in the units of the table
     line = "gain norm of the law <= 5"
     assert main([*one, "--limit", line]) == 0
-    assert main(["check", str(folder)]) == 0
-    assert "gain norm of the law <= 5, states in units of 1, 2" in capsys.readouterr().out
+    assert "gain norm of the law <= 5, states in units of 1, 2" in ran(capsys, "check", folder)
     sweep = ["--over", "gain norm of the law", "--value", "6", "--method", "quadratic"]
     assert main(["tradeoff", str(spec), *sweep, "--json", str(tmp_path / "t")]) == 0
     (row,) = json.loads((tmp_path / "t").read_text())["rows"]

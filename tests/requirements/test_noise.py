@@ -1,7 +1,5 @@
 """Noise of sensors in requirements: at its own density in an rms, not at all in gains and peaks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +9,9 @@ from scipy.linalg import solve_continuous_lyapunov
 from polefence import EnergyPeak, FixedGain, Gain, InitialPeak, RelativeRms, Rms, with_sensor
 from polefence.certify.bounds import best_bound
 from polefence.certify.refutation import refute_limits
-from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from polefence.plant.spec import loads
+from support.commands import ran
 from support.specs import TWO_STATES
 
 DENSITY = 0.02
@@ -115,8 +113,7 @@ def test_a_road_is_one_disturbance_beside_noise(tmp_path, capsys):
     path.write_text(spec_text("quarter-car-ride") + sensor)
     gain = "[[0, 0, 0, 0, -1500]]"
     words = ["analyse", str(path), "--gain", gain, "--region", "half_plane(0)"]
-    assert main(words) == 0
-    capsys.readouterr()
+    ran(capsys, *words)
     from polefence.plant.spec import load
     from polefence.requirements.asked import wanted
     from polefence.requirements.text import spec_road

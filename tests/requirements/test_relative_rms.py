@@ -4,8 +4,6 @@ What the signal does not depend on without control is no part of what it is comp
 states of a law stand still, and count as poles at zero.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -17,7 +15,6 @@ from polefence import FixedGain, Parameter, RelativeRms, UncertainPlant, at_samp
 from polefence.base.errors import InputError
 from polefence.certify import bounds
 from polefence.certify.certificate import file_plant
-from polefence.cli.main import main
 from polefence.plant.larger import with_actuator, with_pid, with_sensor, with_states
 from polefence.plant.outputs import pick, states
 from polefence.plant.samples import claim_of_samples
@@ -25,6 +22,7 @@ from polefence.proof.claims.base import prove
 from polefence.proof.document import Document, from_plain, loads
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
+from support.commands import ran
 
 SPEC = """
 states = ["x [m]", "v [m/s]"]
@@ -173,7 +171,5 @@ def test_what_matters_must_be_stable():
 def test_the_command_designs_a_law_with_states(tmp_path, capsys):
     spec = tmp_path / "plant.toml"
     spec.write_text(SPEC)
-    assert main(["optimise", str(spec), "-o", str(tmp_path)]) == 0
-    assert "relative rms of x" in capsys.readouterr().out
-    assert main(["check", str(tmp_path / "design.json"), "--spec", str(spec)]) == 0
-    assert "of that of no control" in capsys.readouterr().out
+    assert "relative rms of x" in ran(capsys, "optimise", spec, "-o", tmp_path)
+    assert "of that of no control" in ran(capsys, "check", tmp_path / "design.json", "--spec", spec)

@@ -1,7 +1,5 @@
 """Weighted signals: against block matrices, Lyapunov equations, integrals over frequency."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from decimal import Decimal, localcontext
@@ -30,13 +28,7 @@ from polefence.proof.work import FormatError
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.text import parse_specification
-from polefence.requirements.weights import (
-    WEIGHTS,
-    behind,
-    filter_of,
-    wider,
-    with_weights,
-)
+from polefence.requirements.weights import WEIGHTS, behind, filter_of, wider, with_weights
 from polefence.response.closed import close
 from polefence.response.samples import at_sample_time
 from polefence.response.weighting import WK

@@ -1,7 +1,5 @@
 """Closed loops as systems of python-control: poles and responses are those of our own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

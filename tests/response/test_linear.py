@@ -1,7 +1,5 @@
 """Linear responses against scipy.signal, python-control, and what is known in closed form."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 
@@ -12,14 +10,7 @@ import scipy.linalg
 import scipy.signal
 
 from polefence import GainTable, InputError, UncertainPlant
-from polefence.plant.outputs import (
-    Output,
-    inputs,
-    output_matrices,
-    rate_of,
-    states,
-    weighted_sum,
-)
+from polefence.plant.outputs import Output, inputs, output_matrices, rate_of, states, weighted_sum
 from polefence.response import discrete, grid, linear
 from polefence.response.closed import close, point_text
 from polefence.response.discrete import (

@@ -1,7 +1,5 @@
 """Lyapunov equations through modes, against SciPy's, of defective matrices too."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov

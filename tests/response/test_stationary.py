@@ -1,7 +1,5 @@
 """Stationary answers against scipy, an integral over frequency, a simulated drive, and figures."""
 
-from __future__ import annotations
-
 import math
 from importlib import import_module
 

@@ -1,7 +1,5 @@
 """Of laws as good as the best to a thousandth one is returned whose gain is smaller by a fifth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +7,10 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 import polefence as pf
-from polefence.cli.main import main
 from polefence.plant.outputs import Output
 from polefence.requirements.gain import Gain
 from polefence.search.effort import Closer, gain_of, least
+from support.commands import ran
 
 A, B, E = np.array([[0.0, 1.0], [-1.0, -0.1]]), np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]])
 EFFORT = 1e-3  # of the input beside the position
@@ -98,6 +96,5 @@ def test_what_the_last_thousandth_costs_is_one_line(tmp_path, capsys, monkeypatc
     text += f"[outputs]\nz = {{C = [1, 0]}}\nw = {{D = [{EFFORT}]}}\n"
     (tmp_path / "p.toml").write_text(text)
     asked = ["optimise", "p.toml", "--minimise", "gain of [z, w]", "--method", "quadratic"]
-    assert main(asked) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *asked)
     assert said.count("% less would take a gain") == 1

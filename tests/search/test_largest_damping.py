@@ -1,7 +1,5 @@
 """The largest damping ratio in discrete time, which is found by halving."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from polefence import Structure, UncertainPlant, check, tightest

@@ -1,7 +1,5 @@
 """Sweeps: order, executors, interruption, resumption."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -18,6 +16,8 @@ from polefence.base.errors import RegionError
 from polefence.base.workers import as_finished, processes
 from polefence.cli.main import main
 from polefence.search.limits import sweep
+from support.commands import ran
+from support.files import rewritten
 
 CENTRES, METHODS = [-2.0, -4.0, -3.0], ["slack", "quadratic"]
 
@@ -130,18 +130,16 @@ def test_resuming_keeps_rows_that_were_not_asked_for(plant, tmp_path):
 def test_a_damaged_row_is_refused(plant, tmp_path, damage):
     path = tmp_path / "rows.json"
     sweep(plant, [-2.0], ["slack"], path)
-    document = json.loads(path.read_text())
-    document["rows"][0].update(damage)
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["rows"][0].update(damage)
     with pytest.raises(InputError, match="damaged|no sweep"):
         sweep(plant, [-2.0], ["slack"], path, resume=True)
 
 
 def resumed(plant, path, change, **options):
     """Change the one row of a file and resume; return the row and how many were computed."""
-    document = json.loads(path.read_text())
-    change(document["rows"][0])
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        change(document["rows"][0])
     fresh = []
     (row,) = sweep(plant, [-2.0], ["scheduled"], path, resume=True, on_row=fresh.append, **options)
     return row, len(fresh)
@@ -208,19 +206,16 @@ def test_the_command_marks_what_it_takes_from_the_file(tmp_path, capsys):
         '[parameter.k]\nrange = [1, 2]\n[matrices]\nA = [[0, 1], ["-k", "-0.1"]]\nB = [[0], [1]]\n'
     )
     words = ["limits", str(spec), "--centre", "-2", "--method", "slack", "--json", str(rows)]
-    assert main(words) == 0
-    first = capsys.readouterr().out
+    first = ran(capsys, *words)
     assert "*" not in first
-    assert main([*words, "--resume"]) == 0
-    again = capsys.readouterr().out.splitlines()
+    again = ran(capsys, *words, "--resume").splitlines()
     assert again[-2] == f"* from {rows}, not proved again; every radius is"
     assert again[-1] == f"saved: {rows}"
     plain = [line.replace("* ", "  ") for line in again]
     assert plain[:-2] + plain[-1:] == first.splitlines()
-    document = json.loads(rows.read_text())
-    document["rows"][0]["radius"] *= 0.99
-    document["rows"][0]["lower"] = None
-    rows.write_text(json.dumps(document))
+    with rewritten(rows) as document:
+        document["rows"][0]["radius"] *= 0.99
+        document["rows"][0]["lower"] = None
     assert main([*words, "--resume"]) == 2
     said = capsys.readouterr()
     assert said.out == ""

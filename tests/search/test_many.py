@@ -1,26 +1,13 @@
 """Many plants in one call: what each is answered alone, wherever it is worked out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import polefence as pf
-from polefence import (
-    Design,
-    Disk,
-    HalfPlane,
-    InputError,
-    PolefenceError,
-    Scheduled,
-    Sector,
-    UncertainPlant,
-    UncontrollableError,
-)
 from polefence.search.by_lmi import rounded, smallest_disk
 
 
-def chain(count: int) -> UncertainPlant:
+def chain(count: int) -> pf.UncertainPlant:
     """Return masses pushed weakly at both ends, of which a search takes several runs."""
     As, Bs = [], []
     for load in (0.8, 1.2):
@@ -31,7 +18,7 @@ def chain(count: int) -> UncertainPlant:
         push = np.zeros((2 * count, 2))
         push[count, 0], push[-1, 1] = 0.1, 0.1 / load
         Bs.append(push)
-    return UncertainPlant.from_vertices(As, Bs, name=f"{count} masses")
+    return pf.UncertainPlant.from_vertices(As, Bs, name=f"{count} masses")
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +26,10 @@ def fleet(make_random):
     """Plants of two shapes, one that stalls, one with a fixed mode, a discrete one."""
     own = [make_random(seed, 3, 1, 3) for seed in range(6)]
     others = [make_random(seed, 2, 2, 2, 0.1) for seed in range(4)]
-    fixed = UncertainPlant.from_vertices([np.diag([1.0, -2.0])] * 2, [[[0], [1]]] * 2, name="fixed")
-    discrete = UncertainPlant.from_vertices(
+    fixed = pf.UncertainPlant.from_vertices(
+        [np.diag([1.0, -2.0])] * 2, [[[0], [1]]] * 2, name="fixed"
+    )
+    discrete = pf.UncertainPlant.from_vertices(
         [[[1.1, 0.1], [0, 0.9]]], [[[0], [0.1]]], sample_time=0.1, name="discrete"
     )
     return [own[0], others[0], *own[1:], chain(4), fixed, discrete, *others[1:]]
@@ -49,13 +38,13 @@ def fleet(make_random):
 def alone(call):
     try:
         return call()
-    except PolefenceError as error:
+    except pf.PolefenceError as error:
         return error
 
 
 def assert_same(many, single):
     assert type(many) is type(single)
-    if not isinstance(single, Design):
+    if not isinstance(single, pf.Design):
         assert str(many) == str(single)
         return
     assert (many.method, many.region, many.lower) == (single.method, single.region, single.lower)
@@ -67,9 +56,9 @@ def test_each_smallest_disk_is_that_of_the_plant_alone(fleet):
     found = pf.many.tightest(fleet, centres, "slack")
     for many, plant, centre in zip(found, fleet, centres, strict=True):
         assert_same(many, alone(lambda p=plant, c=centre: pf.tightest(p, c, "slack")))
-    assert isinstance(found[8], UncontrollableError)
-    assert isinstance(found[9], InputError)
-    assert sum(isinstance(own, Design) for own in found) == len(fleet) - 2
+    assert isinstance(found[8], pf.UncontrollableError)
+    assert isinstance(found[9], pf.InputError)
+    assert sum(isinstance(own, pf.Design) for own in found) == len(fleet) - 2
 
 
 def test_without_bounds_there_are_none(fleet):
@@ -82,25 +71,25 @@ def test_without_bounds_there_are_none(fleet):
 
 def test_a_plant_at_a_sample_time_is_one_of_them(make_random):
     sampled = pf.at_sample_time(make_random(0, 2, 1, 2, 0.1), 0.05)
-    region = Disk(0.8, 0.15)
+    region = pf.Disk(0.8, 0.15)
     asked = [
         (pf.many.place([sampled], region), lambda: pf.place(sampled, region)),
         (pf.many.tightest([sampled], 0.8), lambda: pf.tightest(sampled, 0.8)),
     ]
     for (many,), single in asked:
         assert_same(many, alone(single))
-        assert isinstance(many, Design)
+        assert isinstance(many, pf.Design)
 
 
 def test_regions_methods_and_structures_are_those_of_each_alone(make_random):
     plants = [make_random(seed, 2, 1, 2, 0.1) for seed in range(2)]
-    region, disk = HalfPlane(0.2) & Sector(0.1), Disk(-3, 2.9)
+    region, disk = pf.HalfPlane(0.2) & pf.Sector(0.1), pf.Disk(-3, 2.9)
     asked = [
         (lambda own: pf.many.place(own, region), lambda own: pf.place(own, region)),
         (lambda own: pf.many.place(own, disk), lambda own: pf.place(own, disk)),
         (
-            lambda own: pf.many.tightest(own, -3, Scheduled(2)),
-            lambda own: pf.tightest(own, -3, Scheduled(2)),
+            lambda own: pf.many.tightest(own, -3, pf.Scheduled(2)),
+            lambda own: pf.tightest(own, -3, pf.Scheduled(2)),
         ),
         (
             lambda own: pf.many.tightest(own, of="half_plane", within=disk),
@@ -121,7 +110,7 @@ def test_regions_methods_and_structures_are_those_of_each_alone(make_random):
 def test_proofs_come_in_order_with_what_cannot_be_read(make_random, tmp_path):
     design = pf.tightest(make_random(3, 2, 1, 2), -3, "quadratic")
     _, point = smallest_disk(design.plant, -3, "quadratic")
-    tight = Design(rounded(design.plant, Disk(-3, 1e-3), "quadratic", point))
+    tight = pf.Design(rounded(design.plant, pf.Disk(-3, 1e-3), "quadratic", point))
     answers = pf.many.check([design, tmp_path / "none.json", tight, design.save(tmp_path)])
     assert [getattr(own, "answer", type(own).__name__) for own in answers] == [
         "proved",
@@ -132,15 +121,15 @@ def test_proofs_come_in_order_with_what_cannot_be_read(make_random, tmp_path):
 
 
 def test_what_is_wrong_of_all_is_said_at_once(fleet):
-    with pytest.raises(InputError, match="did you mean 'slack'"):
+    with pytest.raises(pf.InputError, match="did you mean 'slack'"):
         pf.many.tightest(fleet, -3, "slac")
-    with pytest.raises(InputError, match="there are 2 centres for 13 plants"):
+    with pytest.raises(pf.InputError, match="there are 2 centres for 13 plants"):
         pf.many.tightest(fleet, [-3, -4])
-    with pytest.raises(InputError, match="region must be"):
+    with pytest.raises(pf.InputError, match="region must be"):
         pf.many.place(fleet, "disk(-3, 2)")
-    with pytest.raises(InputError, match="belong to laws from an LMI"):
-        pf.many.place(fleet, Disk(-3, 2), "slack", structure=pf.Structure())
-    with pytest.raises(InputError, match="of = 'circle' is unknown"):
+    with pytest.raises(pf.InputError, match="belong to laws from an LMI"):
+        pf.many.place(fleet, pf.Disk(-3, 2), "slack", structure=pf.Structure())
+    with pytest.raises(pf.InputError, match="of = 'circle' is unknown"):
         pf.many.tightest(fleet, -3, of="circle")
 
 
@@ -148,10 +137,10 @@ def test_a_single_one_is_no_list(fleet):
     """Of a path's text each letter would be a path."""
     for call in (
         lambda: pf.many.tightest(fleet[0], -3),
-        lambda: pf.many.place(fleet[0], Disk(-3, 2)),
+        lambda: pf.many.place(fleet[0], pf.Disk(-3, 2)),
         lambda: pf.many.check("design.json"),
     ):
-        with pytest.raises(InputError, match="must be several, as in a list, not one"):
+        with pytest.raises(pf.InputError, match="must be several, as in a list, not one"):
             call()
 
 
@@ -162,20 +151,20 @@ def test_any_iterable_is_a_list(fleet):
     assert [own.region for own in read] == [own.region for own in listed]
     answers = pf.many.check(iter(listed))
     assert [own.answer for own in answers] == ["proved"] * 3
-    region = Disk(-3, 2.9)
-    assert len(pf.many.place(iter(fleet[2:5]), region & HalfPlane(0.1), "quadratic")) == 3
+    region = pf.Disk(-3, 2.9)
+    assert len(pf.many.place(iter(fleet[2:5]), region & pf.HalfPlane(0.1), "quadratic")) == 3
 
 
 def test_what_is_wrong_of_one_is_its_answer(fleet):
     found = pf.many.tightest([fleet[0], "plant", fleet[1]], [-3, -3, 3], "quadratic")
-    assert isinstance(found[0], Design)
+    assert isinstance(found[0], pf.Design)
     assert "must be of type UncertainPlant" in str(found[1])
     assert isinstance(found[2], pf.PolefenceError)
     assert "left half-plane" in str(found[2]) or "negative" in str(found[2])
 
 
 def test_no_plants_are_no_answers():
-    assert pf.many.tightest([], -3) == pf.many.place([], Disk(-3, 2)) == pf.many.check([]) == []
+    assert pf.many.tightest([], -3) == pf.many.place([], pf.Disk(-3, 2)) == pf.many.check([]) == []
 
 
 def test_where_it_is_worked_out_changes_nothing(fleet):

@@ -1,7 +1,5 @@
 """More freedom or fewer limits never lead to a worse answer: random plants, each answer proved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Observers by duality: poles against numpy, the car with and without its integral, separation."""
 
-from __future__ import annotations
-
 import doctest
 import importlib.util
 import json
@@ -35,6 +33,8 @@ from polefence.cli.main import main
 from polefence.examples import family, spec_path
 from polefence.region.regions import HalfPlane, Sector
 from polefence.search.observer import Observer
+from support.commands import ran, refused
+from support.files import rewritten
 from support.paths import DOCS
 
 SENSORS = (
@@ -67,9 +67,7 @@ def error_matrices(plant, observer, C, alpha):
 
 
 @given(
-    st.integers(0, 10_000),
-    st.sampled_from(["quadratic", "slack", "scheduled"]),
-    st.integers(1, 2),
+    st.integers(0, 10_000), st.sampled_from(["quadratic", "slack", "scheduled"]), st.integers(1, 2)
 )
 @settings(max_examples=12)
 def test_the_poles_of_a_random_family_stay_in_the_region(seed, method, p):
@@ -293,10 +291,9 @@ def _numbers(value, path=()):
 def test_a_file_with_one_number_changed_is_refused_or_another_observer(car, car_observer, tmp_path):
     """No changed number passes unseen: not proved, other plant or sensors, other L or region."""
     path = car_observer.save(tmp_path)
-    document = json.loads(path.read_text())
-    for key in ("outputs", "vehicle"):  # which say of the vertices what they are
-        del document["plant"][key]
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        for key in ("outputs", "vehicle"):  # which say of the vertices what they are
+            del document["plant"][key]
     # no observer's claim is about B and E
     numbers = [p for p in _numbers(document) if p[0][0] != "version"]
     places = [p for p in numbers if not {"B", "E"} & {*p[0]}]
@@ -330,14 +327,13 @@ def test_a_proved_file_of_other_matrices_is_refused(car, car_observer, tmp_path,
     """Changed so little that the proof still holds: then it is about something else."""
     letter, message = place_of
     path = car_observer.save(tmp_path)
-    document = json.loads(path.read_text())
-    for key in ("outputs", "vehicle"):  # which say of the vertices what they are
-        del document["plant"][key]
-    (claim,) = document["claims"]
-    entry = claim["C"][0] if letter == "C" else document["plant"]["vertices"][2][letter]
-    i, j = next((i, j) for i, row in enumerate(entry) for j, e in enumerate(row) if e == 1)
-    entry[i][j] = 1.0000001
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        for key in ("outputs", "vehicle"):  # which say of the vertices what they are
+            del document["plant"][key]
+        (claim,) = document["claims"]
+        entry = claim["C"][0] if letter == "C" else document["plant"]["vertices"][2][letter]
+        i, j = next((i, j) for i, row in enumerate(entry) for j, e in enumerate(row) if e == 1)
+        entry[i][j] = 1.0000001
     assert check(path).proved
     with pytest.raises(InputError, match=f"{path}: .*{message}"):
         Observer.load(path, car, SENSORS)
@@ -500,8 +496,7 @@ def test_the_command_of_the_page(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     spec = str(spec_path("servo"))
     words = ["observe", spec, "--measured", "motor angle", "--disk", "-20", "14"]
-    assert main([*words, "-o", "servo-observer", "--json", "summary.json"]) == 0
-    out = capsys.readouterr().out.splitlines()
+    out = ran(capsys, *words, "-o", "servo-observer", "--json", "summary.json").splitlines()
     page = (DOCS / "observers.md").read_text()
     assert out[0] in page
     assert out[1] in page
@@ -521,15 +516,13 @@ def test_the_command_with_a_region_and_a_fixed_gain(tmp_path, capsys):
     spec = str(spec_path("servo"))
     words = ["observe", spec, "--measured", "motor angle", "--measured", "motor speed [rad/s]"]
     region = ["--region", "disk(-20, 19) & half_plane(2)", "--json", str(tmp_path / "s.json")]
-    assert main([*words, *region, "--method", "quadratic"]) == 0
-    assert "  L = [" in capsys.readouterr().out
+    assert "  L = [" in ran(capsys, *words, *region, "--method", "quadratic")
     L = np.array(json.loads((tmp_path / "s.json").read_text())["gains"]["L"])
     servo, C = load(spec), np.eye(4)[2:]
     z = np.linalg.eigvals(servo.A - L @ C)
     assert z.real.max() < -2
     assert np.abs(z + 20).max() < 19
-    assert main([*words, "--disk", "-5", "50", "--on", "box"]) == 0
-    assert "the error need not die out" in capsys.readouterr().out
+    assert "the error need not die out" in ran(capsys, *words, "--disk", "-5", "50", "--on", "box")
 
 
 @pytest.mark.parametrize(
@@ -542,7 +535,5 @@ def test_the_command_with_a_region_and_a_fixed_gain(tmp_path, capsys):
 )
 def test_the_command_refuses_in_one_line(words, message, capsys):
     spec = str(spec_path("servo"))
-    assert main(["observe", spec, "--disk", "-20", "14", *words]) == 2
-    err = capsys.readouterr().err
+    err = refused(capsys, "observe", spec, "--disk", "-20", "14", *words)
     assert message in err
-    assert err.count("\n") == 1

@@ -1,7 +1,5 @@
 """An observer's file is its own kind: checked as one, and refused where a law is wanted."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -16,6 +14,7 @@ from polefence.law.laws import given_law
 from polefence.response.linear import simulate
 from polefence.search.observer import Observer
 from polefence.show.report import html_report
+from support.commands import ran, refused
 from support.drives import drive
 
 SPEC = """
@@ -96,8 +95,7 @@ def test_nor_in_python(folder):
 
 def test_check_says_whose_poles(folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
-    assert main(["check", "seen", "--spec", "stage.toml"]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "check", "seen", "--spec", "stage.toml")
     assert "poles in disk(-6, 5.5), of A - L C with -L(alpha)' = Z W^-1 of degree 1" in out
     assert "an observer, measured 'place [m]'" in out
     assert "B K" not in out
@@ -120,8 +118,7 @@ CHANGES = {
 def test_check_compares_plant_and_measurements(folder, tmp_path, capsys, what):
     spec = tmp_path / "other.toml"
     spec.write_text(CHANGES[what])
-    assert main(["check", str(folder / "seen"), "--spec", str(spec)]) == 1
-    out = capsys.readouterr().out
+    out = ran(capsys, "check", folder / "seen", "--spec", spec, status=1)
     assert f"but NOT about {spec}: other " in out
     if what not in ("measurements",):
         assert what in out
@@ -148,8 +145,7 @@ def test_what_is_measured_is_read_with_care(folder, tmp_path, capsys):
     ):
         path = tmp_path / "design.json"
         path.write_text(json.dumps(document | {"claims": [claim | change]}))
-        assert main(["check", str(path)]) == 2
-        assert message in capsys.readouterr().err
+        assert message in refused(capsys, "check", path)
 
 
 def test_no_function_takes_it_for_a_law(folder):

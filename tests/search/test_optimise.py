@@ -1,7 +1,5 @@
 """Designs for signals: closed forms, brackets on both sides, bounds against other computations."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 
@@ -179,11 +177,7 @@ def test_everything_that_is_proved_is_met(designed):
     for k, (A, E, K) in enumerate(zip(*loops(designed, alpha), strict=True)):
         assert designed.design.region.contains(np.linalg.eigvals(A)[None])
         P = solve_continuous_lyapunov(A, -E @ E.T)
-        exactly = [
-            math.sqrt((K @ P @ K.T).item()),
-            math.sqrt(P[0, 0]),
-            1.1 * math.sqrt(P[1, 1]),
-        ]
+        exactly = [math.sqrt((K @ P @ K.T).item()), math.sqrt(P[0, 0]), 1.1 * math.sqrt(P[1, 1])]
         for value, bound, sample in zip(exactly, (force, x, v), own, strict=False):
             assert sample.values[k] == pytest.approx(value, rel=1e-9)
             assert value < bound.level
@@ -268,11 +262,7 @@ def test_a_signal_may_be_minimised_and_limited(two):
 @pytest.mark.parametrize("method", ["quadratic", Scheduled(2, 0, "box"), Scheduled(1, 1)])
 def test_a_file_holds_the_numbers_that_were_proved(one, method, tmp_path, lmi_alone):
     third = Output("a third", C=[1 / 3], D=[0.1])
-    limits = [
-        InitialPeak("x", 2.0, ((0.1,),), 1.0),
-        Gain("x", 3.0),
-        EnergyPeak(third, 3.0, 2.0),
-    ]
+    limits = [InitialPeak("x", 2.0, ((0.1,),), 1.0), Gain("x", 3.0), EnergyPeak(third, 3.0, 2.0)]
     done = optimise(one, rms("force"), limits, method=method)
     claims = [bound.claim for bound in done.bounds]
     found = bounds_in(bounds_file(done.design.certificate, claims).dumps())

@@ -4,8 +4,6 @@ What is claimed is compared with the true motion at points and parameters drawn 
 on average as the bound needs, and X along every damper, computed here from the claim's numbers.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """What no logic of a controllable damper goes below: brackets by dampers that stay, or switch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

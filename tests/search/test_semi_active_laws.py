@@ -1,7 +1,5 @@
 """A law of controllable dampers: its bound between what every logic has and what a drive has."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

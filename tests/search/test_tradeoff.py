@@ -1,7 +1,5 @@
 """Trade-off curves: theory between brackets, resuming, faults, and what docs/tradeoff.md shows."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import math
@@ -38,6 +36,8 @@ from polefence.search.tradeoff import monotone, tradeoff
 from polefence.search.tune.worth import NEAR
 from polefence.show.plots import front_figure
 from polefence.vehicle import beside_reference_laws, velocity_density
+from support.commands import refused
+from support.files import rewritten
 from support.paths import DOCS
 
 PAGE = (DOCS / "tradeoff.md").read_text()
@@ -352,9 +352,8 @@ def test_laws_of_a_structure_are_tuned_and_resumed(spring, document, tmp_path):
     assert again.rows == found.rows
     with pytest.raises(InputError, match="other limits"):
         tradeoff(spring, PLACE, PUSH, **SOME, path=path, resume=True)
-    changed = json.loads(path.read_text())
-    changed["rows"][0]["method"] = "quadratic"
-    path.write_text(json.dumps(changed))
+    with rewritten(path) as changed:
+        changed["rows"][0]["method"] = "quadratic"
     with pytest.raises(InputError, match="damaged"):
         tradeoff(spring, PLACE, PUSH, SOME["values"], **asked)
 
@@ -435,9 +434,8 @@ def test_one_gain_is_what_quadratic_means(spring, tmp_path):
     path = tmp_path / "front.json"
     some = {"values": [1.0], "methods": [Scheduled(1, 0, "box")], "path": path}
     tradeoff(spring, PLACE, PUSH, **some)
-    changed = json.loads(path.read_text())
-    changed["rows"][0]["method"] = "quadratic"
-    path.write_text(json.dumps(changed))
+    with rewritten(path) as changed:
+        changed["rows"][0]["method"] = "quadratic"
     with pytest.raises(InputError, match="a row is damaged"):
         tradeoff(spring, PLACE, PUSH, **some, resume=True)
 
@@ -526,8 +524,7 @@ def test_the_command_refuses_in_one_line(words, said, page, tmp_path, capsys):
         re.split(r"^\[road\]|^\[\[spec", (page[0] / "car.toml").read_text(), flags=re.M)[0]
     )
     command = ["tradeoff", str(car), "--over", "rms of actuator force"]
-    assert main([*command, *shlex.split(words)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = refused(capsys, *command, *shlex.split(words)).splitlines()
     assert said in line
 
 

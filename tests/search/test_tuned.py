@@ -1,7 +1,5 @@
 """Laws of a structure: searched, proved, and never worse than their special cases."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -19,6 +17,7 @@ from polefence.plant.spec import loads
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector
 from polefence.requirements.text import load_specifications
 from polefence.search.tuned import _faster
+from support.commands import ran, refused
 from support.specs import ride_of_loads
 
 CAR = HalfPlane(1) & Sector(0.15)
@@ -162,14 +161,11 @@ def test_the_command_writes_what_check_proves(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     law = f"\n[law]\nmeasured = {list(THREE[:2])}\nlargest_gain = 4e5\n"
     (tmp_path / "car.toml").write_text(ride_of_loads() + law)
-    assert main(["optimise", "car.toml", "-o", "car", "--json", "car.json"]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "optimise", "car.toml", "-o", "car", "--json", "car.json")
     assert "of suspension deflection, sprung-mass velocity keeps all poles" in out
-    assert main(["check", "car", "--spec", "car.toml"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "check", "car", "--spec", "car.toml")
     assert "poles in half_plane(0), of A + B K with " in said
-    assert main(["optimise", "car.toml", "--schedule", "load"]) == 2
-    assert "no parameter 'load'" in capsys.readouterr().err
+    assert "no parameter 'load'" in refused(capsys, "optimise", "car.toml", "--schedule", "load")
     assert main(["optimise", "car.toml", "--elevation", "1"]) == 2
 
 

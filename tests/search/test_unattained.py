@@ -7,13 +7,13 @@ import pytest
 
 from polefence import FixedGain, HalfPlane, NotProvedError, Parameter, UncertainPlant
 from polefence.certify.bounds import agreed_bound, best_bound, sampled
-from polefence.cli.main import main
 from polefence.cli.optimise import Row, require_agreement
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
 from polefence.search.optimise import optimise
+from support.commands import ran
 
 SERVO = """
 name = "servo"
@@ -54,8 +54,7 @@ def test_a_limit_makes_it_bounded():
 def test_a_law_that_stops_at_a_bound_says_what_to_limit(tmp_path, capsys):
     (tmp_path / "servo.toml").write_text(SERVO)
     words = ["optimise", str(tmp_path / "servo.toml"), "--minimise", "gain of angle"]
-    assert main([*words, "--method", "quadratic"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *words, "--method", "quadratic")
     assert "stopped the gain from growing: limit an input or the gain" in said
 
 

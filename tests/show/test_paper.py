@@ -1,7 +1,5 @@
 """The paper's numbers, and a small reproduction from end to end."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

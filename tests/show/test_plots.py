@@ -1,7 +1,5 @@
 """Figures: boundaries lie on the boundary, every region draws, styles differ."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from types import SimpleNamespace

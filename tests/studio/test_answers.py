@@ -1,7 +1,5 @@
 """Answers: the newest question's alone, a law first and then its proof."""
 
-from __future__ import annotations
-
 import gc
 import threading
 

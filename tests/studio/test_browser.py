@@ -1,7 +1,5 @@
 """The studio in a real browser: what is dragged, typed and pressed does what it says."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal
@@ -181,8 +179,7 @@ def test_a_car_is_chosen_in_the_map(page):
     page.execute_script(VIEW + "view.el.scrollIntoView()", "map")
     box = page.execute_script(VIEW + "return view.el.getBoundingClientRect().toJSON()", "map")
     place = page.execute_script(
-        VIEW + "return [view.frame.x_scale.compute(250), view.frame.y_scale.compute(-5)]",
-        "map",
+        VIEW + "return [view.frame.x_scale.compute(250), view.frame.y_scale.compute(-5)]", "map"
     )
     chain = ActionChains(page, duration=10)
     pointer = chain.w3c_actions.pointer_action

@@ -1,7 +1,5 @@
 """Colours that mean different things differ for red-green blind readers too."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

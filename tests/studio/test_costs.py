@@ -1,7 +1,5 @@
 """What a ride costs: the trade-off and its dot, sensors, all by laws that are proved."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from contextlib import contextmanager, nullcontext

@@ -1,7 +1,5 @@
 """Folders of pages: nobody's session is written over by anybody else's."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

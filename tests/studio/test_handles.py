@@ -1,7 +1,5 @@
 """Handles: what is dragged to a place has its boundary there, and the rest stays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

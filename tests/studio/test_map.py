@@ -1,7 +1,5 @@
 """The map: cells where poles leave the region are those where they do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions of the cars that are shown: heights that move as their signals say."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +9,6 @@ import pytest
 
 from polefence import Disk, load, place
 from polefence.base.errors import InputError
-from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from polefence.plant.cars import Body, Wheel, car_family
 from polefence.plant.cars import Car as OnWheels
@@ -22,6 +19,7 @@ from polefence.studio.palette import DARK, LIGHT
 from polefence.studio.rides import EVERY, ROADS, STEP, ridden, rides, under
 from polefence.studio.scene import sides_of
 from polefence.vehicle import BumpStops, Hardware, drive, on_road, on_wheels
+from support.commands import ran
 
 GRAVITY = 9.81
 FRESH = {"m1": 300.0, "beta": 2.0}
@@ -211,8 +209,7 @@ def test_the_command_drives_the_same(subjects, name, road, limit, tmp_path, monk
     words = ["simulate", "car.toml", *ROADS[road].option.split(), "--speed", "20"]
     words += [f"--set={key}={value}" for key, value in known.values.items()]
     words += ["--travel-limit", str(limit)] if limit else []
-    assert main([*words, "-o", "drive.csv"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *words, "-o", "drive.csv")
     head, *rows = (line.split(",") for line in (tmp_path / "drive.csv").read_text().splitlines())
     table = dict(zip(head, np.array(rows, float)[::EVERY].T, strict=True))
     own = known.ridden(road, 20.0, limit, passive=True)

@@ -1,7 +1,5 @@
 """The studio in a notebook: frames of one page, all in step, and what Python sees of it."""
 
-from __future__ import annotations
-
 import urllib.error
 import urllib.request
 

@@ -1,7 +1,5 @@
 """What `polefence studio` opens: a spec, a design with its law and its parameters, a session."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

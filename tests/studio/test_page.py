@@ -1,7 +1,5 @@
 """The page without a browser: what is shown is of the newest question, or nothing is."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np

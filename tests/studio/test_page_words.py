@@ -1,7 +1,5 @@
 """Texts of the page: nothing in them is markup."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

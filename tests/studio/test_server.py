@@ -1,7 +1,5 @@
 """The server: on this machine only, nothing without the token, nothing for other origins."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import signal

@@ -1,7 +1,5 @@
 """Files of sessions: what was written is read, and nothing that makes no sense."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """States, their history, and the commands and the Python that give what is shown."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import replace
 

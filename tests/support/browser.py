@@ -1,7 +1,5 @@
 """A browser without a window, and the studio as a process that it looks at."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

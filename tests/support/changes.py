@@ -1,7 +1,5 @@
 """Files of claims with one value changed, and what their blocks say in floats."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

@@ -3,14 +3,23 @@
 from polefence.cli.main import main
 
 
-def refused(capsys, *words):
-    """Run a command that refuses; return its one line."""
-    try:
-        status = main([str(word) for word in words])
-    except SystemExit as leaving:
-        status = leaving.code
+def ran(capsys, *words, status=0):
+    """Run a command that ends with a status; return its output, and where it fails its errors."""
+    ended = main([str(word) for word in words])
     said = capsys.readouterr()
-    assert status == 2, said
+    assert ended == status, said
+    return said.out + said.err if status else said.out
+
+
+def refused(capsys, *words, status=2):
+    """Run a command that refuses; return its one line."""
+    capsys.readouterr()
+    try:
+        ended = main([str(word) for word in words])
+    except SystemExit as leaving:
+        ended = leaving.code
+    said = capsys.readouterr()
+    assert ended == status, said
     assert said.out == ""
     assert said.err.count("\n") == 1
     return said.err

@@ -1,7 +1,5 @@
 """Console blocks of the documentation: their commands run, what they print beside what is shown."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Exported code on this machine and on an emulated Cortex-M4F, with bit-equal random inputs."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Drives as most tests ask for them: in one call."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -5,8 +5,6 @@ equation, with a little added; its interpolation is the evidence. The worst valu
 samples.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from functools import cached_property
 

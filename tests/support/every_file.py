@@ -1,7 +1,5 @@
 """One file of every kind that the commands write, of a small plant."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,8 +1,9 @@
 """Files of claims, as tests look at them."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from polefence.proof.claims import BoundClaim, Poles
@@ -36,3 +37,11 @@ def first(document: dict[str, Any]) -> dict[str, Any]:
     """The table of a file's first claim."""
     table: dict[str, Any] = document["claims"][0]
     return table
+
+
+@contextmanager
+def rewritten(path: Path) -> Iterator[dict[str, Any]]:
+    """The document of a JSON file, to change; it is written back."""
+    document = json.loads(path.read_text())
+    yield document
+    path.write_text(json.dumps(document))

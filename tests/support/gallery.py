@@ -1,7 +1,5 @@
 """Pages of the gallery beside what their scripts print and draw."""
 
-from __future__ import annotations
-
 import io
 import re
 from contextlib import redirect_stdout

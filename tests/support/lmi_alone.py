@@ -1,7 +1,5 @@
 """Methods without the laws that are tuned from theirs: for what comes before and after a search."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager
 
 import pytest

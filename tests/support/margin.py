@@ -4,8 +4,6 @@ Maximise t subject to r D(x) - M(x) >= t I in every block, with the sum of the t
 Its status is evidence, not truth.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import clarabel

@@ -1,7 +1,5 @@
 """Laws with states of their own of a mass on a spring, and their code called from Python."""
 
-from __future__ import annotations
-
 import ctypes
 from fractions import Fraction
 from functools import cache

@@ -5,8 +5,6 @@ allowed. Over one period the state is multiplied by a matrix, whose eigenvalues 
 decays; pulses, noise and sine waves along it give signals from below.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 TERMS = 9  # of exponentials of what is small

@@ -1,7 +1,5 @@
 """What is not installed: its tests skip, or fail where POLEFENCE_TEST_TARGET=1 promises it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Searches and proofs that several tests ask for, done once: the same question, the same answer."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Polynomial laws of the ride car, of every form: of states, of signals, of outputs that vary."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

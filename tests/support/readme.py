@@ -1,7 +1,5 @@
 """The commands of README's table, to be run as they are written."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from contextlib import redirect_stdout

@@ -1,7 +1,5 @@
 """Two masses and a spring of 0.5 to 50 N/m under a law of degree 4: LQR at five stiffnesses."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_continuous_are
 

@@ -1,7 +1,5 @@
 """The scripts behind the documentation's pages, as modules."""
 
-from __future__ import annotations
-
 import importlib.util
 from types import ModuleType
 

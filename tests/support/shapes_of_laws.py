@@ -1,7 +1,5 @@
 """Laws of every shape that the export knows, and what it takes to compile them."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The checker alone, under a bare Python: many files in one process."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

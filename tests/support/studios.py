@@ -1,7 +1,5 @@
 """Subjects of the studio, read from files as the command reads them."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

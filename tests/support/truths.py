@@ -4,8 +4,6 @@
 the claim may be false all the same; where it finds one, by more than rounding, it is.
 """
 
-from __future__ import annotations
-
 import copy
 from itertools import product
 from math import comb, factorial, prod
@@ -14,15 +12,9 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from support import motions
+from support.motions import number
 
 SLACK = 1e-6  # relative, of what counts as more than rounding
-
-
-def number(value):
-    if isinstance(value, str):
-        top, _, bottom = value.partition("/")
-        return float(int(top) / int(bottom or 1))
-    return float(value)
 
 
 def array(value):

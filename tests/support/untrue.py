@@ -5,8 +5,6 @@ or it puts a part of another file in the place of one. A claim's limit is beside
 `check` lets it: there the claim is nearest to false. `benchmarks/untrue.py` tries thousands.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -292,11 +292,7 @@ def test_health_reading():
     assert zone == ["below", "in", "in", "above"]
     zone = [of.health_reading(a, 0.1).split()[0] for a in (2.9, 3.1, 5.9, 6.1)]
     assert zone == ["below", "in", "in", "above"]
-    assert [of.dose_reading(v).split()[0] for v in (8.4, 8.6, 17.1)] == [
-        "below",
-        "in",
-        "above",
-    ]
+    assert [of.dose_reading(v).split()[0] for v in (8.4, 8.6, 17.1)] == ["below", "in", "above"]
     with pytest.raises(InputError, match="1 min to 24 h"):
         of.health_reading(1.0, 25)
     with pytest.raises(InputError, match=r"weighted rms \[m/s2\] = nan"):

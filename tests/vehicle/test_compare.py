@@ -1,7 +1,5 @@
 """Comparisons against other ways to the same numbers, an energy balance, and known laws."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Drives in the compiled kernel and in NumPy: the same motion, whatever stands beside the plant."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Suspension concepts: bounds above what drives have, limits below, and the page's numbers."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -21,7 +19,7 @@ from polefence.response.stationary import stationary, velocity_density
 from polefence.show.plots import concepts_figure
 from polefence.vehicle import Ridden, concepts
 from polefence.vehicle.vehicle import require_ride
-from support.commands import refused
+from support.commands import ran, refused
 from support.paths import DOCS
 from support.readme import ROWS, commands_of, run_as_written
 
@@ -170,8 +168,7 @@ def test_the_command_prints_and_writes_all_rows(quick, tmp_path, capsys):
     spec, summary, figure = (tmp_path / name for name in ("d.toml", "all.json", "all.png"))
     spec.write_text(spec_text("semi-active"))
     words = ["concepts", str(spec), "--json", str(summary), "--plot", str(figure)]
-    assert main(words) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, *words)
     page = (DOCS / "concepts.md").read_text().split("```text\n")[1].split("```")[0]
     shown, saved = out.splitlines()[:-2], out.splitlines()[-2:]
     assert [line.split()[:2] for line in shown] == [line.split()[:2] for line in page.splitlines()]
@@ -250,8 +247,7 @@ def test_without_a_bound_of_dampers_the_table_is_printed_with_the_reason(
     monkeypatch.setattr(import_module("polefence.vehicle.concepts"), "ROADS", 2)
     spec = tmp_path / "own.toml"
     spec.write_text(spec_text("semi-active").replace("range = [300, 3000]", "range = [0, 3000]"))
-    assert main(["concepts", str(spec), "--json", str(tmp_path / "rows.json")]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "concepts", spec, "--json", tmp_path / "rows.json")
     assert re.search(r"^semi-active +4 +- +0\.\d+", out, re.MULTILINE)
     assert out.count("vertex 1 is not stable; raise the lower bound of damper") == 1
     rows = json.loads((tmp_path / "rows.json").read_text())["rows"]

@@ -1,7 +1,5 @@
 """Drives with controllable dampers: limits of the force, a coefficient held, a bound kept."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

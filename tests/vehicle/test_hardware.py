@@ -1,7 +1,5 @@
 """A car whose force is a state behind an actuator, and whose sensors have noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

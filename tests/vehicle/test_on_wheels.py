@@ -1,7 +1,5 @@
 """Roads under several wheels: later behind, alike or not on both sides, against known motion."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -37,6 +35,7 @@ from polefence.vehicle import (
 from polefence.vehicle.contact import static_loads
 from polefence.vehicle.driving.drive import Setup, run, signals
 from polefence.vehicle.vehicle import SIGNALS, quarter_car
+from support.commands import ran, refused
 
 SPEED, STEP = 20.0, 1e-3
 
@@ -109,14 +108,12 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     spec = tmp_path / "full.toml"
     spec.write_text(spec_text("full-car"))
     words = ["simulate", str(spec), "--road", "C", "--speed", "20", "--duration", "2"]
-    assert main(words) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, *words)
     assert "rear right tyre force variation [N]" in out
     assert "driver: comfort (ISO 2631-1): weighted rms" in out
     assert "driver:   with roll and pitch: vibration total value " in out
     assert "no limit was met" in out
-    assert main(["simulate", str(spec), "--kerb", "0.1", "--speed", "10"]) == 0
-    out = capsys.readouterr().out
+    out = ran(capsys, "simulate", spec, "--kerb", "0.1", "--speed", "10")
     assert "no limit was met" not in out
     for wheel in ("front left", "front right", "rear left", "rear right"):
         assert f"the {wheel} tyre leaves the road, which the equations do not know; first at" in out
@@ -136,8 +133,7 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
         "-o",
         str(rows),
     ]
-    assert main(words) == 0
-    assert "front left bump stop hit, " in capsys.readouterr().out
+    assert "front left bump stop hit, " in ran(capsys, *words)
     head = rows.read_text().partition("\n")[0]
     for wheel in ("front left", "front right", "rear left", "rear right"):
         assert f"{wheel} stop force [N]" in head
@@ -283,8 +279,7 @@ def test_a_car_brakes_and_corners_on_its_road(tmp_path, capsys):
         (["--step-in", "front left road velocity=1"], "beside a road a car has braking and corner"),
         (["--impulse-in", "braking=1"], "a road is all that moves a car; leave out the other"),
     ):
-        assert main([*words, *more]) == 2
-        assert said in capsys.readouterr().err
+        assert said in refused(capsys, *words, *more)
     flat = tmp_path / "flat.toml"
     flat.write_text(spec_text("full-car"))
     assert main(["simulate", str(flat), *words[2:], "--step-in", "braking=2"]) == 2
@@ -295,10 +290,8 @@ def test_tracks_are_not_driven(tmp_path, capsys):
     spec = tmp_path / "tracks.toml"
     text = re.sub(r"under = \[[^\]]*\]\n", "[road.tracks]\n", spec_text("half-car"))
     spec.write_text(text)
-    assert main(["simulate", str(spec), "--road", "C", "--speed", "20"]) == 2
-    said = capsys.readouterr().err
+    said = refused(capsys, "simulate", spec, "--road", "C", "--speed", "20")
     assert said.startswith(f"polefence: {spec}: road.tracks: a drive has the delays")
-    assert said.count("\n") == 1
 
 
 def test_what_is_no_road_of_the_car_is_refused(half):

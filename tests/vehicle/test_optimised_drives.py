@@ -1,7 +1,5 @@
 """A law that was optimised, driven over a road while the load changes: every limit is held."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

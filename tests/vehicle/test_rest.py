@@ -12,6 +12,7 @@ from polefence.examples import family, spec_text
 from polefence.plant.points import seeded
 from polefence.response.linear import simulate
 from polefence.vehicle.rest import held_words, rests
+from support.commands import ran
 
 
 def test_a_car_on_a_grade_stands_as_the_balance_of_forces_has_it():
@@ -71,8 +72,7 @@ def test_a_plant_that_nothing_disturbs_is_refused(make_random):
 def test_optimise_and_report_warn_of_it(tmp_path, monkeypatch, capsys, lmi_alone):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ride.toml").write_text(spec_text("quarter-car-ride"))
-    assert main(["optimise", "ride.toml", "--method", "quadratic", "-o", "ride"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, "optimise", "ride.toml", "--method", "quadratic", "-o", "ride")
     (held,) = [line for line in said.splitlines() if "steady state" in line]
     assert "road velocity = 1 m/s (a grade of 5 % at 20 m/s)" in held
     low, high = re.search(r"suspension deflection (\S+) to (\S+) m", held).groups()

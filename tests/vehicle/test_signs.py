@@ -9,7 +9,6 @@ import pytest
 
 from polefence import FixedGain, UncertainPlant
 from polefence.base.errors import PlantError
-from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from polefence.plant.spec import loads
 from polefence.plant.vehicle import Vehicle
@@ -20,6 +19,7 @@ from polefence.vehicle.excitation import on_road
 from polefence.vehicle.reference_laws import Sizes, lqr, skyhook
 from polefence.vehicle.roads import kerb
 from polefence.vehicle.vehicle import masses, ride
+from support.commands import ran
 from support.drives import drive
 
 SENSES = [s for s in product((1, -1), repeat=2) if s != (1, 1)]
@@ -164,8 +164,7 @@ def test_the_commands_take_the_textbook_sign(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "car.toml").write_text(TEXTBOOK)
     words = ["simulate", "car.toml", "--law", "skyhook", "--kerb", "0.1", "--speed", "5"]
-    assert main([*words, "--travel-limit", "0.02", "--duration", "1"]) == 0
-    said = capsys.readouterr().out
+    said = ran(capsys, *words, "--travel-limit", "0.02", "--duration", "1")
     assert "stop hit" in said
     assert "nan" not in said
     assert "runs away" not in said

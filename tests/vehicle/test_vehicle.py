@@ -95,9 +95,7 @@ def test_masses_are_those_that_made_the_matrices():
 def test_tyre_force_is_missing_where_kt_is_uncertain():
     kt = Parameter("kt", 100000, 200000, "N/m")
     plant = UncertainPlant.from_function(
-        lambda kt: quarter_car(300, 30, 15000, kt, 1200),
-        [kt],
-        **SIGNALS,
+        lambda kt: quarter_car(300, 30, 15000, kt, 1200), [kt], **SIGNALS
     )
     found = ride(plant)
     assert found.tyre_force is None
@@ -120,14 +118,8 @@ def test_nothing_is_recognised_by_its_names(physical, make_random):
         (Vehicle(force="pull"), "force: no input 'pull'; known: actuator force"),
         (Vehicle(road="wind"), "road: no disturbance 'wind'"),
         (Vehicle(sprung_velocity="roll"), "sprung_velocity: no state 'roll'"),
-        (
-            Vehicle(suspension_positive="extension"),
-            r"vertex 1: A\[1\]\[3\] = -1, that",
-        ),
-        (
-            Vehicle(tyre_positive="extension"),
-            r"vertex 1: A\[2\]\[4\] = -1, that",
-        ),
+        (Vehicle(suspension_positive="extension"), r"vertex 1: A\[1\]\[3\] = -1, that"),
+        (Vehicle(tyre_positive="extension"), r"vertex 1: A\[2\]\[4\] = -1, that"),
     ],
 )
 def test_a_description_that_does_not_fit_is_refused(physical, vehicle, message):

@@ -9,9 +9,9 @@ import pytest
 import polefence as pf
 from polefence.base.errors import InputError, NotProvedError
 from polefence.certify.margins.service import estimation_error
-from polefence.cli.main import main
 from polefence.proof.claims.base import prove
 from polefence.proof.document import check, loads
+from support.commands import refused
 
 REGION = pf.Disk(-40, 33)
 ERRORS = {"m1": 40}
@@ -118,5 +118,4 @@ def test_errors_that_are_none(car, errors, more, says):
 def test_what_the_command_line_refuses(words, says, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "car.toml").write_text(pf.examples.spec_text("quarter-car-physical"))
-    assert main(["design", "car.toml", "--disk", "-40", "33", *words]) == 2
-    assert says in capsys.readouterr().err
+    assert says in refused(capsys, "design", "car.toml", "--disk", "-40", "33", *words)

@@ -1,7 +1,5 @@
 """Margins in service: against numbers known in closed form, samples, simulation, and each other."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -14,14 +12,11 @@ from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, t
 from polefence.base.errors import DesignFileError
 from polefence.certify.design import check
 from polefence.certify.given import analyse
-from polefence.certify.margins import (
-    estimation_error,
-    gain_error,
-    in_service,
-    parameter_rate,
-)
+from polefence.certify.margins import estimation_error, gain_error, in_service, parameter_rate
 from polefence.cli.main import main
 from polefence.region.regions import Disk, HalfPlane, Sector
+from support.commands import ran
+from support.files import rewritten
 
 BOX, BOX0 = Scheduled(1, 1, "box"), Scheduled(1, 0, "box")
 
@@ -378,9 +373,8 @@ def test_files_are_proved_afresh(services, tmp_path):
             assert check(path).proved
             assert "nothing" not in str(check(path))
     path = tmp_path / "box" / "estimate-m.json"
-    document = json.loads(path.read_text())
-    document["claims"][0]["errors"][0] *= 1.05
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["claims"][0]["errors"][0] *= 1.05
     assert check(path).answer == "undecided"
     path.write_text("{")
     with pytest.raises(DesignFileError, match="cut short"):
@@ -391,8 +385,7 @@ def test_the_command(services, tmp_path, capsys):
     design = services["box"].design.save(tmp_path)
     out, summary = tmp_path / "out", tmp_path / "summary.json"
     words = ["service", str(design), "--decay", "0.05", "-o", str(out), "--json", str(summary)]
-    assert main(words) == 0
-    printed = capsys.readouterr().out
+    printed = ran(capsys, *words)
     rows = json.loads(summary.read_text())["margins"]
     for row, margin in zip(rows, services["box"], strict=True):
         assert row["value"] == margin.value
@@ -401,13 +394,11 @@ def test_the_command(services, tmp_path, capsys):
     spec = tmp_path / "spec.toml"
     spec.write_text(SPEC)
     for path in sorted(out.iterdir()):
-        assert main(["check", str(path), "--spec", str(spec)]) == 0
-        assert "proved: " in capsys.readouterr().out
+        assert "proved: " in ran(capsys, "check", path, "--spec", spec)
     spec.write_text(SPEC.replace("9]", "8]"))
     assert main(["check", str(path), "--spec", str(spec)]) == 1
-    document = json.loads(path.read_text())
-    document["claims"][0]["rates"] = [1000, 1000]
-    path.write_text(json.dumps(document))
+    with rewritten(path) as document:
+        document["claims"][0]["rates"] = [1000, 1000]
     assert main(["check", str(path)]) == 1
     assert main(["service", str(design), "--decay", "50", "--region", "half_plane(0)"]) == 1
     assert main(["service", str(design), "--decay", "-1"]) == 2

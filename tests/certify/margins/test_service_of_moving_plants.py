@@ -1,7 +1,5 @@
 """Margins of plants whose parameters move: those of constant ones, of the plant as it is."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -13,6 +11,7 @@ from polefence.certify.design import check
 from polefence.certify.margins import in_service
 from polefence.cli.main import main
 from polefence.region.regions import Disk, HalfPlane
+from support.commands import ran
 
 SPEC = """
 states = ["x [m]", "v [m/s]"]
@@ -86,6 +85,5 @@ def test_the_command_writes_files_that_are_proved(tmp_path, capsys):
         assert check(path).proved, path.name
         parameters = json.loads(path.read_text())["plant"]["parameters"]
         assert [own.get("rate") for own in parameters] == [None, "any"]
-        assert main(["check", str(path), "--spec", str(spec)]) == 0
-        said = capsys.readouterr().out
+        said = ran(capsys, "check", path, "--spec", spec)
         assert "for constant parameters" in said or path.stem.startswith("rate")

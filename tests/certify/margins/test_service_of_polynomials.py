@@ -1,7 +1,5 @@
 """Margins of polynomial laws: against samples and errors put in by hand; what has none."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Descents to known minima."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

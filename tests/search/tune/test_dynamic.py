@@ -1,7 +1,5 @@
 """Starts of laws with states: observers, and filters that stay as they are, seen by a gain."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache

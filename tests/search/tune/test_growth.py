@@ -1,7 +1,5 @@
 """Poles against regions of every part: distances, slopes, and bounds that are smooth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Limits on entries of a law: kept by what is tuned, and worth nothing where they do not bind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

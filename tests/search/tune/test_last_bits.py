@@ -1,7 +1,5 @@
 """Answers that do not hang on the last bits of floats, in which processors differ."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Quadratic programs: their optimality conditions, both engines alike, and no way to misuse one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Slopes of every kind of requirement, against central differences at random stable loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The search against what is known: Riccati equations, special cases, bounds on gains, regions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are

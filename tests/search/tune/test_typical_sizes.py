@@ -1,7 +1,5 @@
 """Typical sizes that a search takes for its units."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -211,7 +211,7 @@ def test_bad_input(physical, make_random, laws):
             compare(physical, {"passive": None}, **arguments)
     with pytest.raises(InputError, match="none was given"):
         compare(physical, {})
-    with pytest.raises(InputError, match="not described as a quarter car"):
+    with pytest.raises(InputError, match="not described as a car"):
         compare(make_random(3, 2, 1, 2), {"passive": None})
     with pytest.raises(InputError, match="no law 'skyhok'; did you mean 'skyhook'"):
         standard_laws(physical, names=("skyhok",))

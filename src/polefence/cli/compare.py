@@ -30,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "subject",
         metavar="SPEC|DESIGN",
-        help="a TOML spec of a quarter car, or a design: its law is compared with the others",
+        help="a TOML spec of a quarter, half or full car, or a design of one, at a sample time or "
+        "not: its law is compared with the others",
     )
     parser.add_argument(
         "--law",
@@ -55,13 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def compare_command(options: Any) -> int:
     """Compare laws on a random road: comfort, tyre load, travel, force, power, over the family."""
     from polefence.vehicle.compare import compare
-    from polefence.vehicle.vehicle import require_ride
+    from polefence.vehicle.suspensions import require_car
 
     subject = read_subject(options.subject)
-    subject.require_one_suspension("compare")
     plant, designed = subject.plant, law_of(subject)
+    require_car(plant)
     given = _given(plant, options.law or ())
-    require_ride(plant)
     check_results(options)
     notes = list[str]()
     if designed is None and options.law is None:

@@ -44,7 +44,6 @@ def concepts_command(options: Any) -> int:
 
     check_results(options)
     subject, least = question(options)
-    subject.require_one_suspension("concepts")
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))

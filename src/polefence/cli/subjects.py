@@ -57,21 +57,6 @@ class Subject:
                 f"table [vehicle] or [car] to its spec{remedy}"
             )
 
-    def require_one_suspension(self, command: str) -> None:
-        """Refuse a car whose laws and signals are not those of one suspension.
-
-        Raises
-        ------
-        InputError
-            If it has a table [car].
-        """
-        if self.car is not None:
-            raise InputError(
-                f"{self.source}: a car on {len(self.car.wheels)} wheels is not described as a "
-                f"quarter car, and {command} compares suspensions of these; ask semi-active, "
-                "optimise and simulate"
-            )
-
 
 def is_design(path: Path) -> bool:
     """Whether a path is a file of claims, or a folder, which then has to hold a design."""

@@ -618,10 +618,11 @@ class Ride(Question):
     kind = "compare"
 
     def __post_init__(self) -> None:
-        for key, known in (("law", NAMES), ("quantity", dict(QUANTITIES))):
-            name = getattr(self, key)
-            if name not in known:
-                raise InputError(f"{key} = {name!r} is unknown; {suggest(str(name), known)}")
+        for key, known in (("law", NAMES), ("quantity", tuple(name for name, _ in QUANTITIES))):
+            name = str(getattr(self, key))
+            of_a_place = key == "quantity" and name.endswith(tuple(f" {one}" for one in known))
+            if name not in known and not of_a_place:
+                raise InputError(f"{key} = {name!r} is unknown; {suggest(name, known)}")
         velocity_density(self.road, self.speed)
         if not isinstance(self.disk, tuple) or len(self.disk) != 2:
             raise InputError(f"disk = {self.disk!r} must be [CENTRE, RADIUS]")
@@ -636,9 +637,9 @@ class Ride(Question):
             if isinstance(law := laws[self.law], NoLaw):
                 return Answer(NOT_PROVED, reason=law.reason)
             compared = compare(plant, laws, self.road, self.speed)
+            ridden = compared.row(self.law, self.quantity)
         except PolefenceError as error:
             return _failed(error)
-        ridden = next(row for row in compared.rows if row.quantity == self.quantity)
         reason = f"the worst of {len(compared.alpha)} points of the family; nothing is proved"
         return Answer(SAMPLED, worst=ridden.worst, unit=ridden.unit, reason=reason)
 

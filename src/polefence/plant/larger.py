@@ -20,6 +20,7 @@ MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
 DERIVATIVE = "pid derivative of "
+DEMAND = "demand of "  # of the input that an actuator follows
 
 
 def with_dynamics(
@@ -115,7 +116,7 @@ def _before(
         E = vertex.exact_E
         E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * order)
         vertices.append(System(tuple(A), tuple(B), E, vertex.name))
-    demands = [f"demand of {u.label}" if j == i else u.label for j, u in enumerate(inputs(plant))]
+    demands = [f"{DEMAND}{u.label}" if j == i else u.label for j, u in enumerate(inputs(plant))]
     return replace(
         plant,
         vertices=tuple(vertices),

@@ -229,6 +229,54 @@ def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
     return X * (d * d[:, None])
 
 
+def filtered_variance(
+    A: Array, X: Array, C: Array, weighting: tuple[Array, Array, Array], step: float = 0.0
+) -> Array:
+    """Return the variances of signals behind a filter z' = a z + b y, c z: (count, p).
+
+    Each signal's filter is solved for by itself, behind the loop whose covariance is known: of
+    many signals that costs little more than of one.
+
+    Parameters
+    ----------
+    A, X : (count, n, n) array
+        The loop and its covariance.
+    C : (count, p, n) array
+        Of the signals y = C x.
+    weighting : a (k, k), b (k, 1), c (1, k)
+        Of the filter; in its delta form where the loop is.
+    step : float, optional
+        Of a delta form [s].
+    """
+    from scipy.linalg import schur
+
+    a, b, c = weighting
+    count, n = X.shape[:2]
+    triangle, turn = schur(a, output="complex")
+    moves = np.eye(n) + step * A
+    variances = np.empty(C.shape[:2])
+    for p in range(C.shape[1]):
+        y = C[:, p]
+        seen = (X @ y[..., None])[..., 0]  # covariance of state and signal
+        # M Y (a' with its step) + A Y + M seen b' = 0, column by column of a's Schur form
+        driven = (moves @ seen[..., None]) * (b[:, 0] @ turn.conj())
+        W = np.zeros((count, n, len(a)), dtype=complex)
+        for j in reversed(range(len(a))):
+            known = W[..., j + 1 :] @ triangle[j, j + 1 :]
+            right = driven[..., j] + (moves @ known[..., None])[..., 0]
+            W[..., j] = np.linalg.solve(A + triangle[j, j] * moves, -right[..., None])[..., 0]
+        Y = (W @ turn.T).real
+        crossed = np.einsum("cn,cnk->ck", y, Y)
+        half = b * crossed[:, None, :]
+        noise = half + np.swapaxes(half, 1, 2)
+        if step:
+            own, both = np.einsum("cn,cn->c", y, seen), half @ a.T
+            noise += step * (both + np.swapaxes(both, 1, 2) + own[:, None, None] * (b @ b.T))
+        Z = lyapunov(np.broadcast_to(a, (count, *a.shape)), noise, step)
+        variances[:, p] = np.einsum("i,cij,j->c", c[0], Z, c[0])
+    return variances
+
+
 def _densities(psd: Any, q: int) -> Array:
     try:
         densities = np.asarray(psd, dtype=float)

@@ -926,23 +926,43 @@ def front_figure(front: Front) -> Figure:
 
 
 def comparison_figure(compared: Comparison) -> Figure:
-    """Draw comfort, grip, travel and force of each law: worst, median and best of the family."""
-    height = 1.2 + 0.5 * len(compared.laws)
+    """Draw comfort, grip, travel and force of each law: worst, median and best of the family.
+
+    Seats and wheels of a car that has several are drawn one below the other, by their names.
+    """
+    alike = {what: [q for q in compared.quantities if q.what == what] for what in COMPARED}
+    most = max(map(len, alike.values()))
+    height = 1.2 + (0.5 if most == 1 else 0.2 + 0.22 * most) * len(compared.laws)
     figure, axes = new_grid(2, 2, 9.5, 2 * height, sharey=True)
     places = np.arange(len(compared.laws))[::-1]
-    for ax, quantity in zip(axes.flat, COMPARED, strict=True):
-        rows = [compared.row(law, quantity) for law in compared.laws]
-        best, worst, middle = zip(*((r.best, r.worst, r.median) for r in rows), strict=True)
-        ax.hlines(places, best, worst, color="#2166ac", lw=5, label="over the family")
-        ax.plot(worst, places, "|", color="#b2182b", ms=14, mew=2.2, label="worst")
-        ax.plot(middle, places, "o", color="white", mec="#2166ac", ms=5, label="median")
-        ax.set(xlabel=f"{quantity} [{rows[0].unit}]", ylim=(-0.6, len(places) - 0.4))
+    for ax, (what, columns) in zip(axes.flat, alike.items(), strict=True):
+        apart = 0.8 / len(columns)
+        for i, column in enumerate(columns):
+            rows = [compared.row(law, column.name) for law in compared.laws]
+            best, worst, middle = zip(*((r.best, r.worst, r.median) for r in rows), strict=True)
+            at = places + ((len(columns) - 1) / 2 - i) * apart
+            label = None if i else "over the family"
+            ax.hlines(at, best, worst, color="#2166ac", lw=5 if most == 1 else 3.5, label=label)
+            size = 14 if most == 1 else 9
+            ax.plot(worst, at, "|", color="#b2182b", ms=size, mew=2.2, label="worst")
+            ax.plot(middle, at, "o", color="white", mec="#2166ac", ms=0.35 * size, label="median")
+            if len(columns) > 1:
+                for x, y in zip(worst, at, strict=True):
+                    ax.annotate(
+                        column.place, (x, y), (5, 0), textcoords="offset points", fontsize=7,
+                        va="center", color="0.35",
+                    )  # fmt: skip
+        ax.set(xlabel=f"{what} [{columns[0].unit}]", ylim=(-0.6, len(places) - 0.4))
         ax.set_yticks(places, compared.laws)
         ax.set_xlim(left=0)
+        if len(columns) > 1:
+            ax.set_xlim(right=1.2 * ax.get_xlim()[1])  # room for the names
+        ax.locator_params(axis="x", nbins=6)
     handles, _ = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
+    figure.legend(handles=handles[:3], loc="outside lower center", ncols=3, fontsize=8.5)
     figure.suptitle(
-        f"{compared.plant.name}: class {compared.road} at {compared.speed:g} m/s", fontsize=9.5
+        f"{compared.plant.name}: class {compared.road} at {compared.speed:g} m/s{compared.when}",
+        fontsize=9.5,
     )
     return figure
 

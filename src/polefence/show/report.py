@@ -44,9 +44,10 @@ from polefence.show.plots import (
     typeset,
 )
 from polefence.vehicle.comfort import comfort_reading
-from polefence.vehicle.compare import Comparison, compare, points
+from polefence.vehicle.compare import Comparison, Row, compare, points
 from polefence.vehicle.reference_laws import lqr, skyhook
 from polefence.vehicle.rest import GRADE, is_grade, rests
+from polefence.vehicle.suspensions import is_car
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -367,7 +368,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             under = claim.under
             if (
                 isinstance(claim, Rms)
-                and design.plant.vehicle is not None
+                and is_car(design.plant)
                 and np.isclose(float(2 * claim.intensity), density, rtol=1e-9)
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
@@ -546,35 +547,42 @@ def _seconds(value: float) -> str:
 
 @stage("comfort")
 def comfort(design: Design, road: str, speed: float) -> Section | None:
-    """Return the ride of a quarter car beside other laws; None for any other plant."""
+    """Return the ride of a car beside other laws; None for any other plant."""
     plant, title = design.plant, "Comfort, grip and force on a road"
-    if plant.vehicle is None or any(v.E is None for v in plant.vertices):
+    if not is_car(plant) or any(v.E is None for v in plant.vertices):
         return None
     laws = {"passive": None, "skyhook": skyhook(plant), "LQR": lqr(plant), OURS: design}
     compared = compare(plant, laws, road, speed)
     if OURS in compared.left_out:
         return Section(title, (f"Nothing can be said of this design: {compared.left_out[OURS]}.",))
-    ours, passive = (compared.row(name) for name in (OURS, "passive"))
-    if ours.best > passive.worst:
-        verdict = "rougher than without control for every car of the family"
-    elif ours.worst > passive.worst:
-        verdict = "rougher than without control in the worst case"
-    else:
-        verdict = "smoother than without control in the worst case"
+    ours = compared.row(OURS)
     reading = " to ".join(comfort_reading(ours.worst))
+    rms, beside = f"{ours.worst:.3g} m/s2 in the worst case", "Weighted"
+    if "passive" in compared.laws:
+        passive = compared.row("passive")
+        beside = f"The ride is {_beside(ours, passive)}: weighted"
+        rms = f"{ours.worst:.3g} m/s2 against {passive.worst:.3g} m/s2 in the worst case"
     return Section(
         title,
         (
-            f"Stationary ride on a class {compared.road} road of ISO 8608 at {speed:g} m/s, worst "
-            f"case and best over {len(compared.alpha)} points of the family. "
-            f"The ride is {verdict}: "
-            f"weighted by ISO 2631-1, {ours.worst:.3g} m/s2 against {passive.worst:.3g} m/s2 in "
-            f"the worst case, which people in public transport call {reading}.",
+            f"Stationary ride on a class {compared.road} road of ISO 8608 at {speed:g} m/s"
+            f"{compared.when}, worst case and best over {len(compared.alpha)} points of the "
+            f"family. {beside} by ISO 2631-1, {rms}, which people in public transport call "
+            f"{reading}.",
             "Pole location is no specification of comfort: a small disk far from the imaginary "
             "axis asks for speed.",
         ),
         _comfort_table(compared),
     )
+
+
+def _beside(ours: Row, passive: Row) -> str:
+    """Say how a law rides beside none."""
+    if ours.best > passive.worst:
+        return "rougher than without control for every car of the family"
+    if ours.worst > passive.worst:
+        return "rougher than without control in the worst case"
+    return "smoother than without control in the worst case"
 
 
 def _comfort_table(compared: Comparison) -> Table:

@@ -20,34 +20,64 @@ from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import output_matrices, states, weighted_sum
+from polefence.plant.outputs import Output, inputs, output_matrices, states
 from polefence.plant.points import edges, sample, values_at
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.short import Short
-from polefence.proof.text import visible
+from polefence.proof.text import milliseconds_text, visible
 from polefence.region.regions import Disk
-from polefence.response.closed import close, point_text
-from polefence.response.stationary import covariance, needed, unstable, velocity_density
+from polefence.requirements.weights import filter_of
+from polefence.response.closed import Loops, close, point_text
+from polefence.response.stationary import (
+    covariance,
+    filtered_variance,
+    growth,
+    needed,
+    unstable,
+    velocity_density,
+)
 from polefence.response.weighting import WK
 from polefence.search.place import place
 from polefence.vehicle.reference_laws import lqr, skyhook
-from polefence.vehicle.vehicle import masses, require_ride
+from polefence.vehicle.suspensions import Suspensions, in_continuous_time, suspensions
 
 NAMES = ("passive", "skyhook", "lqr", *METHODS)
 
-# Of each law at each point; rms unless said otherwise. Power is of the actuator, into the car: the
-# mean, and the mean of what is positive of it, for an actuator that cannot take any back.
-QUANTITIES = (
-    ("weighted acceleration", "m/s2"),
-    ("acceleration", "m/s2"),
+# Of each law at each point; rms unless said otherwise. Accelerations are those of each seat, the
+# others those of each wheel. Power is of the actuators, into the car: the mean, and the mean of
+# what is positive of it, for actuators that cannot take any back; summed over the suspensions.
+FELT = (("weighted acceleration", "m/s2"), ("acceleration", "m/s2"))
+AT_WHEELS = (
     ("tyre deflection", "m"),
     ("tyre load variation", "N"),
     ("suspension travel", "m"),
     ("actuator force", "N"),
-    ("mean power", "W"),
-    ("mean power drawn", "W"),
 )
+POWERS = (("mean power", "W"), ("mean power drawn", "W"))
+QUANTITIES = (*FELT, *AT_WHEELS, *POWERS)  # of a quarter car
+
+
+@dataclass(frozen=True)
+class Quantity(Short):
+    """A column of a comparison.
+
+    Attributes
+    ----------
+    place : str
+        The seat or the wheel; empty text where there is but one, or of all together.
+    what, unit : str
+        One of `QUANTITIES`.
+    """
+
+    place: str
+    what: str
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """Place and quantity, as in "front tyre deflection"."""
+        return f"{self.place} {self.what}".strip()
 
 
 @dataclass(frozen=True)
@@ -70,7 +100,8 @@ def compare(
     Parameters
     ----------
     plant : UncertainPlant
-        A quarter car.
+        A car, or its samples: then everything is that at the samples, and a filter of comfort holds
+        its input in between.
     laws : mapping of str to law
         None (passive), a law, a design, a table of gains or an (m, n) array; or `NoLaw`.
     road : str
@@ -83,22 +114,20 @@ def compare(
     Returns
     -------
     Comparison
-        Of the `QUANTITIES`. A law that leaves a loop unstable at a point is among ``left_out``.
+        Of its ``quantities``. A law that leaves a loop unstable at a point is among ``left_out``.
 
     Raises
     ------
     InputError
-        If the plant is no quarter car or its road no single velocity, no law is left to compare,
-        or an argument cannot be used.
+        If the plant is no car or has no road, no law is left to compare, or an argument cannot be
+        used.
     """
-    require_ride(plant)
+    ridden = _Ridden.of(plant)
     density, N = velocity_density(road, speed), len(plant.vertices)
     measured, left_out = dict[str, Array](), dict[str, str]()
     alpha = points(plant) if alpha is None else check_alpha(np.atleast_2d(alpha), N)
     for name, law in counted(laws.items(), "law"):
-        quantities = (
-            law.reason if isinstance(law, NoLaw) else _quantities(plant, law, alpha, density)
-        )
+        quantities = law.reason if isinstance(law, NoLaw) else ridden.values(law, alpha, density)
         if isinstance(quantities, str):
             left_out[name] = quantities
         else:
@@ -110,7 +139,9 @@ def compare(
             "whole family stable"
         )
     values = np.stack(list(measured.values()))
-    return Comparison(plant, str(road).upper(), speed, alpha, tuple(measured), values, left_out)
+    return Comparison(
+        plant, str(road).upper(), speed, alpha, tuple(measured), values, left_out, ridden.quantities
+    )
 
 
 @explained
@@ -148,7 +179,7 @@ def standard_laws(
     Raises
     ------
     InputError
-        If the plant is no quarter car, a name is unknown, or the disk is none. A method that gives
+        If the plant is no car, a name is unknown, or the disk is none. A method that gives
         no proof raises nothing: its law is a `NoLaw`.
     """
     laws = dict[str, Any]()
@@ -170,51 +201,98 @@ def _law(plant: UncertainPlant, name: str, disk: tuple[float, float]) -> Any:
         return NoLaw(str(answer))
 
 
-def _quantities(plant: UncertainPlant, law: Any, alpha: Array, density: float) -> Array | str:
-    """Return the quantities at all points, (count, quantities); or why there are none."""
-    known, loops = require_ride(plant), close(plant, law, alpha)
-    if sum(plant.physical) != 1:
-        raise InputError(f"{plant.name} has {sum(plant.physical)} disturbances; a road is one")
-    psd = np.where(plant.physical, density, 1.0)
-    first, second = known.places[2:]
-    velocities = states(plant)
-    relative = weighted_sum(
-        "velocity apart", "m/s", [(1, velocities[first]), (-1, velocities[second])]
-    )
-    asked = (known.acceleration, known.tyre, known.travel, known.force, relative)
-    C, F = output_matrices(plant, asked, loops.alpha, loops.K)
-    if np.any(F):
-        raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
-    keep = needed(C, loops.closed)
-    A, E, C = loops.closed[:, keep][:, :, keep], loops.E[:, keep], C[:, :, keep]
-    bad = unstable(A)
-    if len(bad):
-        pole = float(np.linalg.eigvals(A[bad[0]]).real.max())
-        return f"unstable: a pole at {pole:.3g} 1/s at {point_text(plant, loops.alpha[bad[0]])}"
-    C, X = _weighted(A, E, C, psd)
-    R = np.einsum("cpn,cnm,cqm->cpq", C, X, C, optimize=True)
-    rms = np.sqrt(np.maximum(np.diagonal(R, axis1=1, axis2=2), 0.0))
-    weighted, acceleration, tyre, travel, force, apart = rms.T
-    load = masses(plant, known, loops.alpha).kt * tyre
-    power = R[:, 4, 5]
-    drawn = _drawn(power, force * apart)
-    columns = (weighted, acceleration, tyre, load, travel, force, power, drawn)
-    return np.stack(columns, axis=1)
+@dataclass(frozen=True, eq=False)
+class _Ridden:
+    """A plant with the signals by which its ride is judged.
 
-
-def _weighted(A: Array, E: Array, C: Array, psd: Array) -> tuple[Array, Array]:
-    """Return outputs and covariance of the loop with Wk behind the first of its outputs.
-
-    The weighted output comes first, the others after it.
+    Attributes
+    ----------
+    known : Suspensions
+        Of the plant in continuous time.
+    force : tuple of Output
+        What acts: of inputs that are late the states that they are by then.
     """
-    (count, n, _), (Aw, Bw, Cw, Dw) = E.shape, WK.state_space()
-    size = n + len(Aw)
-    both, into = np.zeros((count, size, size)), np.zeros((count, size, E.shape[-1]))
-    both[:, :n, :n], both[:, n:, n:], both[:, n:, :n] = A, Aw, Bw @ C[:, :1]
-    into[:, :n] = E
-    rows = np.zeros((count, C.shape[1] + 1, size))
-    rows[:, 1:, :n], rows[:, :1, :n], rows[:, :1, n:] = C, Dw @ C[:, :1], Cw
-    return rows, covariance(both, into, psd)
+
+    plant: UncertainPlant
+    known: Suspensions
+    force: tuple[Output, ...]
+
+    @classmethod
+    def of(cls, plant: UncertainPlant) -> _Ridden:
+        car = in_continuous_time(plant)
+        known, force = suspensions(car, car.car), list[Output]()
+        if not known.roads:
+            raise InputError(f"{plant.name} has no E, so no road enters; give E in its spec")
+        late = 0 if plant.sampling is None else plant.sampling.delay
+        (n, m), every = car.shape, (states(plant), inputs(plant))
+        for signal, number, lag in zip(known.force, known.inputs, known.lags, strict=True):
+            acting = every[0][n + (late - 1) * m + number] if late else every[1][number]
+            force.append(acting if lag is None else plant.signal(signal.name))
+        return cls(plant, known, tuple(force))
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The columns of `values`."""
+        known = self.known
+        felt = (Quantity(seat, *one) for one in FELT for seat in known.felt)
+        wheels = (Quantity(wheel, *one) for one in AT_WHEELS for wheel in known.names)
+        return (*felt, *wheels, *(Quantity("", *one) for one in POWERS))
+
+    @property
+    def signals(self) -> tuple[Output, ...]:
+        """Of the plant: those that are felt, then deflections of tyres and suspensions."""
+        known = self.known
+        asked = (*known.felt.values(), *known.tyre, *known.travel)
+        return tuple(self.plant.signal(signal.name) for signal in asked)
+
+    def values(self, law: Any, alpha: Array, density: float) -> Array | str:
+        """Return the quantities at all points, (count, quantities); or why there are none."""
+        plant, known = self.plant, self.known
+        loops, seats, k = close(plant, law, alpha), len(known.felt), len(known.names)
+        psd = np.where(plant.physical, 0.0, 1.0)
+        psd[list(known.roads)] = density
+        C, F = output_matrices(plant, (*self.signals, *self.force), loops.alpha, loops.K)
+        if np.any(F * psd):
+            raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
+        apart, forces = self.over_a_step(loops, C[:, -k:])
+        C = np.concatenate([C, forces, apart], axis=1)
+        keep = needed(C, loops.closed)
+        A, E, C = loops.closed[:, keep][:, :, keep], loops.E[:, keep], C[:, :, keep]
+        bad = unstable(A, loops.step)
+        if len(bad):
+            pole = float(growth(np.linalg.eigvals(A[bad[0]]), loops.step).max())
+            return f"unstable: a pole at {pole:.3g} 1/s at {point_text(plant, loops.alpha[bad[0]])}"
+        X = covariance(A, E, psd, loops.step)
+        variance = np.einsum("cpn,cnm,cpm->cp", C, X, C, optimize=True)
+        rms = np.sqrt(np.maximum(variance, 0.0))
+        weighting = _comfort(plant)
+        weighted = filtered_variance(A, X, C[:, :seats], weighting, loops.step)
+        tyre, travel, force = (rms[:, seats + i * k : seats + (i + 1) * k] for i in range(3))
+        held, moved = C[:, -2 * k : -k], C[:, -k:]
+        power = np.einsum("cpn,cnm,cpm->cp", held, X, moved, optimize=True)
+        drawn = _drawn(power, rms[:, -2 * k : -k] * rms[:, -k:]).sum(axis=1)
+        load = known.corners(loops.alpha).tyre * tyre
+        columns = (np.sqrt(np.maximum(weighted, 0.0)), rms[:, :seats], tyre, load, travel, force)
+        return np.column_stack([*columns, power.sum(axis=1), drawn])
+
+    def over_a_step(self, loops: Loops, force: Array) -> tuple[Array, Array]:
+        """Return rows of the velocities of body and wheel apart, and of the forces meanwhile.
+
+        At samples both are means over a step, so that their product is the power: a held force
+        stays, one behind an actuator is half way between its samples.
+        """
+        moved = np.zeros((len(self.known.names), self.plant.shape[0]))
+        moved[:, : self.known.compression.shape[1]] = self.known.compression
+        later = (loops.step / 2) * (force @ loops.closed)
+        lags = np.array([lag is not None for lag in self.known.lags])
+        return -moved @ loops.closed, force + lags[:, None] * later
+
+
+def _comfort(plant: UncertainPlant) -> tuple[Array, Array, Array]:
+    """Return Wk, of a plant at a sample time in its delta form."""
+    form = filter_of(WK, plant.period)
+    a, b, c = (np.array(M, dtype=float) for M in (form.a, form.b, form.c))
+    return a, b, c
 
 
 def _drawn(mean: Array, sizes: Array) -> Array:
@@ -269,9 +347,11 @@ class Comparison(Short):
     laws : tuple of str
         Those that were compared.
     values : (laws, count, quantities) array
-        Every one of `QUANTITIES`, in its unit.
+        Every one of ``quantities``, in its unit.
     left_out : dict of str to str
         Names of the other laws, and why nothing can be said of them.
+    quantities : tuple of Quantity
+        Of each seat and each wheel.
     """
 
     plant: UncertainPlant
@@ -281,6 +361,7 @@ class Comparison(Short):
     laws: tuple[str, ...]
     values: Array
     left_out: dict[str, str]
+    quantities: tuple[Quantity, ...]
 
     def __repr__(self) -> str:
         return f"<Comparison of {', '.join(self.laws)} for {self.plant.name!r}>"
@@ -288,16 +369,23 @@ class Comparison(Short):
     @cached_property
     def rows(self) -> tuple[Row, ...]:
         """A row a quantity and law, quantities in their order, laws in that of `laws`."""
-        return tuple(self._row(i, k) for k in range(len(QUANTITIES)) for i in range(len(self.laws)))
+        count = len(self.quantities)
+        return tuple(self._row(i, k) for k in range(count) for i in range(len(self.laws)))
 
     def row(self, law: str, quantity: str = "weighted acceleration") -> Row:
-        """Return one row.
+        """Return one row: of a quantity without its seat or wheel that where it is worst.
 
         Raises
         ------
         InputError
             If there is none.
         """
+        alike = [one.name for one in self.quantities if one.what == quantity]
+        if alike:
+            return max((self._named(law, name) for name in alike), key=lambda row: row.worst)
+        return self._named(law, quantity)
+
+    def _named(self, law: str, quantity: str) -> Row:
         known = {f"{one.law}: {one.quantity}": one for one in self.rows}
         row = known.get(f"{law}: {quantity}")
         if row is None:
@@ -308,9 +396,10 @@ class Comparison(Short):
         values = self.values[i, :, k]
         at = self.alpha[int(np.argmax(values))].tolist()
         worst, best = float(values.max()), float(values.min())
+        quantity = self.quantities[k]
         return Row(
-            self.laws[i], *QUANTITIES[k], worst, best, float(np.median(values)), worst - best,
-            values_at(self.plant, at), tuple(at),
+            self.laws[i], quantity.name, quantity.unit, worst, best, float(np.median(values)),
+            worst - best, values_at(self.plant, at), tuple(at),
         )  # fmt: skip
 
     def as_rows(self) -> list[dict[str, Any]]:
@@ -323,9 +412,9 @@ class Comparison(Short):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        shown = [row for row in self.rows if row.quantity == QUANTITIES[0][0]]
+        shown = [self.row(law) for law in self.laws]
         rows = [(row.law, f"worst {row.worst:.4g} {row.unit}") for row in shown]
-        title = f"{QUANTITIES[0][0]}, road {self.road}, {self.speed:g} m/s"
+        title = f"{FELT[0][0]}, road {self.road}, {self.speed:g} m/s"
         return card(title, [*rows, *self.left_out.items()])
 
     def document(self) -> dict[str, Any]:
@@ -344,15 +433,23 @@ class Comparison(Short):
         return "\n".join(map(visible, self.lines))
 
     @property
+    def when(self) -> str:
+        """Say that everything is that at samples, where it is; else empty."""
+        T = self.plant.period
+        return f", at samples every {milliseconds_text(T)} ms" if T else ""
+
+    @property
     def lines(self) -> list[str]:
         """A table in plain text, a block a quantity."""
-        wide = max(34, 2 + max(len(law) for law in self.laws))
+        heads = [
+            f"{one.name}{'' if one.unit == 'W' else ' rms'} [{one.unit}]" for one in self.quantities
+        ]
+        wide = max(34, *map(len, heads), 2 + max(len(law) for law in self.laws))
         lines = [
             f"{self.plant.name}: road of class {self.road} (ISO 8608) at {self.speed:g} m/s, "
-            f"stationary; {len(self.alpha)} points of the family"
+            f"stationary{self.when}; {len(self.alpha)} points of the family"
         ]
-        for k, (name, unit) in enumerate(QUANTITIES):
-            head = f"{name} [{unit}]" if unit == "W" else f"{name} rms [{unit}]"
+        for k, head in enumerate(heads):
             columns = "".join(f"{word:>10}" for word in ("worst", "best", "median", "spread"))
             lines += ["", f"{head:<{wide}}{columns}  worst at"]
             lines += [self._line(self._row(i, k), wide) for i in range(len(self.laws))]

@@ -18,6 +18,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, split
 from polefence.proof.short import Short
 from polefence.response.linear import final
+from polefence.vehicle.suspensions import in_continuous_time
 
 GRADE = "a grade of 5 % at 20 m/s"  # of the road's velocity, 1 m/s
 
@@ -103,4 +104,5 @@ def held_words(plant: UncertainPlant, source: Signal) -> str:
 def is_grade(plant: UncertainPlant) -> bool:
     """Whether the one disturbance is the road's velocity under a car, in m/s."""
     roads = [split(name) for name in plant.disturbances if split(name)[0] not in plant.noise]
-    return plant.vehicle is not None and roads == [(plant.vehicle.road, "m/s")]
+    vehicle = in_continuous_time(plant).vehicle
+    return vehicle is not None and roads == [(vehicle.road, "m/s")]

@@ -220,7 +220,7 @@ class _Ridden:
     @classmethod
     def of(cls, plant: UncertainPlant) -> _Ridden:
         car = in_continuous_time(plant)
-        known, force = suspensions(car, car.car), list[Output]()
+        known, force = suspensions(car), list[Output]()
         if not known.roads:
             raise InputError(f"{plant.name} has no E, so no road enters; give E in its spec")
         late = 0 if plant.sampling is None else plant.sampling.delay

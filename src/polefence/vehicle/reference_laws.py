@@ -189,7 +189,7 @@ def _felt(
 
 def _nominal_car(plant: UncertainPlant) -> tuple[UncertainPlant, Suspensions]:
     car = in_continuous_time(plant)
-    return car, suspensions(car, car.car)
+    return car, suspensions(car)
 
 
 def _wide(plant: UncertainPlant, K: Array) -> FixedGain:

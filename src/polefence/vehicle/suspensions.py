@@ -18,6 +18,7 @@ from polefence.proof.short import Short
 from polefence.vehicle.vehicle import Ride, masses, ride
 
 TRAVEL = "suspension deflection"
+NO_CAR = "is not described as a car; add a table [vehicle] (of a quarter car) or [car] to its spec"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,31 +105,30 @@ def require_car(plant: UncertainPlant) -> None:
         Naming what to add to its spec.
     """
     if not is_car(plant):
-        raise InputError(
-            f"{plant.name} is not described as a car; add a table [vehicle] (of a quarter car) or "
-            "[car] to its spec"
-        )
+        raise InputError(f"{plant.name} {NO_CAR}")
 
 
-def suspensions(plant: UncertainPlant, car: Car | None) -> Suspensions:
+def suspensions(plant: UncertainPlant, car: Car | None = None) -> Suspensions:
     """Return the suspensions of a quarter car, or of a car on several wheels.
 
     Parameters
     ----------
     plant : UncertainPlant
         In continuous time, with or without hardware, states of a law, and roads in tracks.
+    car : Car, optional
+        The car on several wheels that it is, where it does not know itself.
 
     Raises
     ------
     InputError
         If the plant is no car.
     """
+    car = car or plant.car
     if car is not None:
         return _on_wheels(plant, car)
     known = ride(plant)
     if known is None:
-        require_car(plant)
-        raise InputError(f"{plant.name} is a car on wheels; give its Car too")
+        raise InputError(f"{plant.name} {NO_CAR}")
     return _of_a_quarter_car(plant, known)
 
 

@@ -13,7 +13,6 @@ from polefence.base.errors import InputError, OutputError
 
 HEAD = 400  # bytes in which a file says what it is
 SHORT = 100  # characters of a file's name in the name of its temporary one
-TEMPORARY = re.compile(r"\.(.+)\.polefence-[a-z0-9_]{8}")
 
 
 def read_bytes(path: Path, limit: int, error: type[InputError]) -> bytes:
@@ -180,7 +179,7 @@ def leftover(name: str) -> str | None:
 
     Such files stay behind where a process is killed; None for any other file.
     """
-    match = TEMPORARY.fullmatch(name)
+    match = re.fullmatch(r"\.(.+)\.polefence-[a-z0-9_]{8}", name)
     return None if match is None else match[1]
 
 

@@ -46,11 +46,11 @@ from polefence.cli import (
 )
 from polefence.cli.help import Formatter, examples, listing
 from polefence.cli.interrupt import cut_off
-from polefence.cli.output import streams
+from polefence.cli.output import NOT_PROVED, PROVED, streams
 from polefence.cli.terminal import say, shown_progress
 from polefence.lmi.solve.engine import engine
 
-PROVED, NOT_PROVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+BAD_INPUT, INTERRUPTED = 2, 130
 
 Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
 # Each module declares its own options; --help lists them as polefence.cli.help groups them.

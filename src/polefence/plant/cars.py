@@ -40,7 +40,6 @@ Rows = list[list[Any]]
 MOTIONS = {"heave": ("m", "m/s"), "pitch": ("rad", "rad/s"), "roll": ("rad", "rad/s")}
 MANOEUVRES = {"pitch": "braking [m/s2]", "roll": "cornering [m/s2]"}
 MAX_WHEELS = 8
-QUOTIENT = re.compile(r"-?[0-9]{1,300}/[0-9]{1,300}")
 
 
 @dataclass(frozen=True)
@@ -474,7 +473,7 @@ def _exact(value: Any) -> Any:
         return {name: _exact(entry) for name, entry in value.items()}
     if isinstance(value, list):
         return [_exact(entry) for entry in value]
-    quotient = isinstance(value, str) and QUOTIENT.fullmatch(value)
+    quotient = isinstance(value, str) and re.fullmatch(r"-?[0-9]{1,300}/[0-9]{1,300}", value)
     return Fraction(value) if quotient else value
 
 

@@ -30,9 +30,8 @@ from polefence.proof.plant import ANY
 
 MAX_BYTES = 1_000_000
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
-DEEPEST, MOST_QUOTED = 16, 200
+DEEPEST = 16
 DEEP_KEY = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
-QUOTED_KEY = re.compile(r"[\"'][ \t]*\.")
 _NAMES = ("states", "inputs", "disturbances", "noise")
 QUARTER_CAR = "quarter car"  # the one model of a vehicle
 SUM = "sum"  # the key of an output that is a sum of signals
@@ -174,7 +173,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
     SpecError
         If it is no TOML.
     """
-    if DEEP_KEY.search(text) or len(QUOTED_KEY.findall(text)) > MOST_QUOTED:
+    quoted = re.findall(r"[\"'][ \t]*\.", text)
+    if DEEP_KEY.search(text) or len(quoted) > 200:
         raise SpecError(f"{source}: a key of more than {DEEPEST} parts; a spec has at most 2")
     try:
         return tomllib.loads(text, parse_float=_number)

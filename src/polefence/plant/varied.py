@@ -12,9 +12,6 @@ from polefence.base.errors import SpecError, shown, suggest
 from polefence.plant.expression import decimal_text
 from polefence.plant.spec import parse
 
-BARE = re.compile(r"[A-Za-z0-9_-]+")
-ENDS = {"low": 0, "high": 1}
-
 
 def numbers_of(text: str, source: str = "spec") -> dict[str, Fraction]:
     """Return the numbers of a spec that a variant may change, by their names.
@@ -59,7 +56,11 @@ def _places(data: dict[str, Any]) -> dict[str, tuple[Any, Any]]:
     for name, table in _tables(data.get("parameter")):
         ends = table.get("range")
         if isinstance(ends, list) and len(ends) == 2:
-            places |= {f"{name}.{end}": (ends, k) for end, k in ENDS.items() if _is_number(ends[k])}
+            places |= {
+                f"{name}.{end}": (ends, k)
+                for end, k in (("low", 0), ("high", 1))
+                if _is_number(ends[k])
+            }
     constants = data.get("constants")
     if isinstance(constants, dict):
         places |= {name: (constants, name) for name, x in constants.items() if _is_number(x)}
@@ -85,7 +86,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _key(key: str) -> str:
-    return key if BARE.fullmatch(key) else _text(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
 
 
 def _value(value: Any) -> str:

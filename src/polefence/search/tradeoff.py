@@ -53,8 +53,6 @@ from polefence.search.task import Task
 MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
 
-# Of a row whose law is taken over for another limit.
-
 SAMPLES = 2000  # points of the family that each law is looked at
 
 

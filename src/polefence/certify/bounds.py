@@ -23,7 +23,7 @@ from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
 from polefence.certify.by_transfer import ByTransfer
-from polefence.certify.candidates import first
+from polefence.certify.candidates import TOLERANCES, first
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME
 from polefence.certify.evidence import finer, pieces_of
@@ -35,7 +35,6 @@ from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve import gramians
 from polefence.lmi.solve.along_motions import Along, along_motions
 from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
-from polefence.lmi.solve.interior_point import TOLERANCE
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.lmi.solve.spread import spread_of
@@ -66,8 +65,6 @@ from polefence.requirements.weights import behind
 LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-# How near its end the search comes: evidence on the very edge may not survive its rounding.
-NEAR = (TOLERANCE, 1e-6, 1e-4, 1e-2)
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
@@ -535,7 +532,7 @@ def _points(
     """Yield points farther and farther from the edge of what a form proves, poor ones last."""
     nearest: LyapunovPolynomial | None = None
     poor = list[LyapunovPolynomial]()
-    for tolerance in NEAR:
+    for tolerance in TOLERANCES:
         for near in dict.fromkeys((nearest, None)):
             points = list[LyapunovPolynomial]()
             with suppress(SolverError):

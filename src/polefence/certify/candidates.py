@@ -16,6 +16,10 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
+# How near its end a search in floats comes, one after the other: what is on the very edge may not
+# survive its rounding.
+TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
+
 
 def first(candidates: Iterable[T]) -> T | None:
     """Return the first that is proved, None where none is."""

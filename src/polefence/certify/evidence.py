@@ -48,8 +48,10 @@ LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 FINER, MOST_FINER = (((2, 0), 2), ((3, 0), 4), ((4, 0), 8), ((5, 0), 16)), 300
 # What a step of the search may cost, beyond the first form [multiplications].
 MOST_WORK = 1e10
-# Degree and elevation in parts of the box, and what a step may cost there beyond the first form.
-IN_PARTS, MOST_IN_PART = ((0, 0), (1, 0)), 1e9
+# The ladder of one part of the box among many, of a cell of a table, of a region that grows: the
+# whole one takes 2 to 10 times as long there, for 1 %.
+FORMS = LADDER[:2]
+MOST_IN_PART = 1e9  # what a step may cost there, beyond the first form
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
@@ -209,7 +211,7 @@ class _Inside:
         self.plant, self.law, self.part, self.most = plant, law, part, most
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
-        first, *higher = IN_PARTS
+        first, *higher = FORMS
         cheap = (form for form in higher if work_of(plant, law, form) <= MOST_IN_PART)
         self.forms, self.spent = (first, *cheap), 0
 
@@ -297,11 +299,11 @@ def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
     if not law.divisible(plant):
         return 1
-    blocks = _blocks(plant, law, IN_PARTS[-1]) * parts**2
+    blocks = _blocks(plant, law, FORMS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
     if plant.bent:
         return min(MOST_BENT, work.MAX_IN_PARTS // checked)
-    affordable = MOST_PARTS * MOST_IN_PART / work_of(plant, law, IN_PARTS[0])
+    affordable = MOST_PARTS * MOST_IN_PART / work_of(plant, law, FORMS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(affordable))
 
 

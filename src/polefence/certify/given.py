@@ -15,7 +15,7 @@ from polefence.base.errors import InputError, RegionError, SolverError, require_
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.renamed import warn_renamed
-from polefence.certify.candidates import Deadline, first
+from polefence.certify.candidates import TOLERANCES, Deadline, first
 from polefence.certify.certificate import Certificate
 from polefence.certify.checks import in_time_of, require_continuous, require_region
 from polefence.certify.counterexample import counterexample, first_worst, worst_points
@@ -48,7 +48,6 @@ from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
 from polefence.requirements.specification import Specification
 
-TOLERANCES = (1e-8, 1e-6, 1e-4, 1e-2)
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 WITH_REMAINDER = (3e-2, 1e-1)  # further, of a plant that is only near its vertices

@@ -22,6 +22,7 @@ from polefence.certify.certificate import file_plant, plant_of
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.counterexample import shown
 from polefence.certify.design import check_document, read_document
+from polefence.certify.evidence import FORMS
 from polefence.law.laws import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.lyapunov import points_inside
@@ -54,7 +55,6 @@ from polefence.proof.work import MAX_WORK, FormatError, counted
 from polefence.region.regions import Region, region_of
 
 FILE_NAME = "table.json"
-FORMS = ((0, 0), (1, 0))  # degree and elevation of a cell's Lyapunov polynomial
 
 
 @dataclass(frozen=True, eq=False, repr=False)

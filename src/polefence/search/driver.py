@@ -21,7 +21,7 @@ from polefence.base.errors import InputError, NotProvedError
 from polefence.certify.candidates import edge, preferred
 from polefence.certify.checks import stable_region
 from polefence.certify.design import Design
-from polefence.certify.evidence import certificate_of, evidence_at
+from polefence.certify.evidence import FORMS, certificate_of, evidence_at
 from polefence.certify.given import analyse
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import Method, Scheduled
@@ -39,8 +39,6 @@ NEAREST, FARTHEST, WIDENINGS = 1e6, 1.1, 8
 NUMBERS = {"disk": "radius", "half_plane": "decay", "sector": "damping"}
 # Of the way from a smallest disk to the unit circle: where laws for a remainder are sought.
 FARTHER = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7)
-# Degree and elevation of these proofs: the ladder of all takes 2 to 10 times as long, for 1 %.
-FORMS = ((0, 0), (1, 0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SolverError
 from polefence.certify.design import Design
-from polefence.certify.evidence import certificate_of, forms, whole_evidence, work_of
+from polefence.certify.evidence import FORMS, certificate_of, forms, whole_evidence, work_of
 from polefence.certify.margins.bordered import GainQuestion
 from polefence.certify.margins.claims import (
     Reached,
@@ -270,7 +270,7 @@ def _designs(
             return
     plant, law = design.plant.at_rest, design.law
     allowed = list(forms(plant, law, len(region.parts)))
-    for form in ((0, 0), (1, 0)):
+    for form in FORMS:
         if form not in allowed or work_of(plant, law, form) > 6e9:
             continue
         given = iter(mu)

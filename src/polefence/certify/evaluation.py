@@ -36,7 +36,6 @@ from polefence.region.regions import Pair, Region
 UNIT = 2.0**-53
 SAFETY = 2.0  # times the root mean square is what must find room
 TOLERANCE = 1e-4
-CORNERS, INNER = 64, 8  # points of the family that are looked at
 
 # A cheap bound of the share that says enough, and the least eigenvalue of a matrix of unit diagonal
 # that is inverted for it.
@@ -133,10 +132,10 @@ def _weighed(columns: Array, matrix: Array, rows: Array) -> Array:
 def _places(domain: Domain) -> Array:
     """Return corners, the middle, and points between, as alpha."""
     random = np.random.default_rng(0)
-    inner = [random.dirichlet(np.full(size, 0.7), INNER) for size in domain.sizes]
+    inner = [random.dirichlet(np.full(size, 0.7), 8) for size in domain.sizes]
     middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
     between = domain.alpha(np.vstack([middle, np.hstack(inner)]))
-    places = np.vstack([np.eye(domain.corners)[:CORNERS], between])
+    places = np.vstack([np.eye(domain.corners)[:64], between])
     places.flags.writeable = False
     return places
 

@@ -27,9 +27,6 @@ from polefence.region.regions import Region
 if TYPE_CHECKING:
     from polefence.certify.certificate import Certificate
 
-# The share of the checker's count of work that the inequalities may come to: what is proved here
-# must not be more than is checked there, long numbers or not.
-SHARE = 8
 _ANSWERS = {1: True, 0: False}
 # What evidence may hold: all of these are read here, and the checker refuses others.
 _KEYS = {
@@ -156,7 +153,8 @@ def _usual(certificate: Certificate, count: int, forms: Sequence[Any]) -> bool:
     """Whether the checker takes such a claim for certain."""
     values = [form[2] for form in forms if form is not None]
     sides = 2 * certificate.plant.shape[0] * (2 if certificate.method == "slack" else 1)
-    return least_work(count, sides) <= MAX_WORK // SHARE and all(
+    # what is proved here must not be more than is checked there, long numbers or not
+    return least_work(count, sides) <= MAX_WORK // 8 and all(
         np.abs(entries).max() < LARGEST
         for entries in values  # nan is not
     )

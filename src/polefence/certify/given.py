@@ -50,11 +50,6 @@ from polefence.requirements.specification import Specification
 
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-WITH_REMAINDER = (3e-2, 1e-1)  # further, of a plant that is only near its vertices
-# A proof within this share of the worst point is near enough.
-NEAR = 1e-4
-# How far beyond the worst point a region is proved in parts of the box.
-BEYOND = (1e-4, 1e-3, 1e-2)
 
 _Proved = tuple[float, Region, Certificate]  # with its r
 
@@ -407,7 +402,7 @@ def worst_case(
         reached = _tried(plant, law, question, form)
         if reached is not None and (best is None or reached[0] < best[0]):
             best = reached
-        near = best is not None and best[0] <= question.bound * (1 + NEAR)
+        near = best is not None and best[0] <= question.bound * (1 + 1e-4)
         cut = not near and deadline.passed
         if near or cut:
             break
@@ -483,7 +478,7 @@ def _tried(
         return None
 
     points = _points(loop_of(plant, law), question, form)
-    steps = STEPS if plant.remainder is None else (*STEPS, *WITH_REMAINDER)
+    steps = STEPS if plant.remainder is None else (*STEPS, 3e-2, 1e-1)
     return first(proved(point, point.r * (1 + step)) for point in points for step in steps)
 
 
@@ -491,7 +486,8 @@ def _beyond(
     plant: UncertainPlant, law: Law, question: _Question, best: _Proved | None, deadline: Deadline
 ) -> tuple[_Proved | None, bool]:
     """Return the least r that is proved in parts of the box, else the best; whether it was cut."""
-    for step in BEYOND if np.isfinite(question.bound) else ():
+    # beyond the worst point
+    for step in (1e-4, 1e-3, 1e-2) if np.isfinite(question.bound) else ():
         r = question.bound * (1 + step)
         region = question.region(r)
         if region is None or (best is not None and best[0] <= r):

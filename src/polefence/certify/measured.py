@@ -15,9 +15,6 @@ from polefence.plant.outputs import Output, states
 from polefence.plant.system import Exact, System, read_matrix
 from polefence.region.regions import Region
 
-# Beyond so many states no remedy is sought: every try is an exact rank at every vertex.
-MOST_TRIED = 20
-
 HOW = "give names of states or outputs, a matrix C of p rows and n columns, or one C a vertex"
 
 DUAL = "(dual, observer)"  # how the names of dual plants end
@@ -255,7 +252,7 @@ def _message(
 def _remedy(plant: UncertainPlant, C: tuple[Exact, ...]) -> str | None:
     """Return the name of a state that makes the pair observable if measured too, where one does."""
     n = plant.shape[0]
-    if n > MOST_TRIED:
+    if n > 20:  # every try is an exact rank at every vertex
         return None
     for i in range(n):
         row = tuple(Fraction(int(i == j)) for j in range(n))

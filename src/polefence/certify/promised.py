@@ -32,7 +32,6 @@ from polefence.region.regions import Region
 from polefence.requirements.specification import Specification
 
 ELEVATIONS = (0, 1, 2, 3)  # of (sum of alpha)^d, one after the other
-FORMS = {"primal": "V = x' P x", "dual": "V = x' P^-1 x"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class GivenLyapunov(Short):
     @property
     def words(self) -> str:
         """The Lyapunov function that they are."""
-        return FORMS.get(self.form, "")
+        return {"primal": "V = x' P x", "dual": "V = x' P^-1 x"}.get(self.form, "")
 
 
 @dataclass(frozen=True, eq=False)

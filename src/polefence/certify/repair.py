@@ -35,8 +35,6 @@ from polefence.proof.work import FormatError
 
 Floats = npt.NDArray[np.float64]
 
-# Exact equations solved for the slack condition: more take seconds.
-MAX_EQUATIONS = 40
 SHORTFALLS = (1e-9, 1e-8, 1e-7, 3e-7, 1e-6, 2e-6, 4e-6, 8e-6, 2e-5, 5e-5, 1e-4, 1e-3, 1e-2)
 IDLE = (0.0, 1e-6, 1e-4, 1e-2)  # shares of the dual weight below which a vertex may be left out
 INDEPENDENT = 1e-10  # least part of a unit vector outside the span of others
@@ -68,7 +66,7 @@ def lower_bound(
         A claim that `prove_infeasible` has proved, or None where no attempt succeeds.
     """
     n, m = len(A[0]), len(B[0][0])
-    if method == "slack" and m * n + n * (n - 1) // 2 > MAX_EQUATIONS:
+    if method == "slack" and m * n + n * (n - 1) // 2 > 40:  # more exact equations take seconds
         return None
     start = Infeasible(method, A, B, sigma, Fraction(1), [], right_hand_sides)
     radii = [Fraction(upper * (1 - shortfall)) for shortfall in SHORTFALLS]

@@ -53,7 +53,6 @@ from polefence.region.regions import Disk
 # that ends the search, and the one that ends it before the higher degrees, of which the searches
 # take ten times as long. With the rounding of float32 laws of nine plants fell short by 0.1 %.
 SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 0.8)
-ENOUGH, NEAR, LAST_CHEAP = 1e-3, 0.03, (1, 1)
 AIM = 5e-4  # share of it at which Lyapunov polynomials are looked for
 
 
@@ -207,9 +206,9 @@ class _Search:
                 better = self._borne(evidence, place)
                 if better < place:
                     place, best = better, evidence
-                if place < len(SHORT_BY) and SHORT_BY[place] <= ENOUGH:
+                if place < len(SHORT_BY) and SHORT_BY[place] <= 1e-3:
                     return place, best
-            if form == LAST_CHEAP and place < len(SHORT_BY) and SHORT_BY[place] <= NEAR:
+            if form == (1, 1) and place < len(SHORT_BY) and SHORT_BY[place] <= 0.03:
                 break
         return place, best
 

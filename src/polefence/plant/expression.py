@@ -21,7 +21,6 @@ from typing import Any
 from polefence.base.errors import InputError, PlantError, SpecError, shown, suggest
 
 MAX_LENGTH = 1000
-MAX_EXPONENT = 400
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
@@ -36,7 +35,6 @@ MAX_TERMS = 2000
 MAX_BITS = 8192
 MAX_POWER = 32
 MAX_DEGREE = 64
-MAX_WORK = 2_000_000  # operations on coefficients, of all expressions of a plant
 _LEFT: ContextVar[list[int] | None] = ContextVar("left", default=None)
 Box = Sequence[tuple[Fraction, Fraction]]
 
@@ -53,7 +51,7 @@ def decimal(text: str) -> Fraction:
         raise SpecError(f"the number {shown(text)} is out of range")
     _, _, exponent = text.lower().partition("e")
     try:
-        if abs(int(exponent or "0")) > MAX_EXPONENT:
+        if abs(int(exponent or "0")) > 400:
             raise SpecError(f"the number {shown(text)} is out of range")
         return Fraction(text)
     except (ValueError, ZeroDivisionError) as error:
@@ -169,7 +167,7 @@ class _Evaluator:
 
 
 @contextmanager
-def counted(most: int = MAX_WORK) -> Iterator[None]:
+def counted(most: int = 2_000_000) -> Iterator[None]:
     """Allow this many operations on coefficients in all that follows."""
     token = _LEFT.set([most])
     try:

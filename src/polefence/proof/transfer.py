@@ -59,8 +59,6 @@ from polefence.proof.roots import roots_inside
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DIGITS = 400  # bits that coefficients keep; each halving loses one part in 2^DIGITS
-# Limits on a polynomial that is checked: the number of its coefficients, its degree in a parameter.
-MOST_COEFFICIENTS, MOST_DEGREE = 60_000, 60
 
 Row = list[Fraction]
 Numbers = list[int]
@@ -106,7 +104,7 @@ class Tensor(NamedTuple):
 def require_few(degrees: Sequence[int], times: int = 1) -> None:
     """Refuse polynomials with too many coefficients or too high a degree."""
     count = math.prod(d + 1 for d in degrees) * times
-    if count > MOST_COEFFICIENTS or max(degrees, default=0) > MOST_DEGREE:
+    if count > 60_000 or max(degrees, default=0) > 60:
         raise FormatError("the transfer function has too many coefficients to be checked here")
 
 

@@ -30,10 +30,6 @@ from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import simulate
 from polefence.response.stationary import STABLE, growth, stationary
 
-# Time followed, of the slowest pole's time constant; step, of the fastest's.
-FOLLOWED, STEP = 5.0, 0.25
-# For slopes: time constants followed, steps a radian and a mode.
-LASTING, A_RADIAN, MOST_STEPS = 14.0, 4, 800
 MOST = 3  # peaks that count, of a loop
 TINY = np.finfo(float).tiny
 
@@ -207,8 +203,8 @@ class InitialPeak(Specification):
         poles = loops.poles()
         fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)
         slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
-        step = loops.step or STEP / fastest
-        steps = max(2, int(min(FOLLOWED / slowest / step + 1, MOST_CHOSEN)))
+        step = loops.step or 0.25 / fastest
+        steps = max(2, int(min(5.0 / slowest / step + 1, MOST_CHOSEN)))
         time, size = step * np.arange(steps), max(1, 2_000_000 // steps)  # samples at once
 
         def squares(start: Array, part: slice) -> Array:
@@ -280,8 +276,8 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
         poles = np.log(np.where(z == 0, TINY, z)) / step
     instants = [np.zeros(1)]
     for pole in poles:
-        lasting = LASTING / max(-pole.real, TINY)
-        steps = int(np.clip(lasting * abs(pole) * A_RADIAN, 20, MOST_STEPS))
+        lasting = 14.0 / max(-pole.real, TINY)  # time constants of the mode
+        steps = int(np.clip(lasting * abs(pole) * 4, 20, 800))  # four steps a radian
         instants.append(np.linspace(0, lasting, steps))
     time = np.unique(np.concatenate(instants))
     time = np.unique(np.rint(time / step)) * step if step else time

@@ -59,12 +59,9 @@ from polefence.search.driver import Kind, Source, placed
 
 # Degree and elevation that "auto" tries, while there are at most so many unknowns.
 LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1), (5, 1))
-MOST_UNKNOWNS = 1500
 
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
-
-GAP = 9e-7  # a lower bound farther off than this share of the radius is sought again
 
 
 # How many times the plant's own rates poles may be fast, where nothing else bounds them.
@@ -243,7 +240,7 @@ def climb(
             why = str(deadline)
             break
         checkable = is_checkable(plant, step, len(region.parts))
-        if not checkable or (tried and _unknowns(plant, step) > MOST_UNKNOWNS):
+        if not checkable or (tried and _unknowns(plant, step) > 1500):
             why = (
                 "a higher degree is too much to check"
                 if tried
@@ -371,7 +368,7 @@ def closer_bound(
     plant: UncertainPlant, sigma: float, method: Method, point: Reached, lower: float | None
 ) -> float | None:
     """Return the lower bound of a point, or that of another run where it leaves a gap."""
-    if point.r > sigma or (lower is not None and lower > point.r * (1 - GAP)):
+    if point.r > sigma or (lower is not None and lower > point.r * (1 - 9e-7)):
         return lower
     # the second ends farther inside, where the ends have no bound
     for near, tolerance in ((point, 1e-10), (None, 1e-6)):

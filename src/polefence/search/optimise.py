@@ -55,8 +55,6 @@ from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
 from polefence.search.tuned import Orders, orders_below, tuned_candidates
 
-ENOUGH = 2e-3  # a law proved so close to its worst sample needs no other
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Optimised(Short):
@@ -455,7 +453,8 @@ def _best_tuned(
             done = replace(done, structure=structure, bounded_by=tuned.bounded_by)
             every.append(replace(done, closer=_closer(done, tuned)))
         # where a better law of the search has no proof, one within tighter limits may have one
-        if every and (task.minimise is None or proved() <= lowest * (1 + ENOUGH)):
+        # a law proved so close to its worst sample needs no other
+        if every and (task.minimise is None or proved() <= lowest * (1 + 2e-3)):
             break
     return _least(*every, most=most) if every else None
 

@@ -39,7 +39,7 @@ from polefence.vehicle.vehicle import Ride, masses, require_ride
 
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
-NOISE, SAMPLE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}, 1e-3
+NOISE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +271,7 @@ class _Task:
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
         seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
-        noise = np.diag([NOISE[signal.unit] ** 2 * SAMPLE for signal in signals])
+        noise = np.diag([NOISE[signal.unit] ** 2 * 1e-3 for signal in signals])
         R = D.T @ D
         try:
             P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)

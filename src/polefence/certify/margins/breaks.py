@@ -31,7 +31,6 @@ from polefence.proof.regions import parts_of
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 
-GRID = {1: 65, 2: 13, 3: 6}  # points of each interval, by the number of parameters; else 4
 NEAR, SPREADS = 64, (0.1, 0.03, 0.01)  # more points about the worst, within shares of the ranges
 MOST_PAIRS = 2000  # of them at all
 
@@ -137,7 +136,10 @@ class _Parameters:
         """Return all signs at every point of a grid."""
         parameters = design.plant.parameters
         q = len(parameters)
-        axes = [np.linspace(float(p.low), float(p.high), GRID.get(q, 4)) for p in parameters]
+        axes = [
+            np.linspace(float(p.low), float(p.high), {1: 65, 2: 13, 3: 6}.get(q, 4))
+            for p in parameters
+        ]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, q)
         every = np.array(list(every_of(*((-1, 1) if u else (0,) for u in unit))))
         estimates = np.repeat(points, len(every), axis=0)

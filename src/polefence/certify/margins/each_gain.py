@@ -50,7 +50,6 @@ BETWEEN = 500  # points between the vertices at which gains are looked at for th
 # points a car's disk loses 1 %.
 CORNERS, POINTS = 24, 40
 STEPS = 4  # of a multiplier from one power of two to the next: short numbers
-FINEST = 2  # finenesses that are tried of a law that was given
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +237,7 @@ def each_gain_claim(design: Design, region: Region, gains: Gains) -> tuple[EachG
     candidates = list[tuple[Reached, GainQuestion, Design]]()
     for claimed in _designs(design, region, gains, mu):
         loops, errors = balanced(claimed, region), GainsApart(gains, _of_cells(claimed, region, mu))
-        question = GainQuestion(loops, errors, FINEST if loops[0].elevation is not None else None)
+        question = GainQuestion(loops, errors, 2 if loops[0].elevation is not None else None)
         *_, best = (None, *(at for at in climb(question) if at.value > 0))
         candidates += [(best, question, claimed)] if best else []
     for reached, question, claimed in sorted(candidates, key=lambda one: -one[0].value):

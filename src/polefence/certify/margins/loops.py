@@ -26,8 +26,6 @@ from polefence.plant.polynomial import Domain, Polynomial, bernstein, binomial, 
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
 
-MOST_POINTS = 2500  # of a piece
-
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -335,7 +333,7 @@ def count_monomials(sizes: tuple[int, ...], degrees: tuple[int, ...]) -> float:
     """Return how many coefficients there are; infinite where they are too many for `lattice`."""
     pairs = zip(sizes, degrees, strict=True)
     count = float(math.prod(math.comb(size - 1 + degree, degree) for size, degree in pairs))
-    return count if count <= MOST_POINTS else math.inf
+    return count if count <= 2500 else math.inf
 
 
 def alpha_of(share: Array) -> Array:

@@ -46,7 +46,7 @@ METHODS = ("quadratic", "slack", "scheduled")
 MOST_BLOCKS, MOST_STEP = 20_000, 2e11
 # A plain "scheduled" is asked for on the box where a step on the simplex takes many seconds, or the
 # simplex has so many times as many inequalities: with five parameters or more.
-LONG_STEP, FEWER = 3e10, 5
+LONG_STEP = 3e10
 
 
 @dataclass(frozen=True)
@@ -277,7 +277,7 @@ def fitting(plant: UncertainPlant, method: Method) -> Method:
     if method != "scheduled" or not plant.parameters:
         return method
     wide = Scheduled(1, 1, "box")
-    many = bool(plant.moving) or blocks(plant, method) > FEWER * blocks(plant, wide)
+    many = bool(plant.moving) or blocks(plant, method) > 5 * blocks(plant, wide)
     if many or not is_searchable(plant, method, LONG_STEP):
         for box in (wide, Scheduled(1, 0, "box")):
             if is_searchable(plant, box, LONG_STEP):

@@ -26,8 +26,6 @@ from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
-SLIGHT = 1e-9  # of the bound's square, what X is to be at least
-
 
 @dataclass(frozen=True, eq=False)
 class Along:
@@ -145,7 +143,7 @@ class _Interpolation:
             elif level is not None:
                 return Along(X, self.degree, level)
             if level is None:  # more than D is covariance of the noise -(A D + D A')
-                D = OVER * majorant(-inverse @ self._raised(X) @ inverse.T) + SLIGHT * top * eye
+                D = OVER * majorant(-inverse @ self._raised(X) @ inverse.T) + 1e-9 * top * eye
                 half = loops @ D
                 more = more + majorant(-half - half.swapaxes(-1, -2))
             R, over = R + more + ROOM * top * eye, over * OVER

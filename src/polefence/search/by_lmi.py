@@ -63,13 +63,8 @@ LADDER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 0), (4, 1)
 # How far above the r that a point reaches in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4)
 
-
 # How many times the plant's own rates poles may be fast, where nothing else bounds them.
 SPEED = 100.0
-
-# How close the search for decay rates and damping ratios goes. Nearer to the optimum a Lyapunov
-# matrix may be too ill-conditioned to be proved in doubles.
-TOLERANCES = (1e-10, 1e-8, 1e-6)
 
 LEAST, MOST = 1e-8, 1 - 1e-9  # damping ratios
 
@@ -451,7 +446,7 @@ def _largest(plant: UncertainPlant, kind: Kind, method: Method) -> Design:
 def _direct(
     plant: UncertainPlant, method: Method, kind: Kind, within: Region
 ) -> Iterator[Design | None]:
-    """Yield what is proved about the least r, while the search comes to its end."""
+    """Yield what is proved about the least r, nearest first."""
     fastest = FASTEST * within.scale
     decays = kind.of == "half_plane"
     base = within if decays else HalfPlane(0) & within
@@ -461,15 +456,14 @@ def _direct(
         if start.r >= 1:
             return
         near = replace(start, r=0.0)
-        for tolerance in TOLERANCES:
-            point = _smallest(plant, goal, method, near, tolerance=tolerance)
-            if not point.converged:
-                return
-            for step in (*STEPS, 1e-3):
-                r = point.r * (1 + step)
-                value = kind.wider(fastest - r, step) if decays else damping_of(r)
-                region = kind.region(value if decays else min(max(value, LEAST), MOST))
-                yield proved_at(plant, region, method, point)
+        point = _smallest(plant, goal, method, near, tolerance=1e-10)
+        if not point.converged:
+            return
+        for step in (*STEPS, 1e-3):
+            r = point.r * (1 + step)
+            value = kind.wider(fastest - r, step) if decays else damping_of(r)
+            region = kind.region(value if decays else min(max(value, LEAST), MOST))
+            yield proved_at(plant, region, method, point)
 
 
 def proved_at(

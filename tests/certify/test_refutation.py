@@ -268,34 +268,36 @@ def test_a_fault_in_the_limits_is_found(claim):
     assert not changed(claim, E=[[[x / 2 for x in row] for row in E] for E in claim.E]).proved
 
 
-def test_claims_that_are_inconsistent_are_refused(claim):
-    first = claim.limits[0]
-    cases = {
-        "vertex 4 is not one of 0 to 3": {"vertex": 4},
-        "vertex -1": {"vertex": -1},
-        "vertex True": {"vertex": True},
-        "one weight for each": {"weights": claim.weights[:-1]},
-        "there must be limits": {"limits": (), "weights": ()},
-        "P 1 is not 4 x 4": {"P": claim.P[:3]},
-        "B holds 3 matrices, not 4": {"B": claim.B[:3]},
-        "are missing": {"E": []},
-        "factor must be 1 or more": {"factor": Fraction(1, 2)},
-        "a limit must be zero or more": {
-            "limits": (replace(first, level=Fraction(-1)), *claim.limits[1:])
-        },
-        "an intensity more than zero": {
-            "limits": (replace(first, intensity=Fraction(0)), *claim.limits[1:])
-        },
-        "C holds 1 matrices": {
-            "limits": (
-                replace(first, outputs=(replace(first.outputs[0], C=first.outputs[0].C[:1]),)),
-                *claim.limits[1:],
-            )
-        },
-    }
-    for message, new in cases.items():
-        with pytest.raises(FormatError, match=message):
-            changed(claim, **new)
+def of_limit(claim, **new):
+    """Other values in the first limit."""
+    return {"limits": (replace(claim.limits[0], **new), *claim.limits[1:])}
+
+
+def of_output(claim):
+    (first, *_) = claim.limits[0].outputs
+    return of_limit(claim, outputs=(replace(first, C=first.C[:1]),))
+
+
+INCONSISTENT = {
+    "vertex 4 is not one of 0 to 3": lambda _: {"vertex": 4},
+    "vertex -1": lambda _: {"vertex": -1},
+    "vertex True": lambda _: {"vertex": True},
+    "one weight for each": lambda claim: {"weights": claim.weights[:-1]},
+    "there must be limits": lambda _: {"limits": (), "weights": ()},
+    "P 1 is not 4 x 4": lambda claim: {"P": claim.P[:3]},
+    "B holds 3 matrices, not 4": lambda claim: {"B": claim.B[:3]},
+    "are missing": lambda _: {"E": []},
+    "factor must be 1 or more": lambda _: {"factor": Fraction(1, 2)},
+    "a limit must be zero or more": lambda claim: of_limit(claim, level=Fraction(-1)),
+    "an intensity more than zero": lambda claim: of_limit(claim, intensity=Fraction(0)),
+    "C holds 1 matrices": of_output,
+}
+
+
+@pytest.mark.parametrize("message", INCONSISTENT)
+def test_claims_that_are_inconsistent_are_refused(claim, message):
+    with pytest.raises(FormatError, match=message):
+        changed(claim, **INCONSISTENT[message](claim))
 
 
 # --- what is asked and answered -------------------------------------------------------------------

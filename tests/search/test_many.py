@@ -81,30 +81,25 @@ def test_a_plant_at_a_sample_time_is_one_of_them(make_random):
         assert isinstance(many, pf.Design)
 
 
-def test_regions_methods_and_structures_are_those_of_each_alone(make_random):
+REGION, DISK = pf.HalfPlane(0.2) & pf.Sector(0.1), pf.Disk(-3, 2.9)
+ASKED = {
+    "region": ("place", (REGION,), {}),
+    "disk": ("place", (DISK,), {}),
+    "method": ("tightest", (-3, pf.Scheduled(2)), {}),
+    "decay": ("tightest", (), {"of": "half_plane", "within": DISK}),
+    "structure": ("place", (REGION,), {"structure": pf.Structure(schedule=())}),
+}
+
+
+@pytest.mark.parametrize("key", ASKED)
+def test_regions_methods_and_structures_are_those_of_each_alone(key, make_random):
+    verb, given, more = ASKED[key]
     plants = [make_random(seed, 2, 1, 2, 0.1) for seed in range(2)]
-    region, disk = pf.HalfPlane(0.2) & pf.Sector(0.1), pf.Disk(-3, 2.9)
-    asked = [
-        (lambda own: pf.many.place(own, region), lambda own: pf.place(own, region)),
-        (lambda own: pf.many.place(own, disk), lambda own: pf.place(own, disk)),
-        (
-            lambda own: pf.many.tightest(own, -3, pf.Scheduled(2)),
-            lambda own: pf.tightest(own, -3, pf.Scheduled(2)),
-        ),
-        (
-            lambda own: pf.many.tightest(own, of="half_plane", within=disk),
-            lambda own: pf.tightest(own, of="half_plane", within=disk),
-        ),
-        (
-            lambda own: pf.many.place(own, region, structure=pf.Structure(schedule=())),
-            lambda own: pf.place(own, region, structure=pf.Structure(schedule=())),
-        ),
-    ]
-    for together, single in asked:
-        for many, plant in zip(together(plants), plants, strict=True):
-            one = alone(lambda plant=plant, single=single: single(plant))
-            assert type(many) is type(one)
-            assert getattr(many, "region", None) == getattr(one, "region", None)
+    together = getattr(pf.many, verb)(plants, *given, **more)
+    for many, plant in zip(together, plants, strict=True):
+        one = alone(lambda plant=plant: getattr(pf, verb)(plant, *given, **more))
+        assert type(many) is type(one)
+        assert getattr(many, "region", None) == getattr(one, "region", None)
 
 
 def test_proofs_come_in_order_with_what_cannot_be_read(make_random, tmp_path):
@@ -120,17 +115,20 @@ def test_proofs_come_in_order_with_what_cannot_be_read(make_random, tmp_path):
     ]
 
 
-def test_what_is_wrong_of_all_is_said_at_once(fleet):
-    with pytest.raises(pf.InputError, match="did you mean 'slack'"):
-        pf.many.tightest(fleet, -3, "slac")
-    with pytest.raises(pf.InputError, match="there are 2 centres for 13 plants"):
-        pf.many.tightest(fleet, [-3, -4])
-    with pytest.raises(pf.InputError, match="region must be"):
-        pf.many.place(fleet, "disk(-3, 2)")
-    with pytest.raises(pf.InputError, match="belong to laws from an LMI"):
-        pf.many.place(fleet, pf.Disk(-3, 2), "slack", structure=pf.Structure())
-    with pytest.raises(pf.InputError, match="of = 'circle' is unknown"):
-        pf.many.tightest(fleet, -3, of="circle")
+WRONG = {
+    "did you mean 'slack'": ("tightest", (-3, "slac"), {}),
+    "there are 2 centres for 13 plants": ("tightest", ([-3, -4],), {}),
+    "region must be": ("place", ("disk(-3, 2)",), {}),
+    "belong to laws from an LMI": ("place", (DISK, "slack"), {"structure": pf.Structure()}),
+    "of = 'circle' is unknown": ("tightest", (-3,), {"of": "circle"}),
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_is_wrong_of_all_is_said_at_once(message, fleet):
+    verb, given, more = WRONG[message]
+    with pytest.raises(pf.InputError, match=message):
+        getattr(pf.many, verb)(fleet, *given, **more)
 
 
 def test_a_single_one_is_no_list(fleet):

@@ -123,18 +123,8 @@ def test_a_full_car_is_driven_from_the_command_line(tmp_path, capsys):
     assert figure.exists()
     capsys.readouterr()
     rows = tmp_path / "rows.csv"
-    words = [
-        *words[:2],
-        "--kerb",
-        "0.1",
-        "--speed",
-        "10",
-        "--travel-limit",
-        "0.05",
-        "-o",
-        str(rows),
-    ]
-    assert "front left bump stop hit, " in ran(capsys, *words)
+    kerb_at_speed = ["--kerb", "0.1", "--speed", "10", "--travel-limit", "0.05"]
+    assert "front left bump stop hit, " in ran(capsys, *words[:2], *kerb_at_speed, "-o", rows)
     head = rows.read_text().partition("\n")[0]
     for wheel in ("front left", "front right", "rear left", "rear right"):
         assert f"{wheel} stop force [N]" in head

@@ -1,10 +1,7 @@
 """What newcomers get wrong, and what they are told: one line that names the remedy."""
 
-import numpy as np
 import pytest
-from scipy.linalg import solve_continuous_are
 
-from polefence.plant.spec import loads
 from support.commands import ran, refused
 
 CRANE = """
@@ -69,22 +66,6 @@ def test_a_region_out_of_reach_names_the_other_way(spec, capsys):
     region = "half_plane(1) & sector(0.9) & disk(-2, 2)"
     found = ran(capsys, "design", spec(), "--region", region, status=1)
     assert "a tuned law ([law] in the spec) may reach further" in found
-
-
-def test_the_sign_of_a_regulator(spec, capsys):
-    plant = loads(CRANE)
-    A, B = plant.at([0.5, 0.5])
-    K = B.T @ solve_continuous_are(A, B, np.eye(4), np.eye(1) * 1e-6) * 1e6
-    np.savetxt("lqr.csv", K, delimiter=",")
-    found = ran(capsys, "verify", spec(), "--gain", "lqr.csv", status=1)
-    assert "note: -K keeps the poles of all vertices there" in found
-    assert "add --minus" in found
-    assert "proved" in ran(capsys, "verify", spec(), "--gain", "lqr.csv", "--minus")
-    words = ["--gain", "lqr.csv", "--region", "half_plane(0)"]
-    assert "u = -K x, add --minus" in ran(capsys, "analyse", spec(), *words, status=1)
-    np.savetxt("weak.csv", 0 * K, delimiter=",")
-    words[1] = "weak.csv"
-    assert "note" not in ran(capsys, "analyse", spec(), *words, status=1)
 
 
 @pytest.mark.parametrize(

@@ -104,16 +104,6 @@ def test_states_and_inputs_are_outputs_of_themselves(plant):
         plant.signal("gage")
 
 
-def test_a_spec_comes_back_as_it_was_written(plant):
-    back = loads(dumps(plant))
-    assert back.outputs == plant.outputs
-    assert back.vertices == plant.vertices
-    car = family("quarter-car-physical")
-    back = loads(dumps(car))
-    assert (back.vehicle, back.outputs) == (car.vehicle, ())
-    assert back.signals == car.signals
-
-
 def test_a_design_file_keeps_outputs_and_vehicle(plant, tmp_path):
     from polefence import Design, HalfPlane, place
 

@@ -2,11 +2,8 @@
 
 from fractions import Fraction
 
-import pytest
-
-from polefence import load
-from polefence.examples import SPECS, family, spec_text
-from polefence.plant.spec import dumps, loads
+from polefence.examples import family
+from polefence.plant.spec import loads
 
 VERTICES = """
 name = "two masses"
@@ -26,17 +23,6 @@ def test_decimals_are_exact():
     assert plant.vertices[0].exact_A[1][1] == Fraction(-3, 10)
     assert plant.vertices[1].exact_A[1][0] == Fraction(-7, 3)
     assert plant.vertices[1].exact_B[1][0] == Fraction(1, 10)
-
-
-@pytest.mark.parametrize("name", SPECS)
-def test_shipped_specs_load_from_a_file_and_survive_dumps(name, tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text(spec_text(name))
-    plant = load(path)
-    again = loads(dumps(plant))
-    assert again.vertices == plant.vertices
-    assert again.digest == plant.digest
-    assert (again.name, again.states) == (plant.name, plant.states)
 
 
 def test_vertex_order_is_first_parameter_slowest():

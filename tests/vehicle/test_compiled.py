@@ -41,11 +41,6 @@ MOVING = [
 
 
 @pytest.fixture(scope="module")
-def physical():
-    return family("quarter-car-physical")
-
-
-@pytest.fixture(scope="module")
 def scheduled(physical):
     return place(physical, Disk(-40, 31), Scheduled(1, 0, "box"))
 

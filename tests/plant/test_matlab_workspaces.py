@@ -9,10 +9,10 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_matrix
 
 from polefence import InputError
-from polefence.cli.main import main
 from polefence.law.arrays import law_from
 from polefence.plant.arrays import plant_from, read_arrays
 from polefence.plant.matlab import variables
+from support.commands import ran, refused
 
 INT8, INT32, UINT32, DOUBLE, MATRIX, PACKED = 1, 5, 6, 9, 14, 15
 STRUCTURE, UINT8, WHOLE, OBJECT, NUMBERS, CELL = 2, 9, 13, 17, 6, 1
@@ -115,10 +115,7 @@ def test_an_object_that_is_asked_for_is_named_in_one_line(tmp_path, capsys, name
     each[name] = w.opaque(name, "sym")
     path = tmp_path / "w.mat"
     path.write_bytes(w.file(*each.values()))
-    assert main(["verify", str(path)]) == 2
-    out, error = capsys.readouterr()
-    assert not out
-    assert error.count("\n") == 1
+    error = refused(capsys, "verify", path)
     assert f"w.mat: {name} is an object of class 'sym'; only matrices of numbers" in error
 
 
@@ -129,8 +126,7 @@ def test_outputs_that_are_objects_are_left_out_and_said(tmp_path, capsys):
     own += [w.handle("F"), w.opaque("E", "sym"), w.opaque("D")]
     path = tmp_path / "w.mat"
     path.write_bytes(w.file(*map(w.packed, own)))
-    assert main(["verify", str(path)]) == 0
-    out, _ = capsys.readouterr()
+    out = ran(capsys, "verify", path)
     assert "read: A, B, K from" in out
     assert (
         "not read, no numbers: E (an object of class 'sym'), D (an object of class 'string'), "

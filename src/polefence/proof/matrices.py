@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from fractions import Fraction
+from itertools import chain
 from math import isqrt
-from operator import mul
+from operator import add, mul
 
 from polefence.proof.work import CALL, LEAST_WORK, FormatError, WorkError, cost, spend
 
@@ -26,7 +27,7 @@ def is_symmetric(X: Rationals) -> bool:
 
 def bits(matrix: Integers) -> int:
     """Return the length of the longest entry."""
-    return max((max(map(int.bit_length, row), default=0) for row in matrix), default=0)
+    return max(map(int.bit_length, chain.from_iterable(matrix)), default=0)
 
 
 def times(factor: int, matrix: Integers) -> Integers:
@@ -36,7 +37,7 @@ def times(factor: int, matrix: Integers) -> Integers:
 
 def plus(X: Integers, Y: Integers) -> Integers:
     """Return the sum of two matrices."""
-    return [list(map(int.__add__, x, y)) for x, y in zip(X, Y, strict=True)]
+    return [list(map(add, x, y)) for x, y in zip(X, Y, strict=True)]
 
 
 def transposed(matrix: Integers) -> Integers:

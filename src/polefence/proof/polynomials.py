@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, combinations_with_replacement, product
+from operator import mul
 from typing import Any
 
 from polefence.proof.matrices import (
@@ -333,7 +334,8 @@ def basis(at: list[Fraction], sizes: Sizes, degree: int) -> list[Fraction]:
 
 
 def _longest(P: Terms) -> int:
-    return max(map(bits, P.values()), default=0)
+    entries = chain.from_iterable(chain.from_iterable(P.values()))
+    return max(map(int.bit_length, entries), default=0)
 
 
 def _hold(matrices: int, entries: int, length: int) -> None:
@@ -375,7 +377,7 @@ def _product(P: Terms, Q: Terms) -> Terms:
     _spend_exponents(len(P) * len(Q), P)
     for d, p in P.items():
         for e, c in columns.items():
-            both = [[sum(map(int.__mul__, row, column)) for column in c] for row in p]
+            both = [[sum(map(mul, row, column)) for column in c] for row in p]
             _add(result, tuple(map(int.__add__, d, e)), both)
         _hold(len(result), len(one) * len(other), left + right)
     return result

@@ -691,22 +691,34 @@ def _minors(H: list[Numbers], g: Numbers) -> tuple[int, int]:
     """Return det H, and det of H with its first row replaced by g, by one elimination.
 
     The leading minors of the rows below the first are positive where all poles are to the left.
+    Half the rows begin with zeros: until something is taken from one, the elimination would only
+    multiply it by one pivot and divide it by the one before.
     """
     n, rows, previous = len(H), [*H[1:], H[0], g], 1
+    whole = [True] * (n + 1)  # rows of which nothing was taken, and which are times previous
     for p in range(n - 1):
+        if whole[p]:
+            rows[p] = [previous * x for x in rows[p]]
         pivot_row = rows[p]
         pivot = pivot_row[p]
         spend(3 * (n - p) * (n - p - 1), pivot.bit_length(), bits([pivot_row]))
         if not pivot:
             return tuple(int(_determinant(M)) for M in _with_first(H, g))  # type: ignore[return-value]
+        after = pivot_row[p + 1 :]
         for i in range(p + 1, n + 1):
-            row = rows[i]
-            factor = row[p]
-            rows[i] = row[: p + 1] + [
-                (pivot * x - factor * y) // previous
-                for x, y in zip(row[p + 1 :], pivot_row[p + 1 :], strict=True)
-            ]
+            row, factor = rows[i], rows[i][p]
+            if whole[i] and not factor:
+                continue
+            pairs = zip(row[p + 1 :], after, strict=True)
+            if whole[i]:
+                ahead = [pivot * x - factor * y for x, y in pairs]
+            else:
+                ahead = [(pivot * x - factor * y) // previous for x, y in pairs]
+            rows[i], whole[i] = row[: p + 1] + ahead, False
         previous = pivot
+    for i in (n - 1, n):
+        if whole[i]:
+            rows[i] = [previous * x for x in rows[i]]
     sign = (-1) ** (n - 1)
     return sign * rows[n - 1][n - 1], sign * rows[n][n - 1]
 

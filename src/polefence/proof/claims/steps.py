@@ -162,9 +162,10 @@ def _series(M: Polynomial, p: int) -> Polynomial:
 
     By Horner's scheme: R_p = M, R_k = M + A R_(k + 1) / (k + 1).
     """
-    A, R = M.part(slice(None), slice(M.shape[0])), M
+    A, R, first = M.part(slice(None), slice(M.shape[0])), M, M
     for k in range(p - 1, 0, -1):
-        R = M + (A * R).times(Fraction(1, k + 1))
+        first = first.elevated(1)  # M, of the degree of A R
+        R = first + (A * R).times(Fraction(1, k + 1))
     return R
 
 

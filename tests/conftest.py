@@ -19,6 +19,7 @@ if "POLEFENCE_TEST_KERNEL" in os.environ:  # a kernel built otherwise, with sani
 from polefence import Design, Disk, Scheduled, UncertainPlant, place, tightest
 from polefence.examples import family
 from support.every_file import write_every_file
+from support.hasty import hasty
 from support.lmi_alone import lmi_alone
 from support.slow import SLOW
 
@@ -90,6 +91,12 @@ def small_designs() -> dict[str, Design]:
 @pytest.fixture(name="lmi_alone")
 def methods_without_tuned_laws():
     with lmi_alone():
+        yield
+
+
+@pytest.fixture(name="hasty")
+def searches_that_end_early():
+    with hasty():
         yield
 
 

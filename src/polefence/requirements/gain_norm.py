@@ -162,9 +162,12 @@ class GainNorm(Specification):
         u, values, vt = np.linalg.svd(loops.C @ loops.E, full_matrices=False)
         # slopes of the singular values within 20 % of the largest
         points, some = np.nonzero(values >= 0.8 * values[:, :1])
-        left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
-        dC = left[:, :, None] * right[:, None, :]
-        return Slopes(values[points, some], points, np.zeros_like(loops.A[points]), dC)
+
+        def turned() -> tuple[Array, Array]:
+            left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
+            return np.zeros_like(loops.A[points]), left[:, :, None] * right[:, None, :]
+
+        return Slopes(values[points, some], points, turned)
 
 
 def levels(plant: UncertainPlant, law: Law, norm: GainNorm) -> Iterator[tuple[float, int]]:

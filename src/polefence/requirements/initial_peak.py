@@ -259,13 +259,18 @@ class InitialPeak(Specification):
         members = [[groups[g].start <= k < groups[g].stop for k in range(q)] for g in which]
         y *= np.array(members)[:, None]
         values = np.sqrt((y**2).sum(axis=(1, 2)))
-        start = loops.E[points] @ np.swapaxes(y, 1, 2) / np.maximum(values, TINY)[:, None, None]
-        # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
-        both = np.zeros((len(A), 2 * n, 2 * n))
-        both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
-        both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
-        dA = moved(both, np.eye(2 * n))[:, :n, n:]
-        return Slopes(values, points, dA, np.swapaxes(motion @ start, 1, 2))
+
+        def turned() -> tuple[Array, Array]:
+            size = np.maximum(values, TINY)[:, None, None]
+            start = loops.E[points] @ np.swapaxes(y, 1, 2) / size
+            # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
+            both = np.zeros((len(A), 2 * n, 2 * n))
+            both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
+            both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
+            dA = moved(both, np.eye(2 * n))[:, :n, n:]
+            return dA, np.swapaxes(motion @ start, 1, 2)
+
+        return Slopes(values, points, turned)
 
 
 def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,7 +66,8 @@ class Channel:
     def slopes(self, slopes: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
         B, D = (np.swapaxes(M[slopes.points], 1, 2) for M in (self.B, self.D))
-        dK = np.asarray(B @ slopes.dA + D @ slopes.dC)
+        dA, dC = slopes.turned()
+        dK = np.asarray(B @ dA + D @ dC)
         return dK[..., : dK.shape[-1] - self.filters]
 
 
@@ -105,14 +107,14 @@ class Slopes:
     values : (rows,) array
     points : (rows,) array of int
         Numbers of the points.
-    dA, dC : (rows, n, n), (rows, p, n) arrays
-        With respect to the loops' A and C.
+    turned : callable
+        Returns the slopes with respect to the loops' A and C, (rows, n, n) and (rows, p, n) arrays:
+        they take as long as the values, and who looks for the worst point asks for none.
     """
 
     values: Array
     points: Any
-    dA: Array
-    dC: Array
+    turned: Callable[[], tuple[Array, Array]]
 
 
 def of_noise(loops: Loops) -> Slopes:
@@ -121,10 +123,14 @@ def of_noise(loops: Loops) -> Slopes:
     In discrete time with step A X A' and step A' Q A besides.
     """
     X, C = loops.covariance, loops.C
-    Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
     CX = C @ X
     values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)), 0.0))
-    size = np.where(values > 0, values, 1.0)[:, None, None]
-    step = loops.modes.step
-    moved = X + step * loops.A @ X if step else X
-    return Slopes(values, np.arange(len(values)), Q @ moved / size, CX / size)
+
+    def turned() -> tuple[Array, Array]:
+        Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
+        size = np.where(values > 0, values, 1.0)[:, None, None]
+        step = loops.modes.step
+        moved = X + step * loops.A @ X if step else X
+        return Q @ moved / size, CX / size
+
+    return Slopes(values, np.arange(len(values)), turned)

@@ -7,7 +7,7 @@ does not drown the rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -46,15 +46,23 @@ class Found:
     ----------
     values : (rows,) array
     points : (rows,) array of int
-    dK : (rows, m, n) array, or (rows, m, r)
-        With respect to the gain of all states, or to that of what is measured where ``inner``.
+    turned : callable
+        Returns `dK`, which is worked out only where it is asked for.
     inner : bool
     """
 
     values: Array
     points: Any
-    dK: Array
+    turned: Callable[[], Array]
     inner: bool = False
+
+    @cached_property
+    def dK(self) -> Array:
+        """Slopes with respect to the gain, (rows, m, n), or (rows, m, r).
+
+        To that of all states, or to that of what is measured where ``inner``.
+        """
+        return self.turned()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +161,7 @@ class Points:
         """Return the k-th requirement."""
         channel = self.channels[k + 1]
         measure = self.task.requirements[k].slopes(channel.closed(K, modes))
-        return Found(measure.values, measure.points, channel.slopes(measure))
+        return Found(measure.values, measure.points, lambda: channel.slopes(measure))
 
     def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
@@ -166,26 +174,31 @@ class Points:
         curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
         if kappa is not None and curve is not None:
             values, dA = smooth_growth(side, curve, modes, kappa)
-            return Found(values, np.arange(len(values)), np.swapaxes(self.channels[0].B, 1, 2) @ dA)
+            up = np.swapaxes(self.channels[0].B, 1, 2)
+            return Found(values, np.arange(len(values)), lambda: up @ dA)
         points, which = np.nonzero(modes.poles.imag >= 0)
         values, dx, dy = growth(side, modes.poles[points, which])
-        return Found(values, points, slopes(modes, self.channels[0].B, points, which, dx, dy))
+        B = self.channels[0].B
+        return Found(values, points, lambda: slopes(modes, B, points, which, dx, dy))
 
     def speed(self, modes: Modes) -> Found:
         """Return the sizes of the poles, of the fastest that is allowed."""
         points, which = np.nonzero(modes.poles.imag >= 0)
         poles = modes.poles[points, which]
         size, fastest = np.maximum(np.abs(poles), np.finfo(float).tiny), self.task.fastest
-        dx, dy = poles.real / size / fastest, poles.imag / size / fastest
-        dK = slopes(modes, self.channels[0].B, points, which, dx, dy)
-        return Found(size / fastest, points, dK)
+
+        def turned() -> Array:
+            dx, dy = poles.real / size / fastest, poles.imag / size / fastest
+            return slopes(modes, self.channels[0].B, points, which, dx, dy)
+
+        return Found(size / fastest, points, turned)
 
     def entries(self, K: Array, largest: Array) -> Found:
         """Return the magnitudes of the entries of gains, of the largest that is allowed of each."""
         points, i, j = np.nonzero(np.broadcast_to(np.isfinite(largest), K.shape))
         dK, most = np.zeros((len(points), *K.shape[1:])), largest[i, j]
         dK[np.arange(len(points)), i, j] = np.sign(K[points, i, j]) / most
-        return Found(np.abs(K[points, i, j]) / most, points, dK, inner=True)
+        return Found(np.abs(K[points, i, j]) / most, points, lambda: dK, inner=True)
 
     def size(self, K: Array) -> Found:
         """Return the norms of gains in typical units."""
@@ -193,7 +206,7 @@ class Points:
         weight = unknowns.signals / unknowns.inputs[:, None]
         values = np.sqrt(((K * weight) ** 2).sum(axis=(1, 2)))
         dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
-        return Found(values, np.arange(len(K)), dK, inner=True)
+        return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
     def bounds(
         self, K: Array, modes: Modes, kappa: float | None = None
@@ -215,8 +228,7 @@ class Points:
         measures = []
         for k, specification in enumerate(self.task.limits):
             measure, limit = self.requirement(first + k, K, modes), specification.at_most or 1.0
-            values, dK = measure.values / limit - 1, measure.dK / limit
-            measures.append((Found(values, measure.points, dK), MARGIN))
+            measures.append((_beyond(measure, limit), MARGIN))
         return measures
 
     def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
@@ -225,11 +237,13 @@ class Points:
             return self.size(inner)
         if isinstance(self.task.minimise, tuple):
             measures = [self.side(side, modes, kappa) for side in self.task.minimise]
-            values, points, dK = (
+            values, points = (
                 np.concatenate([getattr(measure, key) for measure in measures])
-                for key in ("values", "points", "dK")
+                for key in ("values", "points")
             )
-            return Found(values, points, dK)
+            return Found(
+                values, points, lambda: np.concatenate([measure.dK for measure in measures])
+            )
         return self.requirement(0, K, modes)
 
     def rows(
@@ -340,7 +354,7 @@ def _kept(measure: Found, margin: float) -> Found:
     values = measure.values + margin
     above = np.maximum(values, 0.0)
     bent = np.where(values > 0, np.log1p(above), values)
-    return replace(measure, values=bent, dK=measure.dK / (1 + above)[:, None, None])
+    return replace(measure, values=bent, turned=lambda: measure.dK / (1 + above)[:, None, None])
 
 
 def _scaled(measure: Found, unit: float) -> Found:
@@ -348,10 +362,18 @@ def _scaled(measure: Found, unit: float) -> Found:
     share = measure.values / unit
     above = np.maximum(share - 1, 0.0)
     bent = np.where(share > 1, 1 + np.log1p(above), share)
-    return replace(measure, values=bent, dK=measure.dK / unit / (1 + above)[:, None, None])
+    return replace(
+        measure, values=bent, turned=lambda: measure.dK / unit / (1 + above)[:, None, None]
+    )
+
+
+def _beyond(measure: Found, limit: float) -> Found:
+    """Return by how much values are beyond a limit, in shares of it."""
+    return Found(measure.values / limit - 1, measure.points, lambda: measure.dK / limit)
 
 
 def _less(measure: Found, level: float) -> Found:
     """Return values less a level, in shares of it."""
     size = abs(level) or 1.0
-    return replace(measure, values=(measure.values - level) / size, dK=measure.dK / size)
+    values = (measure.values - level) / size
+    return replace(measure, values=values, turned=lambda: measure.dK / size)

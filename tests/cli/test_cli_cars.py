@@ -25,6 +25,7 @@ def half(tmp_path):
     return path
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_half_car_rides_within_its_limits(half, tmp_path, capsys):
     words = ["optimise", str(half), *REGION, "--method", "quadratic", "-o", str(tmp_path / "d")]
     out = ran(capsys, *words)
@@ -65,6 +66,7 @@ def test_a_car_is_read_from_a_file_as_it_was_written(name):
 
 
 @pytest.mark.parametrize(("name", "wheels"), [("half-car", 2), ("full-car", 4)])
+@pytest.mark.usefixtures("hasty")
 def test_no_load_of_ten_thousand_exceeds_a_bound(name, wheels, tmp_path, capsys, request):
     if wheels == 4:  # to tune its law takes a minute
         request.getfixturevalue("lmi_alone")

@@ -218,6 +218,7 @@ def test_odd_orders_are_worse_where_wheels_hop():
     assert rms(on_tracks("full-car", "order = 3"), "roll acceleration") > 1.2 * truly
 
 
+@pytest.mark.usefixtures("hasty")
 def test_no_law_measures_the_road_unless_told():
     plant = loads(ROLL + "[road.tracks]")
     limits = [Rms(f"{side} force", 500, 2e-3) for side in ("left", "right")]

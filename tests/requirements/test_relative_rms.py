@@ -168,6 +168,7 @@ def test_what_matters_must_be_stable():
         bounds.best_bound(plant, law, RelativeRms("x"))
 
 
+@pytest.mark.usefixtures("hasty")
 def test_the_command_designs_a_law_with_states(tmp_path, capsys):
     spec = tmp_path / "plant.toml"
     spec.write_text(SPEC)

@@ -251,6 +251,7 @@ def test_slopes_are_those_of_differences(car):
 
 
 @pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.usefixtures("hasty")
 def test_a_law_is_one_of_the_plant_and_its_file_stands_alone(mass, order, tmp_path):
     structure = Structure(measured=("x",), schedule=(), order=order, largest_gain=1e3)
     own = Rms("v", weight="Wd")

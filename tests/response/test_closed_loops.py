@@ -78,6 +78,7 @@ def test_without_a_law_and_with_matrices(car, design):
     np.testing.assert_allclose(closed_loops(car, K)[1].A, car.A[1] + car.B[1] @ K)
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_law_of_measured_signals_with_states_of_its_own():
     plant = load(spec_path("two-masses"))
     structure = Structure(measured=["position 2"], schedule=(), order=2)

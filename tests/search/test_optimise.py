@@ -33,6 +33,7 @@ from polefence.search.effort import is_too_fast
 from polefence.search.optimise import optimise
 from polefence.search.task import Missing, Task, level_of, together
 from support.files import bounds_in
+from support.hasty import hasty
 from support.specs import DENSITY, ONE_STATE, rms
 
 TWO = """
@@ -72,7 +73,8 @@ def designed(two):
         InitialPeak("force", 3.0, points=((0.3, 0.0), (0.1, -0.4)), impulse=0.5),
         Gain(Output("speed and force", C=[0, 1], D=[0.125]), 3.0),
     ]
-    return optimise(two, rms("force"), limits, method="scheduled")
+    with hasty():
+        return optimise(two, rms("force"), limits, method="scheduled")
 
 
 # --- closed forms: u = -k x has mean squares x^2 = S / (2 (k - a)), u^2 = k^2 x^2 ----------------

@@ -14,6 +14,11 @@ STARTS = 4  # of a search
 SHORT = Effort(10, 1e-2)
 
 
+def _short(evaluate, theta, target=-np.inf, effort=FULL, penalty=PENALTY):
+    most = effort if np.isfinite(target) else SHORT
+    return descend(evaluate, theta, target, most, penalty)
+
+
 @contextmanager
 def hasty():
     """Have laws be tuned from few starts in few steps: they are worse, and proved as any.
@@ -22,13 +27,9 @@ def hasty():
     """
     starts = tuner._Search._starts
 
-    def short(evaluate, theta, target=-np.inf, effort=FULL, penalty=PENALTY):
-        most = effort if np.isfinite(target) else SHORT
-        return descend(evaluate, theta, target, most, penalty)
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuner._Search, "_starts", lambda own, laws: starts(own, laws)[:STARTS])
-        patch.setattr(tuner, "descend", short)
+        patch.setattr(tuner, "descend", _short)
         patch.setattr(tuner, "BEST", 1)
         patch.setattr(tuner, "LAST", 1)
         yield

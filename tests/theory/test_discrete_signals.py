@@ -260,6 +260,7 @@ def test_the_delta_form_is_the_plant(plant):
     ],
     ids=lambda own: own.kind,
 )
+@pytest.mark.usefixtures("hasty")
 def test_laws_are_optimised_and_their_files_proved(tmp_path, plant, least, limit):
     done = optimise(plant, least, [limit], HalfPlane(1.0))
     document = loads(done.save(tmp_path).read_text())

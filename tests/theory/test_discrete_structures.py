@@ -152,6 +152,7 @@ def test_the_smallest_disk_is_smaller_with_a_state():
     assert with_state < 0.9 * without
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_remainder_is_covered_with_the_laws_states(tmp_path):
     """What a computer sees, one sample late: the law's states are its own, and exact."""
     path = tmp_path / "spec.toml"

@@ -119,8 +119,9 @@ def test_the_least_gain_of_a_double_integrator(integrator, method):
         assert np.linalg.norm(kept.law.gain(np.ones(1)), 2) <= limit
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_small_gain_is_found_though_the_plant_is_fast():
-    """The law of a disk within the region has a norm: the least one has no more."""
+    """The law of a disk within the region has a norm: the least one has no more, in few steps."""
     J, b = Parameter("J", "0.001", "0.002", through="1/J"), Parameter("b", "0.0001", "0.0005")
     A = [["0", "1", "0"], ["0", "-b/J", "1/(20*J)"], ["0", "-5", "-120"]]
     motor = UncertainPlant.from_expressions([J, b], A, [["0"], ["0"], ["100"]])

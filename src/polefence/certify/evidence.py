@@ -259,10 +259,9 @@ class _Inside:
     def leaving(self, box: Box) -> list[Fraction] | None:
         """Return an alpha at which a pole leaves the region, None if none was found."""
         domain = self.law.domain_of(self.plant)
-        if self.plant.bent:
-            poles = np.linalg.eigvals(self._loops(box.alpha(domain, domain.nodes(2))))
-            if self.part.distance(poles).max() < 0:
-                return None
+        poles = np.linalg.eigvals(self._loops(box.alpha(domain, domain.nodes(2))))
+        if self.part.distance(poles).max() < 0:  # else it shows as the part is halved
+            return None
         piece = self.piece(box, self.claim.evidence[0])
         alpha = counterexample(self._claim(piece).inside(piece))
         if alpha is None:

@@ -58,6 +58,7 @@ def test_it_is_where_a_search_begins_that_is_no_worse(plant):
     assert found.level <= rms("x").values(larger, laws[0], np.eye(4)).max() * (1 + 1e-6)
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_peak_from_initial_states_is_one_of_the_filters_at_rest(plant):
     own, peak = Structure(("x",), (), order=1), InitialPeak("x", 1.5, points=[(1.0, 0.0)])
     (law, *_) = filtered(plant, own, rms("x"), (peak,), REGION)
@@ -71,6 +72,7 @@ def test_there_are_none_without_states(plant):
 
 
 @pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.usefixtures("hasty")
 def test_in_the_delta_form_they_are_near_those_of_continuous_time(plant, order):
     """The same starts, of a step that is short beside all rates."""
     own, step = Structure(("x",), (), order=order, largest_gain=2.0), Fraction(1, 10**5)

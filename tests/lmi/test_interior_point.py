@@ -12,12 +12,12 @@ from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.search import common_point, lyapunov_mean
+from polefence.lmi.solve.search import lyapunov_mean
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
-from polefence.lmi.solve.starts import nominal_start
 from support.margin import largest_margin
 from support.paths import FAMILIES
+from support.pencils import start
 
 METHODS = ["quadratic", "slack", "scheduled", Scheduled(right_hand_sides=True)]
 ENGINES = ["compiled", "numpy"]
@@ -31,17 +31,6 @@ CAR = {
 def definite(random, size):
     X = random.normal(size=(size, size))
     return X @ X.T + 0.1 * np.eye(size)
-
-
-def start(plant, sigma, method):
-    """A pencil in nominal coordinates and a point with D(x) > 0."""
-    plain = balanced(plant.A, plant.B, sigma)
-    nominal = nominal_start(plant.A, plant.B, sigma, plain)
-    scaling = plain.refined(nominal.W)
-    pencil = build(method, *scaling.apply(plant.A, plant.B), sigma / scaling.rate, scaling.unit)
-    K = np.linalg.solve(scaling.S, nominal.K @ scaling.T)
-    x = pencil.pack(common_point(np.eye(len(scaling.T)), K, pencil.variables))
-    return pencil, x, scaling.rate
 
 
 def in_order(stacked, blocks):

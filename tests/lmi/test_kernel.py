@@ -11,17 +11,15 @@ import numpy as np
 import pytest
 
 import polefence
-from polefence import Scheduled, build
+from polefence import Scheduled
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import engine as module
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import least_radius
-from polefence.lmi.solve.scaling import balanced
-from polefence.lmi.solve.search import common_point
 from polefence.lmi.solve.smallest import smallest
 from polefence.lmi.solve.stacked import stack
-from polefence.lmi.solve.starts import nominal_start
 from support.paths import FAMILIES
+from support.pencils import start
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]
@@ -31,12 +29,7 @@ compiled = pytest.mark.skipif(kernel is None, reason="installed without a compil
 
 def problem(plant, sigma, method):
     """A pencil in nominal coordinates, and a point inside it."""
-    plain = balanced(plant.A, plant.B, sigma)
-    nominal = nominal_start(plant.A, plant.B, sigma, plain)
-    scaling = plain.refined(nominal.W)
-    pencil = build(method, *scaling.apply(plant.A, plant.B), sigma / scaling.rate, scaling.unit)
-    K = np.linalg.solve(scaling.S, nominal.K @ scaling.T)
-    x = pencil.pack(common_point(np.eye(len(scaling.T)), K, pencil.variables))
+    pencil, x, _ = start(plant, sigma, method)
     stacked = stack(pencil)
     return stacked, x, 1.3 * least_radius(*stacked.parts(x))
 

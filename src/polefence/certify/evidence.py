@@ -239,12 +239,12 @@ class _Inside:
         return None
 
     def _candidates(self, plant: UncertainPlant, law: Law, loop: Loop) -> Iterator[dict[str, Any]]:
-        """Yield evidence of a part of the box: of samples by interpolation, else by LMIs."""
+        """Yield evidence of a part of the box: between nodes by interpolation, else by LMIs."""
         if self.plant.bent:
-            first = interpolated(plant, law, self.part)
-            if first is None:  # the part is far too large
-                return
-            yield first
+            evidence = interpolated(plant, law, self.part)
+            if evidence is not None:  # else the part is too large, and so it is for an LMI
+                yield evidence
+            return
         for form in self.forms:
             for polynomial in points_inside(loop, self.part, form):
                 yield evidence_of(polynomial, form)

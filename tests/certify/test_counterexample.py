@@ -9,6 +9,7 @@ import pytest
 from polefence import Disk, FixedGain, ScheduledGain, UncertainPlant, check
 from polefence.certify.certificate import Certificate
 from polefence.certify.counterexample import counterexample, first_worst, worst_points
+from polefence.show import paper
 
 
 def test_a_pole_that_leaves_inside_an_edge_is_found():
@@ -24,6 +25,15 @@ def test_a_pole_that_leaves_inside_an_edge_is_found():
     assert a + b == 1
     assert 9 * float(np.sqrt(float(a * b))) > 1  # the pole -1 + 9 sqrt(ab) leaves the disk
     assert not certificate.claim().poles_inside(list(answer.alpha))
+
+
+@pytest.mark.parametrize("key", ["lemma1", "lemma2"])
+def test_published_gains_on_the_physical_car_are_refuted(physical, key):
+    """The paper's fixed gains meet their disks on the printed vertices only."""
+    case = paper.published()["fixed_gains"][key]
+    region, law = Disk(case["centre"], case["radius"]), FixedGain([case["K"]])
+    certificate = Certificate(physical, region, "quadratic", law, {"W": np.eye(5)})
+    assert check(certificate).answer == "refuted"
 
 
 def test_true_claims_are_never_refuted(small_designs):

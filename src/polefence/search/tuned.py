@@ -118,7 +118,7 @@ class Room:
 def _searched(
     task: Task, structure: Structure, room: Room, times: float, starts: Sequence[Law]
 ) -> list[Tuned]:
-    """Return what a search finds, with poles as fast as proofs need them, where there is such a law."""
+    """Return what a search finds, with poles as fast as proofs need them where it can have them."""
     least, limits, region = _asked(task, room, times)
     faster = _faster(task.plant, region) or _quicker(task.plant, region)
     if faster is not None:

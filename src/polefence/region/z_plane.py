@@ -41,6 +41,7 @@ INSIDE = 1e-11  # corners are moved inwards by so much, relative to their modulu
 SAFE = 1e-13  # and stay inside by so much, which floats cannot mistake
 EXACT = 1e-15  # relative error of an exponential, times one more than its exponent
 HALVINGS = 50
+ALONG = np.linspace(0.0, 1.0, 65)[1:-1]  # points of an edge at which its damping is looked at
 UPRIGHT = 100.0  # slope of the wedge that stands for a half-plane to the right of its apex
 KNOWN = (
     "half_plane, sector, vertical_strip and horizontal_strip, or disk and wedge, which are of the "
@@ -291,8 +292,7 @@ def _excess(damping: float, one: complex, other: complex) -> float:
     """Return by how much the largest damping ratio on an edge is above that asked."""
     if abs(other - one) < 1e-15:
         return 0.0
-    # points of an edge at which its damping is looked at
-    s = np.log(one + np.linspace(0.0, 1.0, 65)[1:-1] * (other - one))
+    s = np.log(one + ALONG * (other - one))
     ratios = -s.real / np.abs(s)
     at_one = (one - other).real / abs(one - other) if one == 1 else 0.0
     return float(max(ratios.max(), at_one) - damping)

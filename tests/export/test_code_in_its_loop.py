@@ -16,6 +16,7 @@ from polefence.export import check_guarantee, export_c99
 from polefence.plant.parameters import Parameter
 from polefence.response.discrete import Sampling
 from support.cortex import run
+from support.hasty import hasty
 
 T, DECAY = 0.02, 0.5
 PLACES = [{"m": 1.0, "k": 4.0}, {"m": 1.7, "k": 9.0}, {"m": 2.0, "k": 20.0}]
@@ -43,7 +44,8 @@ def exported(kind: str, delay: int):
         return export_c99(place(sampled, HalfPlane(DECAY), "quadratic"), 64)
     late = [own for own in sampled.states if "late" in own]
     structure = Structure(measured=["position", *late], order=1, schedule=[])
-    return export_c99(place(sampled, HalfPlane(DECAY), structure=structure), 64)
+    with hasty():
+        return export_c99(place(sampled, HalfPlane(DECAY), structure=structure), 64)
 
 
 def defined(header: str, name: str) -> float:

@@ -328,7 +328,7 @@ linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks i
 
 @linux
 def test_workers_killed_at_random_lose_no_row(tmp_path):
-    count, most, killed, chance, before = 96, 8, 0, random.Random(1), -1
+    count, most, killed, chance, before = 64, 5, 0, random.Random(1), -1
     out = tmp_path / "out"
     client = started(write(tmp_path, count), "-o", out, "--jobs", "2")
     while client.poll() is None and killed < most:

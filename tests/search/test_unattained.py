@@ -44,7 +44,7 @@ def test_what_falls_without_end_stops_at_a_bound_of_the_search(own, method):
     assert done.bounds[0].level >= sampled(done.plant, done.law, own).worst * (1 - 1e-9)
 
 
-def test_a_limit_makes_it_bounded():
+def test_a_limit_makes_it_bounded(hasty):
     done = optimise(servo(), Gain("x1"), [Gain("u1", at_most=2)], method="quadratic")
     # at rest the spring of the law holds the load: 1 / k, and |u| <= 2 |w| leaves k finite
     worst = sampled(done.plant, done.law, Gain("x1")).worst

@@ -279,7 +279,7 @@ def test_code_that_keeps_states_is_exported_with_a_sample_time(kind, placed):
     assert line not in _how_to_check(placed).code
 
 
-def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_alone):
+def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_alone, hasty):
     car, gust = family("quarter-car-ride"), Rms("sprung-mass acceleration", at_most=2)
     road = velocity_density("D", 15)
     found = optimise(

@@ -7,7 +7,7 @@ from polefence import Structure, UncertainPlant, check, tightest
 T = 0.05
 
 
-def test_the_largest_damping_ratio_is_bracketed(monkeypatch):
+def test_the_largest_damping_ratio_is_bracketed(monkeypatch, hasty):
     """A feedback of the position alone cannot damp as one likes: each gain that it may have."""
     close = 0.05
     monkeypatch.setattr("polefence.search.place.DAMPINGS", 5)  # each failure takes long

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_lyapunov
 
-from polefence import Disk, FixedGain, System, UncertainPlant, analyse, at_sample_time
+from polefence import Disk, FixedGain, Rms, System, UncertainPlant, analyse, at_sample_time
+from polefence.certify.bounds import kept_bound
+from polefence.certify.certificate import plant_of, with_nodes
+from polefence.cli.check import _against
 from polefence.plant.family import Parameter
 from polefence.plant.larger import with_states
+from polefence.plant.parts import node
 from polefence.plant.samples import claim_of_samples
 from polefence.proof.claims.base import prove
+from polefence.proof.document import Document, check, from_plain
 from polefence.proof.interpolation import ONE, bends, sample
 from polefence.proof.work import FormatError
 from polefence.response import samples
+from support import truths
 
 WIDTH = 2  # columns of B and E
+THIRDS = [Fraction(k, 3) for k in range(4)]
 
 
 def rationals(M):
@@ -159,6 +167,98 @@ def test_a_node_does_not_change_what_is_not_sampled(sampled, letter):
     M[-1][-1] += Fraction(1, 3)
     forged = replace(claim.plant, nodes=(replace(first, **{letter: M}), *rest))
     assert not prove(replace(claim, plant=forged)).proved
+
+
+def test_a_law_with_states_has_inputs_two_samples_late(line):
+    """The inputs on their way move on, whatever other inputs the law's states have."""
+    wide = with_states(at_sample_time(line, 0.1, 2), 1)
+    assert prove(claim_of_samples(wide)).proved
+
+
+def test_a_weighted_signal_is_proved_in_parts_and_no_further_than_its_samples(sampled):
+    """The filter stands behind the samples at a node too, as behind those at the vertices."""
+    plant, law = sampled[1], FixedGain(np.zeros((1, 5)))
+    claim = kept_bound(plant, law, Rms("x1", 0.031, density=2.0, weight="Wk")).claim
+    assert claim.subject.nodes
+    assert len(claim.subject.evidence.cells) > 1
+    reached = max(_weighted(claim, node(plant, at)) for at in product(THIRDS, repeat=3))
+    assert reached < float(claim.level) < 1.1 * reached
+    assert not prove(replace(claim, level=Fraction(reached))).proved
+
+
+def _weighted(claim, point):
+    """The rms of a state behind the filter of a claim, at one point."""
+    A, E = (np.array(M, dtype=float) for M in (point.A, point.E))
+    C = np.eye(1, len(A))
+    table, T = claim.write(), float(claim.subject.step)
+    A, E, C, _ = truths.behind(table, (A, E, C, np.zeros((1, E.shape[1]))), T)
+    P = solve_discrete_lyapunov(A, float(claim.intensity) / T * E @ E.T)
+    return float(np.sqrt(C @ P @ C.T).item())
+
+
+@pytest.fixture(scope="module")
+def line():
+    """x' = a x + 5 u + w, a from -1 to 1."""
+    vertices = tuple(System([[a]], [[5]], [[1]], f"a = {a}") for a in (-1, 1))
+    return UncertainPlant(vertices, parameters=(Parameter("a", -1, 1),), name="line")
+
+
+@pytest.fixture(scope="module")
+def line_file(line):
+    """A file that says of which plant its samples are, with nodes at a third and two thirds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "_with_remainder", _refused)
+        bent = at_sample_time(line, 0.1)
+    claim = claim_of_samples(bent)
+    plant = with_nodes(claim.plant, bent, [(Fraction(k, 3),) for k in (1, 2)])
+    return Document(plant, None, (replace(claim, plant=plant),))
+
+
+def test_an_observer_is_not_proved_with_the_nodes_of_the_plant(line_file):
+    """x - L y of y = x: in the middle a pole is at -0.62, but with B in place of C' it is not."""
+    table, one = line_file.write(), [[1]]
+    ends, gains = ["0", "1/3", "2/3", "1"], [-1, -1, -1, -3, -1, -1, -1]
+    spread = {"omega": [["1/100"]], "rows": ["1/30"], "columns": ["1/30", 0]}
+    evidence = {"X": [one], "degree": 0, "elevation": 6, "remainder": spread}
+    cells = [{"low": [a], "high": [b]} | evidence for a, b in pairwise(ends)]
+    table["claims"].append(
+        {
+            "kind": "observer",
+            "C": [one],
+            "law": {"kind": "scheduled", "on": "box", "degree": 6}
+            | {"W": [one] * 7, "Z": [[[z]] for z in gains]},
+            "region": {"kind": "disk", "centre": 0, "radius": 0.5},
+            "method": "lyapunov",
+            "evidence": {"parts": [{"cells": cells}]},
+        }
+    )
+    assert check(line_file).proved
+    assert not _checked(table)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_bends_belong_to_parameters(line_file, count):
+    table = line_file.write()
+    table["plant"] |= {"parameters": [], "vertices": table["plant"]["vertices"][:count]}
+    table["claims"][0]["vertices"] = table["claims"][0]["vertices"][:count]
+    del table["plant"]["nodes"]
+    assert not _checked(table)
+
+
+def test_samples_between_nodes_are_not_those_of_a_plant_in_discrete_time(line_file):
+    """Between its vertices that is their combination; a part's remainder is smaller than that."""
+    plant = plant_of(line_file.plant)
+    alone = replace(plant, remainder=None, sampling=None)
+    assert _against(line_file, alone, "other.toml") == (
+        "its plant is no multi-affine function of the parameters, the spec's is"
+    )
+
+
+def _checked(table):
+    try:
+        return check(from_plain(json.loads(json.dumps(table)))).proved
+    except FormatError:
+        return False
 
 
 def _with_fault(claim, fault):

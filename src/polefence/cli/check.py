@@ -162,8 +162,8 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
     claimed, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
-    if claimed.curve_degree > 1 and not sampled:
-        return "its plant is a polynomial of the parameters, the spec's is multi-affine"
+    if (claimed.curve_degree > 1 or claimed.bent) and not sampled:
+        return "its plant is no multi-affine function of the parameters, the spec's is"
     if samples is not None and sampled:
         difference = _other_samples(samples, claimed, plant)
         if difference is not None:

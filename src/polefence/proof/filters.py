@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from polefence.proof.matrices import ONE, ZERO, Rationals, product
-from polefence.proof.plant import Output
+from polefence.proof.matrices import ONE, ZERO, Rationals, mix, product
+from polefence.proof.plant import Node, Output, corner_weights
 from polefence.proof.reading import Table, plain
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -73,32 +73,46 @@ def in_series(
     if len(filters) != len(outputs):
         raise FormatError(f"there are {len(outputs)} outputs, and filters of {len(filters)}")
     more, at, vertices = states_of(filters), subject.n, len(subject.A)
-    size = subject.n + more
-    spend(RATIONAL * vertices * size * (size + subject.m + subject.q), 64, 64)
-    A = [[[*row, *(ZERO,) * more] for row in M] for M in subject.A]
-    B = [[list(row) for row in M] for M in subject.B]
-    E = [[list(row) for row in M] for M in subject.E]
-    filtered = list[Output]()
+    size, nodes = subject.n + more, subject.nodes
+    weights = [corner_weights(node.at) for node in nodes]
+    spend(RATIONAL * (vertices + len(nodes)) * size * (size + subject.m + subject.q), 64, 64)
+
+    def everywhere(rows: Sequence[Rationals]) -> list[Rationals]:
+        return [*rows, *(mix(w, list(rows)) for w in weights)]
+
+    A = [[[*row, *(ZERO,) * more] for row in M] for M in (*subject.A, *(x.A for x in nodes))]
+    B = [[list(row) for row in M] for M in (*subject.B, *(x.B for x in nodes))]
+    E = [[list(row) for row in M] for M in (*subject.E, *(x.E for x in nodes if x.E))]
+    filtered, none = list[Output](), [[[ZERO] * subject.q]] * vertices
     for output, weighting in zip(outputs, filters, strict=True):
         if weighting is None:
             C = [[[*row, *(ZERO,) * more] for row in rows] for rows in output.C]
             filtered.append(replace(output, C=C))
             continue
         before, after = (ZERO,) * (at - subject.n), (ZERO,) * (size - at - weighting.states)
-        for j in range(vertices):
-            rows = zip(product(weighting.b, output.C[j]), weighting.a, strict=True)
+        CDF = (everywhere(rows) for rows in (output.C, output.D, output.F or none))
+        for j, (c, d, f) in enumerate(zip(*CDF, strict=True)):
+            rows = zip(product(weighting.b, c), weighting.a, strict=True)
             A[j] += [[*left, *before, *right, *after] for left, right in rows]
-            B[j] += product(weighting.b, output.D[j])
+            B[j] += product(weighting.b, d)
             if E:
-                F = output.F[j] if output.F else [[ZERO] * subject.q]
-                E[j] += product(weighting.b, F)
+                E[j] += product(weighting.b, f)
         C = [[[*(ZERO,) * at, *weighting.c[0], *after]]] * vertices
         D = [[[ZERO] * subject.m]] * vertices
         filtered.append(Output(C, D, output.name, (), output.unit))
         at += weighting.states
     remainder = subject.remainder and subject.remainder.padded(subject.n, subject.m, more)
     law = _wider(subject.law, subject.n, more)
-    larger = replace(subject, A=A, B=B, E=E, law=law, remainder=remainder)
+    known = zip(nodes, A[vertices:], B[vertices:], E[vertices:] or [[]] * len(nodes), strict=True)
+    larger = replace(
+        subject,
+        A=A[:vertices],
+        B=B[:vertices],
+        E=E[:vertices],
+        law=law,
+        remainder=remainder,
+        nodes=tuple(Node(node.at, *matrices) for node, *matrices in known),
+    )
     return larger, tuple(filtered)
 
 

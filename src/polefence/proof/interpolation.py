@@ -25,8 +25,9 @@ from fractions import Fraction
 from operator import add, mul
 
 from polefence.proof.claims.steps import exponential
+from polefence.proof.laws import longest
 from polefence.proof.matrices import Integers, Rationals, bits
-from polefence.proof.work import FormatError, spend
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 FINE = 96  # bits after the point
 ONE = 1 << FINE
@@ -64,7 +65,9 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     FormatError
         If the series needs more terms than these.
     """
-    count, largest = len(M).bit_length() - 1, _largest(map(_magnitudes, M))
+    count, length = len(M).bit_length() - 1, max(map(longest, M))
+    spend(RATIONAL * len(M) * (count + 1) * len(M[0]) * len(M[0][0]), length, length)
+    largest = _largest(map(_magnitudes, M))
     size = _row_sum(largest)
     if size > 16:  # of a row's sum of |M|: what is left of 96 bits is then 70
         raise FormatError("the sample time is too long for these rates")

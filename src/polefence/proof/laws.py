@@ -389,6 +389,7 @@ def between_nodes(
     vertices: Sequence[list[Rationals]], nodes: Sequence[Node], low: Point, high: Point
 ) -> list[list[Rationals]]:
     """Return A, B and E at the corners of a part of the box: of vertices, or of nodes."""
+    spend(RATIONAL * len(nodes) * len(low), 0)
     known = {node.at: [node.A, node.B, node.E] for node in nodes}
     gathered: list[list[Rationals]] = [[] for _ in vertices]
     for corner in corners(low, high):
@@ -404,7 +405,7 @@ def between_nodes(
     return [matrices if source else [] for matrices, source in zip(gathered, vertices, strict=True)]
 
 
-def longest(points: tuple[Point, ...]) -> int:
+def longest(points: Iterable[Iterable[Fraction]]) -> int:
     """Return the length of the longest numerator or denominator."""
     pairs = (x.as_integer_ratio() for point in points for x in point)
     return max((max(map(int.bit_length, pair)) for pair in pairs), default=0)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from polefence.proof.matrices import (
@@ -118,6 +118,8 @@ class Remainder(Short):
         if self.bends:
             sides = [b - a for a, b in zip(low, high, strict=True)]
             pairs = zip(sides, self.bends, strict=True)
+            length = max(x.numerator.bit_length() for M in self.bends for row in M for x in row)
+            spend(RATIONAL * len(sides) * sum(map(len, self.entries)), length, length)
             return Remainder.between(
                 self.rounding,
                 [tuple(tuple(x * side * side for x in row) for row in M) for side, M in pairs],
@@ -131,10 +133,14 @@ class Remainder(Short):
         return Remainder(self.entries, curve, self.degree)
 
     def transposed(self, n: int, p: int) -> Remainder:
-        """Return that of the dual plant (A', C'), of p measured signals that are exact."""
-        return self.mapped(
+        """Return that of the dual plant (A', C'), of p measured signals that are exact.
+
+        Of one with bends it is that of the whole box on each part too: the dual has no nodes.
+        """
+        dual = self.mapped(
             lambda M: tuple((*(row[i] for row in M), *(ZERO,) * p) for i in range(n))
         )
+        return replace(dual, rounding=(), bends=())
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
@@ -176,7 +182,7 @@ class Remainder(Short):
                 raise FormatError(f"plant.bends must hold {n} rows of {n + m + q} numbers")
             if min(map(min, matrix)) < 0:
                 raise FormatError("plant.bends must hold numbers of zero or more")
-        if self.bends and (self.curve or len(self.bends) != len(sizes)):
+        if self.bends and (self.curve or sizes != (2,) * len(self.bends)):
             raise FormatError("plant.bends must be one a parameter, without a curve")
         if self.bends and self.entries != Remainder.between(self.rounding, self.bends).entries:
             raise FormatError("plant.remainder is not that of plant.bends")

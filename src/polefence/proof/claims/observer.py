@@ -55,7 +55,7 @@ class Observer(Short, Claim):
             raise FormatError(f"{table.path('measured')} must name each row of C")
         A, B = (list(map(_transposed, matrices)) for matrices in (plant.A, C))
         remainder = plant.remainder and plant.remainder.transposed(plant.n, len(C[0]))
-        dual = replace(plant.at_rest, A=A, B=B, E=[], remainder=remainder)
+        dual = replace(plant.at_rest, A=A, B=B, E=[], remainder=remainder, nodes=())
         law, on = read_law(table.table("law"), dual)
         if law.polynomial:
             raise FormatError(f"{table.path('law')} must be fixed or scheduled, of an observer")

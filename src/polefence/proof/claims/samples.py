@@ -129,8 +129,11 @@ class Samples(Short, Claim):
         common_denominator([*self.A, *self.B, *self.E])
         if len(self.units) != n + m + q or min(self.units) <= 0:
             raise FormatError(f"samples: units must hold {n + m + q} positive numbers")
-        if plant.ranges and 2 ** len(plant.ranges) != N:
+        if (plant.ranges or self.bent) and 2 ** len(plant.ranges) != N:
             raise FormatError("samples: the vertices are not those of the parameters")
+        if self.bent:
+            points, length = N + len(plant.nodes), longest((self.units, (plant.step,)))
+            spend(RATIONAL * points * n * len(self.units), length + SHORT, 3 * length)
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield nothing: what is compared are numbers."""
@@ -304,7 +307,7 @@ class Samples(Short, Claim):
                 moved = list(zero_row)
                 if i >= m:
                     moved[n + i - m] = Fraction(1)
-                into = [Fraction(int(i == k)) for k in range(self.plant.m)]
+                into = [Fraction(int(i == k < m)) for k in range(self.plant.m)]
                 if A[n + i] != moved or B[n + i] != into:
                     return False
             if any(map(any, E[n:width])):

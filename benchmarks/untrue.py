@@ -48,7 +48,30 @@ HARDWARE = (
     SPEC.replace('region = "disk(-3, 2.5)"\n', "")
     + "[actuator.u]\nbandwidth = 3\n[sensor.x]\nbandwidth = 5\nnoise = 0.01\n"
 )
+CART = """name = "cart"
+states = ["x [m]", "v [m/s]"]
+inputs = ["u [N]"]
+disturbances = ["w [N]"]
+[parameter.m]
+range = [1, 1.2]
+unit = "kg"
+through = "1/m"
+[parameter.c]
+range = [3, 3.5]
+unit = "N/m"
+[parameter.d]
+range = [0.5, 0.7]
+unit = "N s/m"
+[matrices]
+A = [[0, 1], ["-c/m", "-d/m"]]
+B = [[0], ["1/m"]]
+E = [[0], ["1/m"]]
+[sensor.x]
+bandwidth = 8
+noise = 0.001
+"""
 SPECS = {
+    "cart": CART,
     "plain": SPEC,
     "two": TWO,
     "mass": MASS,
@@ -62,8 +85,13 @@ LIMITS = "--minimise|rms of x with density 1|--limit|rms of u <= 60 with density
 GAIN, ENERGY = "--limit|gain of v <= 10|", "--limit|energy peak of v <= 20 with norm 1|"
 CUT = "--limit|saturation of u <= 5 with norm 1|"
 LATE = "--region|disk(0, 1)|--delay|1|--measured|x,v|--sample-time|"
+NODES = (
+    "--minimise|rms of x with density 1|--region|disk(0, 1)|--measured|measured x|--sample-time|0.1"
+)
 WEIGHT = "--minimise|rms of x with density 1 with weight Wk|--limit|rms of u <= 50 with density 1|"
 COMMANDS = (
+    f"optimise|cart.toml|{NODES}|--delay|1|--order|1|--schedule|none|-o|nodes",
+    f"optimise|cart.toml|{NODES}|-o|nodes-scheduled",
     f"optimise|hardware.toml|--measured|measured x|--schedule|none|--order|1|{LIMITS}{GAIN}-o|"
     "order",
     f"optimise|hardware.toml|--measured|measured x,u|{LIMITS}{GAIN}-o|hardware",

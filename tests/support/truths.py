@@ -24,9 +24,9 @@ def array(value):
 
 
 class Plant:
-    """Vertices and parameters."""
+    """Vertices and parameters; of samples between nodes what they are samples of, a claim."""
 
-    def __init__(self, table, seed=0):
+    def __init__(self, table, seed=0, claims=()):
         self.A, self.B = (np.stack([array(v[k]) for v in table["vertices"]]) for k in "AB")
         given = "E" in table["vertices"][0]
         self.E = np.stack([array(v["E"]) for v in table["vertices"]]) if given else None
@@ -42,6 +42,10 @@ class Plant:
         self.T = number(table.get("sample_time", 0))
         self.R = array(table["remainder"]) if "remainder" in table else None
         self.curve = table.get("curve")
+        bends = table.get("bends")
+        self.bends = {key: array(bends[key]) for key in bends} if bends else None
+        self.nodes = table.get("nodes", ())
+        self.samples = next((own for own in claims if own["kind"] == "samples"), None)
         spans = len(self.A) == 2 ** len(self.ranges) > 1
         self.sizes = (2,) * len(self.ranges) if spans else (len(self.A),)
 
@@ -54,14 +58,14 @@ class Plant:
             weights = basis(coordinates(alpha, self.sizes), self.sizes, self.curve["degree"])
             off = np.tensordot(weights, array(self.curve["coefficients"]), 1)
             A, B, E = A + off[:, :n], B + off[:, n : n + m], E + off[:, n + m :]
-        return A, B, E
+        return placed(self, self.samples, alpha, A, B, E) if self.bends else (A, B, E)
 
     def near(self, alpha):
         """A, B and E there, and at random signs of all that they may be off by."""
         n, m = self.A.shape[1], self.B.shape[2]
         own = self.at(alpha)
         yield own
-        for _ in range(4 if self.R is not None else 0):
+        for _ in range(4 if self.R is not None and not self.bends else 0):
             R = self.R * self.random.choice([-1.0, 1.0], size=self.R.shape)
             parts = R[:, :n], R[:, n : n + m], R[:, n + m :]
             yield tuple(M + off for M, off in zip(own, parts, strict=True))
@@ -236,10 +240,13 @@ def false_region(plant, law, claim):
 def false_observer(plant, _, claim):
     C = array(claim["C"])
     C = np.broadcast_to(C, (len(plant.A), *C.shape[1:]))
-    dual = Plant.__new__(Plant)
-    dual.__dict__ |= plant.__dict__
-    dual.A, dual.B = np.swapaxes(plant.A, 1, 2), np.swapaxes(C, 1, 2)
-    return false_poles(dual, Law(claim["law"], len(plant.A)), claim)
+    law = Law(claim["law"], len(plant.A))
+    for alpha in plant.alphas(domain_of(claim, law)):
+        for A, _, _ in plant.near(alpha):
+            loop = A.T + mix(alpha, C).T @ law.gain(alpha)
+            if outside(claim["region"], np.linalg.eigvals(loop)) > SLACK:
+                return True
+    return False
 
 
 def rows(value, count, width):
@@ -358,26 +365,66 @@ def _reached_at_samples(kind, claim, loop, passive, T):
     return worst
 
 
+def exponential(claim, alpha, T):
+    """F, G and H of the plant that a claim of samples is of."""
+    A, B, E = Plant({"vertices": claim["vertices"], "parameters": []}).at(alpha)
+    n, m, q = len(A), B.shape[1], E.shape[1]
+    whole = expm(np.block([[A, B, E], [np.zeros((m + q, n + m + q))]]) * T)[:n]
+    return whole[:, :n], whole[:, n : n + m], whole[:, n + m :]
+
+
+def placed(plant, claim, alpha, A, B, E):
+    """A, B and E with the samples in their places, and the inputs on their way behind them."""
+    F, G, H = exponential(claim, alpha, plant.T)
+    (n, m), late = G.shape, claim["delay"] * G.shape[1]
+    A, B, E = A.copy(), B.copy(), E.copy()
+    A[: n + late], B[: n + late], E[: n + late] = 0, 0, 0
+    A[:n, :n], E[:n] = F, H
+    if late:
+        A[:n, n + late - m : n + late], B[n : n + m, :m] = G, np.eye(m)
+        A[n + m : n + late, n : n + late - m] = np.eye(late - m)
+    else:
+        B[:n, :m] = G
+    return A, B, E
+
+
 def false_samples(plant, _, claim):
     """Whether the matrix exponential is farther off than the remainder somewhere."""
-    own = Plant({"vertices": claim["vertices"], "parameters": []})
-    n, m, delay = own.A.shape[1], own.B.shape[2], claim["delay"]
-    q = 0 if own.E is None else own.E.shape[2]
-    for alpha in plant.alphas("box" if plant.ranges else "simplex"):
-        A, B, E = next(own.near(alpha))
-        width = n + m + q
-        whole = expm(np.block([[A, B, E], [np.zeros((m + q, width))]]) * plant.T)[:n]
-        F, G, H = whole[:, :n], whole[:, n : n + m], whole[:, n + m :]
-        for _ in range(delay):  # the states that are on their way, the last of them in G
-            more = len(F)
-            F = np.block([[F, G], [np.zeros((m, more + m))]])
-            G = np.vstack([np.zeros((more, m)), np.eye(m)])
-            H = np.vstack([H, np.zeros((m, q))])
-        expected = np.hstack([F, G, H])
-        if delay > 1 or expected.shape != plant.R.shape:
-            return False  # another order of states than here
-        found = np.hstack(next(plant.near(alpha)))
-        if np.any(np.abs(found - expected) > plant.R * (1 + SLACK) + 1e-12):
+    on = "box" if plant.ranges else "simplex"
+    if plant.bends:
+        return false_nodes(plant, claim)
+    for alpha in plant.alphas(on):
+        found = next(plant.near(alpha))
+        apart = np.abs(np.hstack(found) - np.hstack(placed(plant, claim, alpha, *found)))
+        if np.any(apart > plant.R * (1 + SLACK) + 1e-12):
+            return True
+    return False
+
+
+def false_nodes(plant, claim):
+    """Whether vertices and nodes are no samples, or these bend more on a part of the box."""
+    count, rounding, along = len(plant.ranges), plant.bends["rounding"], plant.bends["along"]
+
+    def weights(t):
+        return np.array([prod(own) for own in product(*((1 - x, x) for x in t))])
+
+    def exact(t):
+        combined = [mix(weights(t), M) for M in (plant.A, plant.B, plant.E)]
+        return np.hstack(placed(plant, claim, weights(t), *combined))
+
+    corners = list(product((0, 1), repeat=count))
+    known = [
+        *zip(corners, map(np.hstack, zip(plant.A, plant.B, plant.E, strict=True)), strict=True)
+    ]
+    known += [(array(x["at"]), np.hstack([array(x[key]) for key in "ABE"])) for x in plant.nodes]
+    if any(np.any(np.abs(M - exact(t)) > rounding * (1 + SLACK) + 1e-12) for t, M in known):
+        return True
+    for _ in range(10):
+        low, t = plant.random.random((2, count))
+        side = (1 - low) * plant.random.random(count)
+        ends = np.array([exact(low + side * np.array(corner)) for corner in corners])
+        apart = np.abs(exact(low + side * t) - mix(weights(t), ends))
+        if np.any(apart > (rounding + mix(side**2, along) / 8) * (1 + SLACK) + 1e-12):
             return True
     return False
 
@@ -446,7 +493,7 @@ def columns_of(claim):
 def false_gain(plant, law, claim, gain=None):
     scales, T, error = array(claim["rows"]), columns_of(claim), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
-        A, B, K = mix(alpha, plant.A), mix(alpha, plant.B), (gain or law.gain)(alpha)
+        (A, B, _), K = plant.at(alpha), (gain or law.gain)(alpha)
         for _ in range(4):
             D = plant.random.normal(size=(len(scales), len(T)))
             D /= np.linalg.norm(D, 2)
@@ -459,7 +506,7 @@ def false_gain(plant, law, claim, gain=None):
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
-        A, B, K = mix(alpha, plant.A), mix(alpha, plant.B), law.gain(alpha)
+        (A, B, _), K = plant.at(alpha), law.gain(alpha)
         C = getattr(law, "C", None)
         for _ in range(6):
             off = error * sizes * plant.random.choice([-1.0, 1.0], size=sizes.shape)
@@ -690,7 +737,7 @@ FALSE = {
 
 def false(document, seed=0):
     """Whether samples contradict a claim of a file, plain data of JSON."""
-    plant = Plant(document["plant"], seed)
+    plant = Plant(document["plant"], seed, document["claims"])
     table = document.get("law")
     law = (
         table

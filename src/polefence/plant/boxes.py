@@ -18,8 +18,8 @@ T = TypeVar("T")
 Point = tuple[float, ...]
 
 MOST_PARTS = 64
-# Of a plant that is sampled between nodes: the rms of a van's law of order 1 at 1 ms is proved within
-# 5, 2 and 0.5 % in 30, 68 and 149 parts.
+# Of a plant that is sampled between nodes: the rms of a van's law of order 1 at 1 ms is proved
+# within 5, 2 and 0.5 % in 30, 68 and 149 parts.
 MOST_BENT = 400
 # Side of a part that is halved: with its square, 2^-60, what samples bend is below the rounding of
 # the nodes, 2^-51, and less of it helps no more. The narrowest part of a proof was 2^-14 wide.

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 # Bounds on what a claim can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
 MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
-# Of a claim that is proved in parts of the box: a van's law of order 1 at 1 ms takes 36 parts for its
-# poles, of 4e8 each, 2.8 times MAX_WORK together.
+# Of a claim that is proved in parts of the box: a van's law of order 1 at 1 ms takes 36 parts for
+# its poles, of 4e8 each, 2.8 times MAX_WORK together.
 MAX_IN_PARTS = 8 * MAX_WORK
 FULL = 20  # claims at that bound which one file may hold
 MAX_FILE = FULL * MAX_WORK

@@ -133,7 +133,7 @@ class Samples(Short, Claim):
             raise FormatError("samples: the vertices are not those of the parameters")
         if self.bent:
             points, length = N + len(plant.nodes), longest((self.units, (plant.step,)))
-            spend(RATIONAL * points * n * len(self.units), length + SHORT, 3 * length)
+            spend(RATIONAL * points * n * len(self.units), length + 1000, 3 * length)
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield nothing: what is compared are numbers."""

@@ -655,7 +655,7 @@ def false_clipped(plant, law, claim):
     """Drives over roads that are drawn, and dampers stuck at their bounds."""
     N, limit, K = len(plant.A), claim["limit"], array(claim["K"])
     C, D = rows_of(limit, N, (plant.A.shape[1], plant.B.shape[2]))
-    E, dampers = noise_of(plant, claim, limit["intensity"]), dampers_of(claim, N)
+    E, dampers = noise_of(plant, claim, limit.get("intensity", 1)), dampers_of(claim, N)
     for alpha in plant.alphas("simplex", 2):
         A, B, E0, C0, D0 = (mix(alpha, M) for M in (plant.A, plant.B, E, C, D))
         V = np.stack([mix(alpha, rate) for _, rate, _, _ in dampers])
@@ -705,7 +705,7 @@ def false_conflict(plant, law, claim):
             continue
         kept = []
         for limit in claim["limits"]:
-            E = noise_of(plant, claim, limit["intensity"])[j]
+            E = noise_of(plant, claim, limit.get("intensity", 1))[j]
             X = solve_continuous_lyapunov(loop, -E @ E.T)
             C, D = (rows[j] for rows in rows_of(limit, N, (n, m)))
             Y = C + D @ K

@@ -113,18 +113,14 @@ def is_region(found):
 
 
 def truth(found):
-    """Least eigenvalue of all blocks, each scaled to unit diagonal; -1 where one is malformed."""
+    """Least eigenvalue of all blocks, each scaled to unit diagonal; -1 where it is malformed."""
     if first(found)["evidence"].get("tau"):  # of Theorem 1 alone is there one, and not here
         return -1.0
     if not is_region(found):
         with pytest.raises(work.FormatError, match="region"):
             loads(json.dumps(found))
         return -1.0
-    claim = poles_in(json.dumps(found))
-    symmetric = [X for e in claim.evidence for X in e.X] + list(claim.law.W or [])
-    if any([list(row) for row in zip(*X, strict=True)] != X for X in symmetric):
-        return -1.0
-    return least_eigenvalue(claim)
+    return least_eigenvalue(poles_in(json.dumps(found)))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -52,7 +52,14 @@ def entries(document):
 
 
 def least_eigenvalue(claim):
-    """The smallest of all blocks of a claim, each scaled to unit diagonal; -1 without one."""
+    """The smallest of all blocks of a claim, each scaled to unit diagonal; -1 without one.
+
+    And where a matrix that ought to be is not symmetric, or tau is negative.
+    """
+    if any(e.tau < 0 for e in claim.evidence):
+        return -1.0
+    if any([list(row) for row in zip(*X, strict=True)] != X for _, X in claim.symmetric()):
+        return -1.0
     least = np.inf
     for _, block in claim.blocks():
         top = max(abs(e) for row in block for e in row)

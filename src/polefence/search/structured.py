@@ -24,10 +24,15 @@ from polefence.plant.family import UncertainPlant
 from polefence.region.regions import Region, bounded
 from polefence.region.z_plane import delta_plane
 from polefence.search.by_lmi import SPEED
-from polefence.search.driver import TIGHTER, Kind, Source, kept
+from polefence.search.driver import Kind, Source, kept
 from polefence.search.tune.dynamic import observers
 from polefence.search.tune.tuner import Tuned, tune, tune_region
 from polefence.search.tune.worth import NEAR
+
+# Shares by which regions are asked for tighter than they are to be proved: a law on an edge has no
+# proof. The first was enough for all of 30 laws, the second for three more of a spring that is
+# sampled every 100 ms, whose remainder takes room; 1e-2 was not.
+TIGHTER = (1e-3, 5e-2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,7 @@ class Sought:
     @property
     def source(self) -> Source:
         """Its laws for a region, the smallest gain first."""
-        return Source(self.plant, self.laws, self.certified, self.refusal, TIGHTER[1:])
+        return Source(self.plant, self.laws, self.certified, self.refusal, TIGHTER)
 
     def laws(self, region: Region) -> list[Tuned]:
         """Return laws for a region in the plant's time."""
@@ -108,7 +113,7 @@ class Sought:
             within = bounded(kind.within, SPEED * typical_rate(delta_form(self.plant).A))
             kind = replace(kind, within=within)
         self.begin(kind.within)
-        for share in TIGHTER if kind.within is not None else (0.0,):
+        for share in (0.0, *TIGHTER) if kind.within is not None else (0.0,):
             goal = self._goal(kind, None if kind.within is None else kind.within.tighter(share))
             candidates = tune_region(delta_form(self.plant), self.gain, goal, (), self.starts)
             laws = self._kept(candidates)

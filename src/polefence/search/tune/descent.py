@@ -29,7 +29,11 @@ LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less rea
 STALL = 8  # steps taken that must be worth it
 PENALTY, MOST_PENALTY = 10.0, 1e7
 FIRST = 0.3  # length of the first step, of a point's own size
-MISSED, CUTS, ALONG = 8, 6, 4.0  # rows, points that are kept, and how far, in steps
+# Rows of a point that were missed, such points, and how far they are kept, in steps. They are for
+# measures of which the highest alone is known: of 15 searches that know all, on random plants and a
+# car, none changes by more than 3e-7 without them. One has a radius 10 % larger with every row kept
+# from everywhere.
+MISSED, CUTS, ALONG = 8, 6, 4.0
 ACTIVE = 1e-7  # of a multiplier
 FEASIBLE = 1e-6  # by how much what is to be kept may be exceeded at the end
 # Of differences of slopes, of a number's own size; and of curvatures, of the largest: flatter is

@@ -16,7 +16,9 @@ from polefence.response.discrete import balancing
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
 
-EFFORTS = (1.0, 1e-3, 1e3)  # what inputs cost beside states
+# What inputs cost beside states. With the first alone, of 23 laws of random plants and shown ones
+# one is 0.4 % worse and one 0.05 %; one is 0.2 % better.
+EFFORTS = (1.0, 1e-3, 1e3)
 FASTER = 1.2  # than the region asks for
 FLOOR = 1e-3  # of a size, beside the largest in balanced units
 FLOOR_NOISE = 1e-2  # on every state, beside the plant's own noise

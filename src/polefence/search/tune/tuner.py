@@ -59,8 +59,6 @@ KEPT = 1e-6  # limits to rounding
 ALIKE = 1e-3  # of laws that count as one
 FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
-SCALINGS, HALF = 5, 0.5  # of the level's unit: anew where the level fell below that share of it
-REPAIRS = 4  # of a small law, at points where it is worse
 
 
 @dataclass(frozen=True, eq=False)
@@ -419,7 +417,7 @@ class _Search:
     ) -> Array:
         """Return where the level is least, of numbers that keep everything."""
         of_poles = isinstance(self.task.minimise, tuple)
-        for kappa in (*smooth, None) if of_poles else (None,) * SCALINGS:
+        for kappa in (*smooth, None) if of_poles else (None,):
             unit = self.task.unit(self._level(points, theta))
             early = of_poles and kappa != smooth[-1] and effort is FULL
             most = EARLY if early else effort
@@ -427,9 +425,7 @@ class _Search:
             minimum = descend(evaluate, theta, effort=most)
             if minimum is None:
                 break
-            theta, rows = minimum
-            if rows.level > HALF and not of_poles:
-                break
+            theta = minimum[0]
         return theta
 
     def _level(self, points: Points, theta: Array) -> float:
@@ -457,23 +453,17 @@ class _Search:
             )
         if reached.excess > FEASIBLE or self.task.minimise is None:
             return reached
-        smaller, most = reached, reached.level + (WIDE - 1) * abs(reached.level)
+        points, most = reached.points, reached.level + (WIDE - 1) * abs(reached.level)
         law = self.task.unknowns.law
         unit = self._size(law(reached.theta)) or 1.0
-        for _ in range(REPAIRS):
-            points = smaller.points
-            evaluate = partial(points.rows, phase=SMALL, unit=unit, most=most)
-            minimum = descend(evaluate, smaller.theta, effort=ROUGH)
-            if minimum is None or minimum[1].excess > FEASIBLE:
-                return reached
-            smaller = _Reached(minimum[0], points, 0.0, self._level(points, minimum[0]))
-            more = self._more(smaller)
-            if more is None:
-                if self._size(law(minimum[0])) > SMALLER * unit:
-                    break
-                return replace(smaller, larger=(reached.theta, reached.level))
-            smaller = replace(smaller, points=more)
-        return reached
+        evaluate = partial(points.rows, phase=SMALL, unit=unit, most=most)
+        minimum = descend(evaluate, reached.theta, effort=ROUGH)
+        if minimum is None or minimum[1].excess > FEASIBLE:
+            return reached
+        smaller = _Reached(minimum[0], points, 0.0, self._level(points, minimum[0]))
+        if self._size(law(minimum[0])) > SMALLER * unit or self._more(smaller) is not None:
+            return reached
+        return replace(smaller, larger=(reached.theta, reached.level))
 
     def _more(self, reached: _Reached) -> Points | None:
         """Return the points with those at which a law is worse; None where there are none."""

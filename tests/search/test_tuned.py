@@ -18,6 +18,7 @@ from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector
 from polefence.requirements.text import load_specifications
 from polefence.search.tuned import _faster
 from support.commands import ran, refused
+from support.every_file import SPEC
 from support.specs import ride_of_loads
 
 CAR = HalfPlane(1) & Sector(0.15)
@@ -185,4 +186,30 @@ def test_where_parameters_move_poles_are_searched_for_that_are_faster():
     assert done.design.poles(np.eye(2)).real.max() == pytest.approx(-0.2)
     assert all(own.claim.subject.motion for own in done.bounds)
     assert sampled(slow, done.law, asked[0]).worst <= done.bounds[0].level
+    assert done.design.certificate.prove().proved
+
+
+@pytest.mark.parametrize(
+    ("region", "edge", "inner"),
+    [
+        (HalfPlane(0), HalfPlane(0), HalfPlane(0.2)),
+        (HalfPlane(1), HalfPlane(0), HalfPlane(1.1)),
+        (Disk(-20, 20), Disk(-20, 20), Disk(-20, 19.8)),
+        (Disk(-20, 10), Disk(-20, 20), Disk(-20, 9)),
+    ],
+)
+def test_of_stability_alone_a_share_of_a_rate_is_asked(region, edge, inner):
+    assert region.tighter(0.1, edge, 2.0) == inner
+    alone = inner if region != edge else region
+    assert region.tighter(0.1, edge) == alone
+
+
+def test_a_pole_at_the_edge_of_stability_is_moved_in():
+    """By the velocity of a mass whose spring the law takes away it is at the very edge."""
+    plant = pf.at_sample_time(loads(SPEC), "0.05", 1)
+    least = pf.Rms("x", density=1, weight="Wk")
+    limits = [pf.Rms("u", density=1, at_most=50)]
+    one = pf.Structure(measured=("x", "v"), schedule=())
+    done = pf.optimise(plant, least, limits, Disk(0, 1), structure=one)
+    assert done.bounds[0].level <= 1.01 * sampled(plant, done.law, least).worst
     assert done.design.certificate.prove().proved

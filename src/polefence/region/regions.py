@@ -182,7 +182,7 @@ class Region(Short, ABC):
         """Return where (z - 1) / T is for z in a disk or a wedge of the z-plane."""
         raise RegionError(f"{self}: a region of the z-plane is made up of disks and wedges")
 
-    def tighter(self, share: float, within: Region | None = None) -> Region:
+    def tighter(self, share: float, within: Region | None = None, rate: float = 0.0) -> Region:
         """Return the region with each part made smaller by a share of its size, if it can be.
 
         Parameters
@@ -192,16 +192,18 @@ class Region(Short, ABC):
         within : Region, optional
             Where loops are stable. Where that is a disk, the size of a disk is at most its
             distance from that edge: of one with the same centre that is a decay rate.
+        rate : float, optional
+            The size of a part that asks for stability alone [1/s].
         """
         kept = list[Region]()
         for part in self.parts:
             try:
-                kept.append(part.shrunk(share, within))
+                kept.append(part.shrunk(share, within, rate))
             except RegionError:  # none of that size
                 kept.append(part)
         return reduce(and_, kept)
 
-    def shrunk(self, share: float, within: Region | None = None) -> Region:  # noqa: ARG002
+    def shrunk(self, share: float, within: Region | None, rate: float) -> Region:  # noqa: ARG002
         """Return a part made smaller by a share of its size; itself where it has none.
 
         Raises
@@ -310,11 +312,12 @@ class Disk(Region):
         c, r = Fraction(self.centre), Fraction(self.radius)
         return c * c - r * r, -c, Fraction(1)
 
-    def shrunk(self, share: float, within: Region | None = None) -> Disk:
+    def shrunk(self, share: float, within: Region | None, rate: float) -> Disk:
         size = self.radius
         if within is not None and within.circle is not None:
             centre, radius = within.circle
-            size = max(min(size, radius - abs(self.centre - centre) - size), 0.0)
+            edge = max(radius - abs(self.centre - centre) - size, 0.0)
+            size = min(size, edge or rate)
         return Disk(self.centre, self.radius - share * size)
 
     def in_differences(self, T: float) -> Disk:
@@ -369,8 +372,8 @@ class HalfPlane(Region):
     def closed_form(self) -> tuple[Fraction, Fraction, Fraction]:
         return 2 * Fraction(self.decay), Fraction(1), Fraction(0)
 
-    def shrunk(self, share: float, within: Region | None = None) -> HalfPlane:  # noqa: ARG002
-        return HalfPlane(self.decay + share * abs(self.decay))
+    def shrunk(self, share: float, within: Region | None, rate: float) -> HalfPlane:  # noqa: ARG002
+        return HalfPlane(self.decay + share * (abs(self.decay) or rate))
 
     def through(self, z: complex, begin: complex) -> HalfPlane:  # noqa: ARG002
         return HalfPlane(-z.real)
@@ -422,7 +425,7 @@ class Sector(Region):
     def top(self, x: Array) -> Array:
         return self.wedge.top(x)
 
-    def shrunk(self, share: float, within: Region | None = None) -> Sector:  # noqa: ARG002
+    def shrunk(self, share: float, within: Region | None, rate: float) -> Sector:  # noqa: ARG002
         return Sector(self.damping + share * (1 - self.damping))
 
     def through(self, z: complex, begin: complex) -> Sector:  # noqa: ARG002
@@ -464,7 +467,7 @@ class Wedge(Region):
     def top(self, x: Array) -> Array:
         return np.asarray(np.maximum(self.slope * (self.apex - x), 0))
 
-    def shrunk(self, share: float, within: Region | None = None) -> Wedge:  # noqa: ARG002
+    def shrunk(self, share: float, within: Region | None, rate: float) -> Wedge:  # noqa: ARG002
         return Wedge(self.apex, self.slope * (1 - share))
 
     def in_differences(self, T: float) -> Wedge:
@@ -598,7 +601,7 @@ class Ellipse(Region):
     def top(self, x: Array) -> Array:
         return _arc(x, self.centre, self.real, self.imaginary)
 
-    def shrunk(self, share: float, within: Region | None = None) -> Ellipse:  # noqa: ARG002
+    def shrunk(self, share: float, within: Region | None, rate: float) -> Ellipse:  # noqa: ARG002
         return Ellipse(self.centre, self.real * (1 - share), self.imaginary * (1 - share))
 
     def through(self, z: complex, begin: complex) -> Ellipse:  # noqa: ARG002

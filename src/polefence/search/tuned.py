@@ -18,7 +18,7 @@ from polefence.law.structure import Structure
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
-from polefence.region.regions import Disk, HalfPlane, Region, stable
+from polefence.region.regions import HalfPlane, Region, stable
 from polefence.requirements.specification import Specification
 from polefence.search.task import Candidate, Missing, Task, candidate
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
@@ -33,11 +33,6 @@ TIGHTER = (2e-5, 5e-4, 3e-3, 2e-2)
 FARTHER = (8e-2, 0.25)
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
-# Share of the plant's typical rate that a law's own states decay with in samples. The van's law
-# has a pole at -8e-4 1/s without it, and proofs at 1 ms in 244 parts of the box; at -0.01 they are
-# 24, at -0.03 (this share) 8, at -0.1 2. Its rms is 1e-5, 6e-5 and 1e-4 smaller there, for forces
-# that are 1e-4, 4e-4 and 1e-3 larger.
-SLOWEST = 3e-4
 MOST = 3  # laws of one search that proofs are looked for
 EACH = 6  # orders that are searched one after the other; of a higher one these and the last
 
@@ -104,8 +99,14 @@ class Room:
 
     @classmethod
     def first(cls, plant: UncertainPlant) -> Room:
-        """Return the first; a remainder costs limits 2e-4 to 2e-3 on the van at 2 ms."""
-        return cls(limits=0 if plant.remainder is None else 1)
+        """Return the first.
+
+        A remainder costs limits 2e-4 to 2e-3 on the van at 2 ms. Between nodes it costs a slow pole
+        of a law's own state as much as it decays by: that of the van's law is at -8e-4 1/s without
+        the second share, and its poles are proved in 244 parts of the box; at -0.03 1/s in 8.
+        """
+        slow = plant.bent and own_states(plant) > 0
+        return cls(region=int(slow), limits=0 if plant.remainder is None else 1)
 
     def after(self, missing: Missing | None) -> Room:
         """Return more room for what the best law had no proof of; for both where it had all."""
@@ -119,13 +120,16 @@ def _searched(
     task: Task, structure: Structure, room: Room, times: float, starts: Sequence[Law]
 ) -> list[Tuned]:
     """Return what a search finds, with poles as fast as proofs need them where it can have them."""
-    least, limits, region = _asked(task, room, times)
-    faster = _faster(task.plant, region) or _quicker(task.plant, region)
-    if faster is not None:
-        candidates = tune(task.plant, structure, least, limits, faster, starts)
+    least, limits, plain = _asked(task, room, times)
+    region = plain
+    if room.region:  # a pole at the very edge of stability had no proof
+        region = _asked(task, room, times, typical_rate(task.plant.A))[2]
+    candidates = list[Tuned]()
+    for wanted in dict.fromkeys(filter(None, (_faster(task.plant, region), region, plain))):
+        candidates = tune(task.plant, structure, least, limits, wanted, starts)
         if any(tuned.kept for tuned in candidates):
-            return candidates
-    return tune(task.plant, structure, least, limits, region, starts)
+            break
+    return candidates
 
 
 def _faster(plant: UncertainPlant, region: Region) -> Region | None:
@@ -142,21 +146,6 @@ def _faster(plant: UncertainPlant, region: Region) -> Region | None:
     if not speeds or plant.period:
         return None
     return region & HalfPlane(max(speeds))
-
-
-def _quicker(plant: UncertainPlant, region: Region) -> Region | None:
-    """Return a region of samples in which no state of a law is very slow, None where none can be.
-
-    Such a pole is hardly stable: what samples are off by is a large share of what it decays by.
-    """
-    if not plant.bent or not own_states(plant):
-        return None
-    T, decay = float(plant.step), SLOWEST * typical_rate(plant.A)
-    within, (first, *others) = Disk(-1 / T, 1 / T - decay), region.parts
-    circle = None if others else first.circle
-    if circle is not None and np.isclose(circle[0], -1 / T):
-        return within if circle[1] > 1 / T - decay else None
-    return region & within
 
 
 def _promising(candidates: Sequence[Tuned]) -> Iterator[Tuned]:
@@ -273,9 +262,12 @@ def _with_states(task: Task, structure: Structure) -> Iterator[Law]:
 
 
 def _asked(
-    task: Task, room: Room, times: float
+    task: Task, room: Room, times: float, rate: float = 0.0
 ) -> tuple[Specification | None, tuple[Specification, ...], Region]:
-    """Return what is minimised in a search, its limits and its region, somewhat tighter."""
+    """Return what is minimised in a search, its limits and its region, somewhat tighter.
+
+    Where that is stability, poles decay by the same share of a rate.
+    """
     shares = (*TIGHTER, *FARTHER)
     least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
     limits = tuple(
@@ -285,4 +277,5 @@ def _asked(
         for limit in task.limits
         for specification in limit.tuned(times)
     )
-    return least, limits, task.region.tighter(shares[room.region], stable(float(task.plant.step)))
+    edge = stable(float(task.plant.step))
+    return least, limits, task.region.tighter(shares[room.region], edge, rate)

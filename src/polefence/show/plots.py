@@ -1042,8 +1042,12 @@ def concepts_figure(results: Concepts) -> Figure:
         where: dict[str, Any] = {"xytext": offset, "ha": "left" if first else "right"}
         at = (x, ridden.tyre)
         right.annotate(one.name, at, textcoords="offset points", fontsize=8.5, **where)
-    right.set_xlabel("sprung-mass acceleration, rms [m/s2]")
-    right.set_ylabel("tyre load variation, rms [N]")
+    several = results.plant.shape[1] > 1
+    seat, wheel = "sprung-mass acceleration", "tyre load variation, "
+    if several:
+        seat, wheel = "acceleration, worst seat", "tyre load variation,\nworst wheel, "
+    right.set_xlabel(f"{seat}, rms [m/s2]")
+    right.set_ylabel(f"{wheel}rms [N]")
     right.margins(0.14)
     figure.legend(
         *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8.5

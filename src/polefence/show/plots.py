@@ -55,6 +55,7 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": "--", "color": "0.35", "marker": "x"},
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
+MOST_TITLE = 150  # letters below a figure
 COMPARED = ("weighted acceleration", "tyre load variation", "suspension travel", "actuator force")
 BELOW = "#f6d8c4"
 FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
@@ -1030,7 +1031,10 @@ def concepts_figure(results: Concepts) -> Figure:
             left.axvline(limit, color="#b2182b", ls=dashes, lw=1.3, label=label, zorder=0.9)
     left.set_yticks(y, names)
     left.set_xlim(0.97 * np.nanmin([*costs, results.active or np.nan]), edge)
-    left.set_xlabel(_wrapped(results.specification.title, 48))
+    title, entries = results.specification.title, results.specification.entries
+    if len(title) > MOST_TITLE:
+        title = f"{results.specification.kind} of {len(entries)} signals that are asked for"
+    left.set_xlabel(_wrapped(title, 48))
     driven = (row for row in results.rows if math.isfinite(row[1].cost))
     across = sorted(driven, key=lambda row: row[1].acceleration)
     for k, (one, ridden) in enumerate(across):

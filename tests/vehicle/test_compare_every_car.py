@@ -341,6 +341,20 @@ def test_power_of_a_lagging_force_is_near_at_samples_already(quarter):
     assert found == pytest.approx(wanted, rel=0.05)
 
 
+def test_a_design_of_another_car_is_taken_as_a_gain(quarter):
+    """Only of the same car a plant of its own is compared; else its law has to fit."""
+    from polefence import Disk, place
+
+    design = place(with_states(quarter, 1), Disk(-500, 499.9))
+    found = compare(quarter, {"law": design, "passive": None})
+    assert found.laws == ("law", "passive")
+    A, B = (np.array(M, float)[:4] for M in quarter_car(2 * M1, M2, K, KT, C)[:2])
+    names = SIGNALS | {"states": SIGNALS["states"][:4]}
+    other = UncertainPlant.from_vertices([A[:, :4]], [B], [quarter.vertices[0].E], **names)
+    with pytest.raises(InputError, match="the gain is 2 x 5"):
+        compare(other, {"law": design})
+
+
 def test_laws_that_lose_a_sampled_car_are_told(quarter):
     plant = at_sample_time(quarter, 0.02, 1)
     hard = FixedGain(np.array([[0.0, 0, -60000, 0, 0]]))
@@ -389,6 +403,23 @@ def test_the_command_takes_a_half_car_at_a_sample_time(twice, tmp_path, capsys, 
     direct = compare(Design.load("held").plant, {"passive": None})
     (row,) = [r for r in rows if (r["law"], r["quantity"]) == ("passive", "rear suspension travel")]
     assert row["worst"] == direct.row("passive", "rear suspension travel").worst
+    # beside it a design in continuous time, and the other way round
+    optimise(twice, least).save("free")
+    both = capsys.readouterr() and ["compare", "held", "--law", "free", "--law", "passive"]
+    assert main([*both, "--json", "c.json"]) == 0
+    assert "\nfree: in continuous time\n" in capsys.readouterr().out
+    assert main(["compare", "free", "--law", "held", "--json", "d.json"]) == 0
+    assert "\nheld: at samples every 5 ms\n" in capsys.readouterr().out
+    mine, theirs = (
+        {
+            (r["law"], r["quantity"]): r["worst"]
+            for r in json.loads((tmp_path / name).read_text())["rows"]
+        }
+        for name in ("c.json", "d.json")
+    )
+    for law in ("held", "free"):
+        assert mine[law, "mean power"] == theirs[law, "mean power"]
+    assert mine["held", "mean power"] != mine["free", "mean power"]
     servo = tmp_path / "servo.toml"
     servo.write_text(spec_text("servo"))
     assert "is not described as a car; add a table [vehicle]" in refused(

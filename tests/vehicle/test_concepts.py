@@ -18,6 +18,7 @@ from polefence.response.closed import close
 from polefence.response.stationary import stationary, velocity_density
 from polefence.show.plots import concepts_figure
 from polefence.vehicle import Ridden, concepts
+from polefence.vehicle.suspensions import suspensions
 from polefence.vehicle.vehicle import require_ride
 from support.commands import ran, refused
 from support.paths import DOCS
@@ -203,7 +204,7 @@ def test_a_law_that_is_not_stable_everywhere_is_driven_to_nan(plant, monkeypatch
     monkeypatch.setattr(module, "semi_active", lambda *_: None)  # another law, which takes seconds
     least, dampers = Rms(SIGNALS, density=DENSITY), load_dampers(spec_path("semi-active"))
     measured = ("suspension deflection", "sprung-mass velocity")
-    own = module._Task(plant, least, dampers, require_ride(plant), measured)
+    own = module._Task(plant, least, dampers, suspensions(plant), measured)
     away = FixedGain([[0, 0, 9000.0, 0]])
     assert own.proved(plant, away) is None
     assert np.isnan(own._road(plant, away, (), 0)).all()
@@ -225,19 +226,14 @@ def test_what_it_cannot_do_is_one_line(name, words, said, tmp_path, capsys):
     assert said in refused(capsys, "concepts", str(spec), *words)
 
 
-def test_it_is_for_quarter_cars(tmp_path, capsys):
-    spec = tmp_path / "half.toml"
-    damper = """
-[damper."front force"]
-deflection = "front suspension deflection"
-range = [300, 2000]
-[damper."rear force"]
-deflection = "rear suspension deflection"
-range = [300, 2000]
-"""
-    spec.write_text(spec_text("half-car") + damper)
+def test_it_is_for_cars(tmp_path, capsys):
+    spec, text = tmp_path / "own.toml", spec_text("semi-active")
+    of_a_car = '[vehicle]\nmodel = "quarter car"\nforce = "damper force"\n'
+    assert of_a_car in text
+    text = text.replace(of_a_car, "").replace("sprung-mass acceleration", "travel share")
+    spec.write_text(text)
     said = refused(capsys, "concepts", str(spec))
-    assert "not described as a quarter car" in said
+    assert "is not described as a car; add a table [vehicle]" in said
 
 
 def test_without_a_bound_of_dampers_the_table_is_printed_with_the_reason(

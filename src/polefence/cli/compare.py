@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from polefence.cli.laws import WORDS, Named, distinct, law_of, law_of_spec, read_law
+from polefence.certify.design import Design, read_document
+from polefence.cli.laws import WORDS, Named, distinct, law_of, law_of_spec, of_design, read_law
 from polefence.cli.options import result_arguments, road_arguments
 from polefence.cli.output import (
     PROVED,
@@ -14,10 +16,12 @@ from polefence.cli.output import (
     write_figure,
     write_json,
 )
-from polefence.cli.subjects import read_subject
+from polefence.cli.subjects import claims_file, read_subject
 from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
+from polefence.proof.claims import Poles
+from polefence.requirements.text import RoadSpectrum, with_wheels
 
 NOTHING_ASKED = (
     "note: {} asks for no law of its own; write [[specification]] tables or a region in it, name "
@@ -64,6 +68,8 @@ def compare_command(options: Any) -> int:
     given = _given(plant, options.law or ())
     check_results(options)
     notes = list[str]()
+    if subject.design is None:  # wheels in tracks have one speed
+        with_wheels(RoadSpectrum(options.road, options.speed), options.subject)
     if designed is None and options.law is None:
         plant, designed = law_of_spec(plant, options.subject)
         notes = [] if designed or options.disk else ["", NOTHING_ASKED.format(options.subject)]
@@ -91,7 +97,19 @@ def _words(options: Any) -> Sequence[str]:
 
 def _given(plant: UncertainPlant, words: Sequence[str]) -> dict[str, Named]:
     """Read designs and gains, by what names them: what is no law is none of any plant."""
-    return {word: read_law(plant, word) for word in words if word not in (*WORDS, *METHODS)}
+    return {word: _read(plant, word) for word in words if word not in (*WORDS, *METHODS)}
+
+
+def _read(plant: UncertainPlant, word: str) -> Named:
+    """Read a law, or a design of the same car with a plant of its own."""
+    from polefence.vehicle.compare import plant_of
+
+    path = claims_file(Path(word))
+    if path is not None and read_document(path).first(Poles) is not None:
+        design = Design.load(path, allow_unproved=True)
+        if plant_of(plant, design) is not plant:
+            return of_design(plant, design, Path(word))
+    return read_law(plant, word)
 
 
 def _law(plant: UncertainPlant, word: str, options: Any) -> Named:

@@ -32,8 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--measured",
         metavar="NAMES",
-        help="'A, B': states or outputs, for LQG and one active law; default: suspension "
-        "deflection and sprung-mass velocity",
+        help="'A, B': states or outputs, for LQG and one active law; default: what sensors of the "
+        "spec say, else each suspension's deflection and the body's velocity above it",
     )
     result_arguments(parser, plot="them", json="write all rows; -: stdout")
 
@@ -80,6 +80,8 @@ def _lines(compared: Concepts) -> list[str]:
         f"drives: rms, the worst of {compared.loads} values of the parameters, the mean of {ROADS} "
         f"roads of {SECONDS:g} s; standard error at most {error:.1%}"
     )
+    if compared.plant.shape[1] > 1:
+        lines.append("acc., tyre, travel, force: the worst seat, wheel, actuator; power: their sum")
     return lines
 
 

@@ -20,7 +20,7 @@ MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
 DERIVATIVE = "pid derivative of "
-DEMAND = "demand of "  # of the input that an actuator follows
+DEMAND, MEASURED = "demand of ", "measured "  # of an actuator's input; of a sensor's state
 
 
 def with_dynamics(
@@ -171,7 +171,7 @@ def with_sensor(
         why = "bandwidth is missing" if noise is None else "noise without a bandwidth has no rms"
         raise InputError(f"{where}: {why}; give bandwidth, in Hz")
     w = _rate(bandwidth, where)
-    label = _labelled(f"measured {signal.name}", signal.unit)
+    label = _labelled(f"{MEASURED}{signal.name}", signal.unit)
     if label in plant.states:
         raise InputError(f"{where}: {signal.name} has a sensor already; keep one")
     _require_continuous(plant, where)
@@ -182,6 +182,11 @@ def with_sensor(
     # x' = -w x + e v, v of two-sided density 1/2, has the variance e^2 / (4 w)
     size = _positive(noise, f"{where}: noise")
     return _with_noise(larger, f"noise of {signal.name}", _rounded(2 * float(size) * math.sqrt(w)))
+
+
+def sensors(plant: UncertainPlant) -> tuple[str, ...]:
+    """Return the names of the states that are what sensors say."""
+    return tuple(state.name for state in states(plant) if state.name.startswith(MEASURED))
 
 
 def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:

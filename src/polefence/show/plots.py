@@ -55,6 +55,7 @@ OTHERS: tuple[dict[str, Any], ...] = (
     {"ls": "--", "color": "0.35", "marker": "x"},
     {"ls": (0, (1, 1)), "color": "#35978f", "marker": "P"},
 )
+MOST_TITLE = 150  # letters below a figure
 COMPARED = ("weighted acceleration", "tyre load variation", "suspension travel", "actuator force")
 BELOW = "#f6d8c4"
 FLOOR_LINE: Any = {"color": "0.3", "ls": "--", "lw": 0.9}
@@ -1030,7 +1031,10 @@ def concepts_figure(results: Concepts) -> Figure:
             left.axvline(limit, color="#b2182b", ls=dashes, lw=1.3, label=label, zorder=0.9)
     left.set_yticks(y, names)
     left.set_xlim(0.97 * np.nanmin([*costs, results.active or np.nan]), edge)
-    left.set_xlabel(_wrapped(results.specification.title, 48))
+    title, entries = results.specification.title, results.specification.entries
+    if len(title) > MOST_TITLE:
+        title = f"{results.specification.kind} of {len(entries)} signals that are asked for"
+    left.set_xlabel(_wrapped(title, 48))
     driven = (row for row in results.rows if math.isfinite(row[1].cost))
     across = sorted(driven, key=lambda row: row[1].acceleration)
     for k, (one, ridden) in enumerate(across):
@@ -1042,8 +1046,12 @@ def concepts_figure(results: Concepts) -> Figure:
         where: dict[str, Any] = {"xytext": offset, "ha": "left" if first else "right"}
         at = (x, ridden.tyre)
         right.annotate(one.name, at, textcoords="offset points", fontsize=8.5, **where)
-    right.set_xlabel("sprung-mass acceleration, rms [m/s2]")
-    right.set_ylabel("tyre load variation, rms [N]")
+    several = results.plant.shape[1] > 1
+    seat, wheel = "sprung-mass acceleration", "tyre load variation, "
+    if several:
+        seat, wheel = "acceleration, worst seat", "tyre load variation,\nworst wheel, "
+    right.set_xlabel(f"{seat}, rms [m/s2]")
+    right.set_ylabel(f"{wheel}rms [N]")
     right.margins(0.14)
     figure.legend(
         *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8.5

@@ -19,7 +19,15 @@ from polefence.vehicle.comfort import (
     running_rms,
     vibration_total,
 )
-from polefence.vehicle.compare import Comparison, NoLaw, Row, compare, points, standard_laws
+from polefence.vehicle.compare import (
+    Comparison,
+    NoLaw,
+    Quantity,
+    Row,
+    compare,
+    points,
+    standard_laws,
+)
 from polefence.vehicle.concepts import Concept, Concepts, Ridden, concepts
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import (
@@ -86,6 +94,7 @@ __all__ = [
     "Masses",
     "Measured",
     "NoLaw",
+    "Quantity",
     "Ramp",
     "Ridden",
     "Ride",

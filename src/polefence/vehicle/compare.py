@@ -7,7 +7,8 @@ ISO 2631-1: no simulation, no seed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
 from polefence.base.explained import explained
 from polefence.base.progress import counted
+from polefence.certify.design import Design
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.card import card
@@ -40,7 +42,7 @@ from polefence.response.stationary import (
 from polefence.response.weighting import WK
 from polefence.search.place import place
 from polefence.vehicle.reference_laws import lqr, skyhook
-from polefence.vehicle.suspensions import Suspensions, in_continuous_time, suspensions
+from polefence.vehicle.suspensions import Suspensions, in_continuous_time, is_car, suspensions
 
 NAMES = ("passive", "skyhook", "lqr", *METHODS)
 
@@ -103,7 +105,9 @@ def compare(
         A car, or its samples: then everything is that at the samples, and a filter of comfort holds
         its input in between.
     laws : mapping of str to law
-        None (passive), a law, a design, a table of gains or an (m, n) array; or `NoLaw`.
+        None (passive), a law, a design, a table of gains or an (m, n) array; or `NoLaw`. A design
+        of the same car at another sample time, or whose law has states of its own, is compared
+        with the plant that it is about.
     road : str
         Class of ISO 8608, "A" to "H", its geometric mean.
     speed : float
@@ -126,8 +130,12 @@ def compare(
     density, N = velocity_density(road, speed), len(plant.vertices)
     measured, left_out = dict[str, Array](), dict[str, str]()
     alpha = points(plant) if alpha is None else check_alpha(np.atleast_2d(alpha), N)
+    periods = dict[str, Fraction]()
     for name, law in counted(laws.items(), "law"):
-        quantities = law.reason if isinstance(law, NoLaw) else ridden.values(law, alpha, density)
+        about = ridden
+        if (own := plant_of(plant, law)) is not plant:
+            about, periods[name] = _Ridden.of(own), own.period
+        quantities = law.reason if isinstance(law, NoLaw) else about.values(law, alpha, density)
         if isinstance(quantities, str):
             left_out[name] = quantities
         else:
@@ -139,9 +147,39 @@ def compare(
             "whole family stable"
         )
     values = np.stack(list(measured.values()))
-    return Comparison(
-        plant, str(road).upper(), speed, alpha, tuple(measured), values, left_out, ridden.quantities
-    )
+    asked, names = (plant, str(road).upper(), speed, alpha), tuple(measured)
+    others = {name: T for name, T in periods.items() if name in names and plant.period != T}
+    return Comparison(*asked, names, values, left_out, ridden.quantities, others)
+
+
+def plant_of(plant: UncertainPlant, law: Any) -> UncertainPlant:
+    """Return the plant that a law is of: that of a design of the same car, where it is another.
+
+    A design at a sample time, and one whose law has states of its own, have a plant with more
+    states behind those of the car.
+    """
+    if not isinstance(law, Design):
+        return plant
+    own = law.plant
+    if own.period == plant.period and own.shape == plant.shape:
+        return plant
+    alike = is_car(own) and _same(in_continuous_time(plant), in_continuous_time(own))
+    return own if alike else plant
+
+
+def _same(one: UncertainPlant, other: UncertainPlant) -> bool:
+    """Whether two plants are one car, but for further states and inputs at the end of either."""
+    ranges = [[(p.name, p.low, p.high, p.through) for p in own.parameters] for own in (one, other)]
+    (n, m), (k, r) = one.shape, other.shape
+    rows, columns = min(n, k), min(m, r)
+
+    def blocks(plant: UncertainPlant) -> list[Any]:
+        return [
+            [(a[:rows], b[:columns]) for a, b in zip(v.exact_A, v.exact_B, strict=True)][:rows]
+            for v in plant.vertices
+        ]
+
+    return ranges[0] == ranges[1] and blocks(one) == blocks(other)
 
 
 @explained
@@ -288,6 +326,10 @@ class _Ridden:
         return -moved @ loops.closed, force + lags[:, None] * later
 
 
+def _when(T: Fraction) -> str:
+    return f" at samples every {milliseconds_text(T)} ms" if T else ""
+
+
 def _comfort(plant: UncertainPlant) -> tuple[Array, Array, Array]:
     """Return Wk, of a plant at a sample time in its delta form."""
     form = filter_of(WK, plant.period)
@@ -352,6 +394,8 @@ class Comparison(Short):
         Names of the other laws, and why nothing can be said of them.
     quantities : tuple of Quantity
         Of each seat and each wheel.
+    periods : dict of str to Fraction
+        Sample times of laws that run at another one than the plant's [s]; zero in continuous time.
     """
 
     plant: UncertainPlant
@@ -362,6 +406,7 @@ class Comparison(Short):
     values: Array
     left_out: dict[str, str]
     quantities: tuple[Quantity, ...]
+    periods: dict[str, Fraction] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Comparison of {', '.join(self.laws)} for {self.plant.name!r}>"
@@ -436,7 +481,7 @@ class Comparison(Short):
     def when(self) -> str:
         """Say that everything is that at samples, where it is; else empty."""
         T = self.plant.period
-        return f", at samples every {milliseconds_text(T)} ms" if T else ""
+        return f",{_when(T)}" if T else ""
 
     @property
     def lines(self) -> list[str]:
@@ -453,6 +498,9 @@ class Comparison(Short):
             columns = "".join(f"{word:>10}" for word in ("worst", "best", "median", "spread"))
             lines += ["", f"{head:<{wide}}{columns}  worst at"]
             lines += [self._line(self._row(i, k), wide) for i in range(len(self.laws))]
+        if self.periods:
+            pairs = self.periods.items()
+            lines += ["", *(f"{law}:{_when(T) or ' in continuous time'}" for law, T in pairs)]
         if self.left_out:
             lines += ["", *(f"{law}: {reason}" for law, reason in self.left_out.items())]
         return lines

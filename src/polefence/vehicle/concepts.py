@@ -7,7 +7,9 @@ From a fixed damper, by dampers that a logic sets, to a force that knows every s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -21,23 +23,26 @@ from polefence.law.laws import FixedGain, Law
 from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states, with_states
-from polefence.plant.outputs import choose, stacked, states
+from polefence.plant.larger import own_states, sensors, with_states
+from polefence.plant.outputs import Output, choose, stacked, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.region.regions import Disk
 from polefence.requirements.rms import Rms
 from polefence.response.closed import close
 from polefence.response.weighting import Weighting
-from polefence.search.optimise import optimise
+from polefence.search.optimise import Optimised, optimise
 from polefence.search.semi_active import semi_active, unproved
 from polefence.vehicle.driving.drive import drive
 from polefence.vehicle.driving.parts import Hardware
 from polefence.vehicle.excitation import disturbed
 from polefence.vehicle.reference_laws import nominal
-from polefence.vehicle.vehicle import Ride, masses, require_ride
+from polefence.vehicle.suspensions import Suspensions, suspensions
 
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
+DRIVEN = Disk(-1 / (2 * STEP), 1 / (2 * STEP))  # poles that drives can follow
+LEAST = 1e-3  # of the largest, what forces cost a regulator in any direction
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
 NOISE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}
 
@@ -84,6 +89,8 @@ class Concept(Short):
 class Ridden(Short):
     """Rms values of a concept in drives: the worst load, each averaged over the roads.
 
+    Of a car on several wheels those of the seat, the wheel and the actuator where they are largest.
+
     All are nan where a drive ran away, or the law is too fast for the step of a drive.
 
     Attributes
@@ -93,7 +100,7 @@ class Ridden(Short):
     error : float
         Its standard error.
     acceleration : float
-        Of the sprung mass [m/s2].
+        Of the sprung mass, or of a seat [m/s2].
     tyre : float
         Variation of the tyre's force [N].
     travel : float
@@ -101,7 +108,7 @@ class Ridden(Short):
     force : float
         Of damper or actuator [N].
     power : float
-        Mean of what is positive of the power into the car [W].
+        Mean of what is positive of the power into the car, summed over the suspensions [W].
     """
 
     cost: float
@@ -152,27 +159,26 @@ def concepts(
     Parameters
     ----------
     plant : UncertainPlant
-        A quarter car without its damper.
+        A car without its controllable dampers, in continuous time.
     specification : Rms
         Of one signal or a vector, with a force in it.
     dampers : sequence of Damper
-        Its one.
+        One for each input.
     measured : sequence of str, optional
-        By LQG and one active law; by default suspension deflection and the velocity of the sprung
-        mass, which an accelerometer tells.
+        By LQG and one active law; by default what the plant's sensors say; without sensors each
+        suspension's deflection and the velocity of the body above it, which an accelerometer tells.
 
     Raises
     ------
     InputError
-        If the plant is no quarter car, or something does not fit.
+        If the plant is no car, or something does not fit.
     NotProvedError
         If no dampers that stay keep every vertex stable.
     """
-    known = require_ride(plant)
-    first, _, third, _ = known.places
-    known_states = [state.name for state in states(plant)]
-    sensed = tuple(measured or (known_states[first], known_states[third]))
-    task = _Task(plant, specification, tuple(dampers), known, sensed)
+    known = suspensions(plant)
+    plant, body = _with_velocities(plant, known)
+    sensed = tuple(measured or sensors(plant) or (*(y.name for y in known.travel), *body))
+    task = _Task(plant, specification, tuple(dampers), known, sensed, body)
     active, others = task.below(()), task.below(task.dampers)
     if active is not None:  # what no law has, no semi-active one has
         others = active if others is None else max(active, others)
@@ -181,17 +187,35 @@ def concepts(
     return Concepts(plant, specification, rows, others, active, len(task.loads))
 
 
+def _with_velocities(
+    plant: UncertainPlant, known: Suspensions
+) -> tuple[UncertainPlant, tuple[str, ...]]:
+    """Return a plant with the body's velocity above each wheel as a signal, and their names."""
+    names = [state.name for state in states(plant)]
+    outputs, chosen = list(plant.outputs), list[str]()
+    for wheel, row in zip(known.names, known.body, strict=True):
+        (own, *others) = np.flatnonzero(row).tolist()
+        if not others and row[own] == 1:  # a state says it
+            chosen.append(names[own])
+            continue
+        chosen.append(f"{wheel} body velocity")
+        if chosen[-1] not in [signal.name for signal in plant.signals]:
+            outputs.append(Output(chosen[-1], "m/s", C=row))
+    return replace(plant, outputs=tuple(outputs)), tuple(chosen)
+
+
 class _Task:
     def __init__(
         self,
         plant: UncertainPlant,
         specification: Rms,
         dampers: tuple[Damper, ...],
-        known: Ride,
+        known: Suspensions,
         measured: tuple[str, ...],
+        body: tuple[str, ...] = (),
     ) -> None:
         self.plant, self.specification, self.dampers = plant, specification, dampers
-        self.known, self.measured = known, measured
+        self.known, self.measured, self.body = known, measured, body
         _, through, _ = stacked(plant, choose(plant, measured))
         if through.any():
             raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
@@ -201,30 +225,42 @@ class _Task:
                     f"measured: {signal.name}: no sensor is known for {signal.unit or '1'}"
                 )
         self.others = unproved(plant, specification, dampers)
-        self.rates = np.array([[float(x) for x in one.of(plant).rate[0][0]] for one in dampers])
+        in_order = (one.of(plant).rate[0][0] for one in self.others.dampers)
+        self.rates = np.array([[float(x) for x in rate] for rate in in_order])
         # the corners, and others at random
-        self.loads = seeded(plant, 8)
+        self.loads = seeded(plant, max(8, len(plant.vertices)))
+        self.physics = known.corners(nominal(plant))
 
     def concepts(self) -> Iterator[Concept]:
         """Design all."""
         names = tuple(state.name for state in states(self.plant))
-        body, deflection = names[self.known.places[2]], names[self.known.places[0]]
-        rate = f"rate of {deflection}"
+        deflections = tuple(signal.name for signal in self.known.travel)
+        rates = tuple(f"rate of {name}" for name in deflections)
         c = np.array(self.others.coefficients)
         stays = FixedGain(c[:, None] * self.rates)
         yield Concept("passive", (), self.plant, stays, (), self.proved(self.plant, stays))
-        yield self.clipped("skyhook", (body, rate), self.skyhook())
-        yield self.clipped("ADD", (deflection, rate), self.against_the_spring())
+        yield self.clipped("skyhook", (*self.body, *rates), self.skyhook())
+        yield self.clipped("ADD", (*deflections, *rates), self.against_the_spring())
         if self.others.K is not None:
             yield self.clipped("semi-active", names, self.others.K)
         larger, law = self.lqg()
         yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
-        for name, sensors in (("active, few sensors", self.measured), ("active, all states", None)):
-            optimised = optimise(
-                self.plant, self.specification, structure=Structure(measured=sensors)
-            )
-            level = optimised.bounds[0].level
-            yield Concept(name, sensors or names, optimised.plant, optimised.law, (), level)
+        for name, few in (("active, few sensors", self.measured), ("active, all states", None)):
+            found = self.active(few)
+            yield Concept(name, few or names, found.plant, found.law, (), found.bounds[0].level)
+
+    def active(self, measured: tuple[str, ...] | None) -> Optimised:
+        """Return the law of forces, sought once more within `DRIVEN` where it is too fast to drive.
+
+        Forces of several suspensions that cancel out in every signal cost nothing, however large.
+        """
+        structure = Structure(measured=measured)
+        found = optimise(self.plant, self.specification, structure=structure)
+        loops = close(found.plant, found.law, self.loads, disturbed=False)
+        if np.abs(loops.poles()).max() * STEP > 1:
+            with suppress(NotProvedError):
+                return optimise(self.plant, self.specification, region=DRIVEN, structure=structure)
+        return found
 
     def proved(self, plant: UncertainPlant, law: Law) -> float | None:
         """Return the proved bound of a law of forces."""
@@ -241,27 +277,29 @@ class _Task:
         return Concept(name, sensors, self.plant, FixedGain(K), self.dampers, level, reason)
 
     def skyhook(self) -> Array:
-        """Return the skyhook that has the least rms in drives."""
-        car = masses(self.plant, self.known, nominal(self.plant))
-        critical = 2 * float(np.sqrt(car.k * car.m1))
+        """Return the skyhook that has the least rms in drives, all corners at one share."""
+        critical = 2 * np.sqrt(self.physics.spring * self.physics.mass)
         driven = []
         for share in np.geomspace(0.1, 4.0, 9).tolist():
-            K = np.zeros(self.plant.shape[::-1])
-            K[self.known.input, self.known.places[2]] = -share * critical
+            K = self.forces(-share * critical[:, None] * self.known.body)
             driven.append((self._roads(self.plant, FixedGain(K), self.dampers, 1)[0].max(), K))
         return min(driven, key=lambda pair: pair[0])[1]
 
     def against_the_spring(self) -> Array:
-        """Return the demand of ADD: the negative of the spring's force."""
-        car = masses(self.plant, self.known, nominal(self.plant))
+        """Return the demand of ADD: the negative of the springs' forces."""
+        return self.forces(-self.physics.spring[:, None] * self.known.compression)
+
+    def forces(self, rows: Array) -> Array:
+        """Return the gain of which the suspensions' forces are rows."""
         K = np.zeros(self.plant.shape[::-1])
-        K[self.known.input, self.known.places[0]] = -self.known.sense[0] * float(car.k)
+        K[list(self.known.inputs)] = rows
         return K
 
     def lqg(self) -> tuple[UncertainPlant, FixedGain]:
         """Return the regulator of the nominal car with a Kalman filter, and the plant with it.
 
-        It is for the signals without weights: behind one a force costs nothing at once.
+        It is for the signals without weights: behind one a force costs nothing at once. So do
+        forces of several suspensions that cancel out in every signal: they cost at least a share.
         """
         from scipy.linalg import solve_continuous_are
 
@@ -272,7 +310,7 @@ class _Task:
         signals = choose(plant, self.measured)
         seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
         noise = np.diag([NOISE[signal.unit] ** 2 * 1e-3 for signal in signals])
-        R = D.T @ D
+        R = _at_least(D.T @ D, LEAST)
         try:
             P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
             X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
@@ -296,12 +334,20 @@ class _Task:
             squares = self._roads(one.plant, one.law, one.dampers, ROADS)
         except InputError:
             return Ridden(*(np.nan,) * len(fields(Ridden)))
-        rms = np.sqrt(squares[:-1])
-        worst = int(np.argmax(rms[0].mean(axis=1)))
-        error = float(rms[0, worst].std(ddof=1) / np.sqrt(ROADS))
+        rms = np.sqrt(squares[0])
+        worst = int(np.argmax(rms.mean(axis=1)))
+        error = float(rms[worst].std(ddof=1) / np.sqrt(ROADS))
         means = squares.mean(axis=2).max(axis=1)
-        cost, acceleration, tyre, travel, force = np.sqrt(means[:-1]).tolist()
-        return Ridden(cost, error, acceleration, tyre, travel, force, float(means[-1]))
+        cost, *parts = np.split(means[:-1], self._ends)
+        acceleration, tyre, travel, force = (float(np.sqrt(part.max())) for part in parts)
+        level = float(np.sqrt(cost[0]))
+        return Ridden(level, error, acceleration, tyre, travel, force, float(means[-1]))
+
+    @property
+    def _ends(self) -> list[int]:
+        """Where in the quantities of a road those of seats, tyres, travel and forces begin."""
+        k = len(self.known.names)
+        return list(accumulate([1, len(self.known.felt), k, k]))
 
     def _roads(
         self, plant: UncertainPlant, law: Law, dampers: tuple[Damper, ...], count: int
@@ -318,22 +364,30 @@ class _Task:
         w *= np.sqrt(spec.density / 2 / STEP * spec.squares(self.plant))
         moved = disturbed(plant, w, STEP, hold="held")
         driven = drive(plant, law, moved, self.loads, Hardware(dampers=dampers))
-        tyre = known.tyre if known.tyre_force is None else known.tyre_force
         cost = [signal.name for signal in spec.outputs(self.plant)]
-        shown = [signal.name for signal in (known.acceleration, tyre, known.travel, known.force)]
+        each = (known.felt.values(), known.tyre, known.travel, known.force)
+        shown = [signal.name for signals in each for signal in signals]
         # settled 5 s from rest
         asked, begin = list(dict.fromkeys([*cost, *shown])), round(5.0 / STEP)
         values = driven.response(asked).values
-        squares = np.mean(values[:, begin:] ** 2, axis=1)
         place = {name: i for i, name in enumerate(asked)}
+        squares = np.mean(values[:, begin:, [place[name] for name in shown]] ** 2, axis=1)
+        _, tyres, after, _ = self._ends
+        squares[:, tyres - 1 : after - 1] *= known.corners(self.loads).tyre ** 2
         v = driven.states[:, begin:, : self.rates.shape[1]] @ self.rates.T
-        into = -np.sum(driven.applied[:, begin:, : len(self.rates)] * v, axis=-1)
-        power = np.maximum(into, 0.0).mean(axis=1)
+        into = -driven.applied[:, begin:, : len(self.rates)] * v
+        power = np.maximum(into, 0.0).mean(axis=1).sum(axis=1)
         pairs = zip(cost, spec.filters, strict=True)
         whole = sum(
             _mean_square(values[..., place[name]], filter_, begin) for name, filter_ in pairs
         )
-        return np.vstack([whole, *(squares[:, place[name]] for name in shown), power])
+        return np.vstack([whole, *squares.T, power])
+
+
+def _at_least(R: Array, share: float) -> Array:
+    """Return a symmetric matrix with no eigenvalue below a share of its largest."""
+    values, turn = np.linalg.eigh(R)
+    return np.asarray((turn * np.maximum(values, share * values[-1])) @ turn.T)
 
 
 def _mean_square(records: Array, weight: Weighting | None, begin: int) -> Array:

@@ -13,19 +13,29 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
-from polefence import FixedGain, at_sample_time, with_actuator, with_sensor
+from polefence import Disk, FixedGain, Rms, at_sample_time, with_actuator, with_sensor
 from polefence.base.errors import InputError
 from polefence.cli.main import main
 from polefence.examples import spec_text
+from polefence.fleet.questions import Ride
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_states
 from polefence.plant.tracks import Tracks
 from polefence.response.stationary import velocity_density
 from polefence.response.weighting import WK
+from polefence.search.tradeoff import Asked, Front
 from polefence.show.plots import COMPARED, comparison_figure
 from polefence.vehicle.compare import AT_WHEELS, QUANTITIES, compare, standard_laws
-from polefence.vehicle.reference_laws import Sizes, lqr, nominal, skyhook
+from polefence.vehicle.excitation import on_road, on_wheels
+from polefence.vehicle.reference_laws import (
+    Sizes,
+    beside_reference_laws,
+    lqr,
+    nominal,
+    skyhook,
+)
+from polefence.vehicle.roads import kerb
 from polefence.vehicle.vehicle import SIGNALS, quarter_car
 from support.commands import refused
 
@@ -343,7 +353,7 @@ def test_power_of_a_lagging_force_is_near_at_samples_already(quarter):
 
 def test_a_design_of_another_car_is_taken_as_a_gain(quarter):
     """Only of the same car a plant of its own is compared; else its law has to fit."""
-    from polefence import Disk, place
+    from polefence import place
 
     design = place(with_states(quarter, 1), Disk(-500, 499.9))
     found = compare(quarter, {"law": design, "passive": None})
@@ -381,6 +391,40 @@ def test_dampings_and_sizes_of_each_corner(four):
     assert np.linalg.eigvals(A + B @ free.K).real.max() < 0
 
 
+def test_a_front_and_a_study_have_them_of_a_half_car(twice):
+    force = Rms("front force", density=2 * S)
+    least, few = Rms("f acceleration", density=2 * S), (Rms("rear force", 1.0, 2 * S),)
+    asked = Asked(twice, least, force, few, Disk(-50, 50), None, (twice, ()))
+    rows = {row["name"]: row for row in beside_reference_laws(Front(asked, ())).references}
+    assert rows.keys() == {"passive", "skyhook", "LQR"}
+    beside = compare(twice, {"skyhook": skyhook(twice)})
+    assert rows["skyhook"]["over"] == pytest.approx(beside.row("skyhook", "actuator force").worst)
+    assert rows["skyhook"]["minimise"] == pytest.approx(
+        beside.row("skyhook", "f acceleration").worst
+    )
+    assert [rows[name]["keeps"] for name in rows] == [True, False, False]
+    study = [spec_text("half-car")]
+    (worst,) = Ride("a", law="skyhook", quantity="tyre load variation").answers(study)
+    ends = [
+        Ride("b", law="skyhook", quantity=f"{end} tyre load variation").answers(study)[0].worst
+        for end in ("front", "rear")
+    ]
+    assert worst.worst == max(ends)
+    with pytest.raises(InputError, match="quantity = 'front tyre' is unknown"):
+        Ride("c", quantity="front tyre")
+
+
+def test_a_road_is_one_for_every_car(twice):
+    road = kerb(0.05, before=1.0, after=10.0)
+    one, other = (
+        on_road(twice, road, 10.0, 1e-3),
+        on_wheels(twice, twice.car.places, road, 10.0, 1e-3),
+    )
+    assert np.array_equal(one.w, other.w)
+    with pytest.raises(InputError, match="is not described as a car"):
+        on_road(replace(twice, car=None), road, 10.0, 1e-3)
+
+
 def test_the_figure_names_every_wheel(four):
     figure = comparison_figure(compare(four, {"passive": None, "lqr": lqr(four)}))
     texts = [[text.get_text() for text in ax.texts] for ax in figure.axes]
@@ -390,7 +434,7 @@ def test_the_figure_names_every_wheel(four):
 
 
 def test_the_command_takes_a_half_car_at_a_sample_time(twice, tmp_path, capsys, monkeypatch):
-    from polefence import Design, Rms, optimise
+    from polefence import Design, optimise
 
     monkeypatch.chdir(tmp_path)
     least = Rms(["f acceleration", "front tyre deflection"], density=2 * S)

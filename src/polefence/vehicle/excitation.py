@@ -19,7 +19,7 @@ from polefence.proof.short import Short
 from polefence.response.columns import read_columns
 from polefence.response.weighting import positive
 from polefence.vehicle.roads import Road
-from polefence.vehicle.vehicle import require_ride
+from polefence.vehicle.suspensions import suspensions
 
 MOST_STEPS = 10_000_000
 
@@ -102,7 +102,7 @@ class Excitation(Short):
 def on_road(
     plant: UncertainPlant, road: Road, speed: float, step: float, duration: float | None = None
 ) -> Excitation:
-    """Return a road under a car.
+    """Return a road under a car: under all its wheels, as `on_wheels` does, where it has several.
 
     Parameters
     ----------
@@ -114,11 +114,14 @@ def on_road(
     Raises
     ------
     InputError
-        If the plant is not described as a quarter car, or as `Road.velocity` raises.
+        If the plant is not described as a car, or as `Road.velocity` raises.
     """
-    column = require_ride(plant).road
-    if column is None:
+    if plant.car is not None:
+        return on_wheels(plant, plant.car.places, road, speed, step, duration)
+    roads = suspensions(plant).roads
+    if not roads:
         raise InputError(f"{plant.name} has no E, so no road enters; give E in its spec")
+    (column,) = roads
     _, mean = road.velocity(speed, step, duration)
     w = np.zeros((len(mean), plant.disturbance_count))
     w[:, column] = mean

@@ -153,6 +153,19 @@ def test_sensors_of_the_spec_are_what_is_measured(twice, monkeypatch):
     assert len(seen[1]) == 4
 
 
+def test_a_regulator_takes_the_states_of_sensors(quarter, both):
+    """It is that without them, where these cost nothing."""
+    _, task = both
+    plant = with_sensor(quarter, "suspension deflection", 80, 0.0005)
+    plant = with_sensor(plant, "sprung-mass acceleration", 80, 0.05)
+    seen = ("measured suspension deflection", "measured sprung-mass acceleration")
+    own = module._Task(plant, task.specification, (damper(),), suspensions(plant), seen)
+    _, law = own.lqg()
+    _, alone = task.lqg()
+    assert np.allclose(law.K[0, 6:10], alone.K[0, 4:], rtol=1e-4, atol=1e-2)
+    assert np.allclose(law.K[0, 10:], 0, atol=1e-2)
+
+
 def test_forces_that_cancel_out_cost_something():
     R = np.array([[4.0, 2.0], [2.0, 1.0]])
     values = np.linalg.eigvalsh(module._at_least(R, 1e-3))

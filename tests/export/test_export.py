@@ -16,15 +16,24 @@ import pytest
 from polefence import (
     DesignFileError,
     Disk,
+    HalfPlane,
     InputError,
     NotProvedError,
     OutputError,
     UncertainPlant,
+    load,
+    optimise,
     place,
 )
+from polefence.certify.margins.claims import firmer
 from polefence.cli.main import main
-from polefence.examples import family
+from polefence.examples import family, spec_path
 from polefence.export import check_guarantee, export_c99
+from polefence.export.decay import code_law
+from polefence.export.guarantee import guarantee, roundings
+from polefence.export.program import number
+from polefence.export.program import program as program_of
+from polefence.requirements.text import load_specifications
 from polefence.response.discrete import Sampling
 from support.commands import ran, refused
 from support.files import rewritten
@@ -545,3 +554,20 @@ def test_a_law_of_one_vertex_is_one_gain(bits, tmp_path):
     with rewritten(path) as whole:
         whole["claims"][0]["code"]["K"][0][0] *= 2
     assert not check_guarantee(tmp_path).proved
+
+
+def test_rounding_is_borne_by_the_matrices_of_a_smaller_region():
+    """Those of a law for signals leave next to no room in the region of all stable loops."""
+    path = spec_path("quarter-car-ride")
+    plant, (least, limits) = load(path), load_specifications(path)
+    car = optimise(plant, least, limits, HalfPlane(0), method="scheduled").design
+    program = program_of(code_law(car.law), plant.parameters, number(32))
+    (rounding,) = roundings(car, program)
+    assert rounding.needed > 100 * rounding.guarantee(car).tolerated
+    done = guarantee(car, program)
+    assert done.check().answer == "proved"
+    assert done.design.region == car.region
+    assert done.tolerated > 100 * done.rounding
+    inner = [other.certificate for other in firmer(car)]
+    assert inner
+    assert all(one.prove().proved and one.law is car.law for one in inner)

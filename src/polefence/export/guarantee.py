@@ -14,7 +14,7 @@ from polefence.base.errors import InputError
 from polefence.base.progress import stage
 from polefence.certify.certificate import Check
 from polefence.certify.design import Design
-from polefence.certify.margins.claims import claimed_design
+from polefence.certify.margins.claims import claimed_design, firmer
 from polefence.certify.margins.gain_scales import gain_claim, gain_question
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept
@@ -106,9 +106,12 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         reason = "nothing is proved of errors of this gain; design with 'scheduled' or 'quadratic'"
         return Guarantee(design, inf, -1.0, None, reason)
     try:
-        return best_guarantee(roundings(claimed, program), claimed)
+        errors = roundings(claimed, program)
     except FormatError as problem:
         return Guarantee(claimed, inf, -1.0, None, str(problem))
+    direct = best_guarantee(errors, claimed)
+    others = () if direct.proved else (best_guarantee(errors, other) for other in firmer(claimed))
+    return next((other for other in others if other.proved), direct)
 
 
 def best_guarantee(scaled: Sequence[Rounding], design: Design) -> Guarantee:

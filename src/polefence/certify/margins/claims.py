@@ -18,14 +18,17 @@ from polefence.certify.candidates import first, rising
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import Design
 from polefence.certify.given import analyse
+from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.delta import delta_form
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
+from polefence.plant.points import seeded
 from polefence.proof import work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.margins import MarginClaim, Subject
 from polefence.proof.laws import Evidence
 from polefence.proof.regions import parts_of
-from polefence.region.regions import Region
+from polefence.region.regions import Disk, HalfPlane, Region
 
 # Pieces of each parameter's interval and elevation that are tried, while they gain something.
 BOX, SIMPLEX = ((1, 0), (1, 1), (2, 0), (4, 0), (8, 0)), ((1, 0), (1, 1), (1, 2), (1, 3))
@@ -36,6 +39,9 @@ ENOUGH, MOST = 1500, 25_000
 # times all of it, twice the second share.
 RETREATS = (1.0, 0.999, 0.995, 0.99, 0.97, 0.9, 0.7, 0.4)
 BITS = 16  # of a margin: short numbers make short proofs
+# How much smaller regions are whose matrices are tried, one after the other, where the design's own
+# leave no room, and values of the parameters at which poles are to be in one twice as small.
+FIRMER, POINTS = (0.1, 0.01, 1e-3), 100
 
 Ladder = tuple[tuple[int, int], ...]
 
@@ -172,6 +178,26 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
         return design
     certificate = analyse(design.plant.at_rest, design.law, kept).certificate
     return None if certificate is None else at_rest(certificate, design.plant)
+
+
+def firmer(design: Design) -> Iterator[Design]:
+    """Yield designs of the same law and region, whose matrices are those of smaller regions.
+
+    Those of a region that a law keeps with much room may leave none for errors of the gain.
+    """
+    plant, region = design.plant.at_rest, design.region
+    edge: Region = HalfPlane(0)
+    rate = typical_rate(plant.A)
+    if plant.sample_time is not None:
+        edge, rate = Disk(0, 1), min(1.0, plant.period * typical_rate(delta_form(plant).A))
+    poles = design.poles(seeded(plant, POINTS))
+    for share in FIRMER:
+        smaller, least = (region.tighter(part, edge, rate) for part in (share, 2 * share))
+        if len(smaller.parts) != len(region.parts) or not least.contains(poles):
+            continue
+        certificate = analyse(plant, design.law, smaller).certificate
+        if certificate is not None:
+            yield at_rest(replace(certificate, region=region), design.plant)
 
 
 def at_rest(certificate: Certificate, plant: UncertainPlant) -> Design:

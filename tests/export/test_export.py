@@ -568,7 +568,7 @@ def test_rounding_is_borne_by_the_matrices_of_a_smaller_region():
     assert done.check().answer == "proved"
     assert done.design.region == car.region
     assert done.tolerated > 100 * done.rounding
-    inner = [other.certificate for other in firmer(car)]
+    inner = [other.certificate for other in firmer(car, car.region)]
     assert inner
     assert all(one.prove().proved for one in inner)
     assert all(np.array_equal(one.law.form, car.law.form) for one in inner)

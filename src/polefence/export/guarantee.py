@@ -110,7 +110,11 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     except FormatError as problem:
         return Guarantee(claimed, inf, -1.0, None, str(problem))
     direct = best_guarantee(errors, claimed)
-    others = () if direct.proved else (best_guarantee(errors, other) for other in firmer(claimed))
+    others = (
+        ()
+        if direct.proved
+        else (best_guarantee(errors, other) for other in firmer(claimed, claimed.region))
+    )
     return next((other for other in others if other.proved), direct)
 
 

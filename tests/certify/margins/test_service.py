@@ -8,13 +8,28 @@ from itertools import product
 import numpy as np
 import pytest
 
-from polefence import InputError, Parameter, Scheduled, UncertainPlant, place, tightest
+from polefence import (
+    InputError,
+    Parameter,
+    Scheduled,
+    UncertainPlant,
+    load,
+    optimise,
+    place,
+    tightest,
+)
 from polefence.base.errors import DesignFileError
 from polefence.certify.design import check
 from polefence.certify.given import analyse
 from polefence.certify.margins import estimation_error, gain_error, in_service, parameter_rate
+from polefence.certify.margins.claims import climb
+from polefence.certify.margins.estimate import EstimateQuestion
+from polefence.certify.margins.service import _Task
 from polefence.cli.main import main
+from polefence.examples import spec_path
+from polefence.proof.claims.base import prove
 from polefence.region.regions import Disk, HalfPlane, Sector
+from polefence.requirements.text import load_specifications
 from support.commands import ran
 from support.files import rewritten
 
@@ -438,3 +453,19 @@ def test_values_print(services):
     assert " kg, breaks at " in text
     assert "7 margins" in repr(services["box"])
     assert all(isinstance(m.upper, float | None) for s in services.values() for m in s)
+
+
+def test_a_law_for_signals_has_margins_of_a_smaller_region():
+    """Its own matrices, of the region of all stable loops, leave next to none."""
+    path = spec_path("quarter-car-ride")
+    least, limits = load_specifications(path)
+    car = optimise(load(path), least, limits, HalfPlane(0), method="scheduled").design
+    own = _Task(car, car.region, car)
+    spans = [span for _, _, span in own.spans()]
+    bare = EstimateQuestion(own.loops, own.parameters, spans[-1])
+    margins = {one.name: one for one in in_service(car).margins}
+    assert next(climb(bare)).value < 1e-3
+    for name in ("estimate", "rate"):
+        assert margins[name].value > 0.01
+        assert margins[name].design.region == car.region
+        assert all(prove(claim).proved for claim in margins[name].file(car).claims)

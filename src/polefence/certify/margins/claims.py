@@ -180,12 +180,12 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
     return None if certificate is None else at_rest(certificate, design.plant)
 
 
-def firmer(design: Design) -> Iterator[Design]:
-    """Yield designs of the same law and region, whose matrices are those of smaller regions.
+def firmer(design: Design, region: Region) -> Iterator[Design]:
+    """Yield designs of the same law and of a region, whose matrices are those of smaller regions.
 
-    Those of a region that a law keeps with much room may leave none for errors of the gain.
+    Those of a region that a law keeps with much room may leave none for errors.
     """
-    plant, region = design.plant.at_rest, design.region
+    plant = design.plant.at_rest
     edge: Region = HalfPlane(0)
     rate = typical_rate(plant.A)
     if plant.sample_time is not None:

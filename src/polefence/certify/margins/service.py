@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -17,7 +17,7 @@ from polefence.base.renamed import warn_renamed
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import Design, require_kind
 from polefence.certify.margins.breaks import Break, estimate_break, gain_break
-from polefence.certify.margins.claims import Question, claimed_design, proved
+from polefence.certify.margins.claims import Question, claimed_design, climb, firmer, proved
 from polefence.certify.margins.each_gain import Gains, each_gain_claim
 from polefence.certify.margins.estimate import EstimateQuestion
 from polefence.certify.margins.loops import Balanced, balanced
@@ -32,6 +32,8 @@ from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
 
 OF_STATES = "law states"
+
+LITTLE = 1e-3  # of all ranges at once, or of that in a second
 
 _Span = tuple[str, str | None, tuple[Fraction, ...]]  # name, unit, and how much counts as one
 
@@ -136,6 +138,21 @@ class _Task:
         broken = breaking(value / span)
         upper, example = (broken.value * span, broken.example) if broken else (None, "")
         return Margin(kind, name, value, unit, upper, example, claim, design or self.subject)
+
+
+def _roomier(task: _Task, questions: Callable[[_Task], Iterable[Question]]) -> _Task:
+    """Return the task with the matrices of a smaller region where its own leave next to no room."""
+
+    def room(one: _Task) -> float:
+        if one.subject is None:
+            return 0.0
+        first = (next(climb(question), None) for question in questions(one))
+        return max((reached.value for reached in first if reached is not None), default=0.0)
+
+    if room(task) >= LITTLE:
+        return task
+    others = (replace(task, subject=other).whole for other in firmer(task.design, task.region))
+    return max((task, *others), key=room)
 
 
 def _down(value: Fraction) -> float:
@@ -296,6 +313,7 @@ def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
         joint = _rate(task, decay, *together)
         if math.isinf(joint.value):
             return (joint,)
+    task = _roomier(task, lambda one: _of_parts(one, together[2], decay))
     spans = [together] if task.fixed and not task.loops else list(task.spans())
     return tuple(_rate(task, decay, *span) for span in counted(spans, KINDS["rate"].words))
 
@@ -304,10 +322,7 @@ def _rate(
     task: _Task, decay: float, name: str, unit: str | None, span: tuple[Fraction, ...]
 ) -> Margin:
     """Return the largest rate that the Lyapunov polynomial of any part of the region proves."""
-    claims = [
-        task.proved(RateQuestion(loop, part, task.parameters, span, decay))
-        for part, loop in enumerate(task.loops)
-    ]
+    claims = [task.proved(question) for question in _of_parts(task, span, decay)]
 
     def value(claim: MarginClaim) -> float:
         rate = claim.value(name)
@@ -317,9 +332,21 @@ def _rate(
     return task.margin("rate", name, best, unit=unit)
 
 
+def _of_parts(task: _Task, span: tuple[Fraction, ...], decay: float) -> Iterator[RateQuestion]:
+    """Yield the question of a rate by the Lyapunov polynomial of each part of the region."""
+    for part, loop in enumerate(task.loops):
+        yield RateQuestion(loop, part, task.parameters, span, decay)
+
+
 def _estimates(task: _Task) -> tuple[Margin, ...]:
     spans = [] if task.fixed else list(task.spans())
-    margins = [_estimate(task.whole, *span) for span in counted(spans, KINDS["estimate"].words)]
+    if not spans:
+        return ()
+    joint_span = spans[-1][2]
+    whole = _roomier(
+        task.whole, lambda one: [EstimateQuestion(one.loops, one.parameters, joint_span)]
+    )
+    margins = [_estimate(whole, *span) for span in counted(spans, KINDS["estimate"].words)]
     if len(margins) < 2:
         return tuple(margins)
     *single, joint = margins  # what breaks by one alone breaks by all at once

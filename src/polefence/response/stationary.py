@@ -270,8 +270,8 @@ def filtered_variance(
         half = b * crossed[:, None, :]
         noise = half + np.swapaxes(half, 1, 2)
         if step:
-            own, both = np.einsum("cn,cn->c", y, seen), half @ a.T
-            noise += step * (both + np.swapaxes(both, 1, 2) + own[:, None, None] * (b @ b.T))
+            straight, both = np.einsum("cn,cn->c", y, seen), half @ a.T
+            noise += step * (both + np.swapaxes(both, 1, 2) + straight[:, None, None] * (b @ b.T))
         Z = lyapunov(np.broadcast_to(a, (count, *a.shape)), noise, step)
         variances[:, p] = np.einsum("i,cij,j->c", c[0], Z, c[0])
     return variances

@@ -133,8 +133,8 @@ def compare(
     periods = dict[str, Fraction]()
     for name, law in counted(laws.items(), "law"):
         about = ridden
-        if (own := plant_of(plant, law)) is not plant:
-            about, periods[name] = _Ridden.of(own), own.period
+        if (seen := plant_of(plant, law)) is not plant:
+            about, periods[name] = _Ridden.of(seen), seen.period
         quantities = law.reason if isinstance(law, NoLaw) else about.values(law, alpha, density)
         if isinstance(quantities, str):
             left_out[name] = quantities
@@ -160,16 +160,16 @@ def plant_of(plant: UncertainPlant, law: Any) -> UncertainPlant:
     """
     if not isinstance(law, Design):
         return plant
-    own = law.plant
-    if own.period == plant.period and own.shape == plant.shape:
+    other = law.plant
+    if other.period == plant.period and other.shape == plant.shape:
         return plant
-    alike = is_car(own) and _same(in_continuous_time(plant), in_continuous_time(own))
-    return own if alike else plant
+    alike = is_car(other) and _same(in_continuous_time(plant), in_continuous_time(other))
+    return other if alike else plant
 
 
 def _same(one: UncertainPlant, other: UncertainPlant) -> bool:
     """Whether two plants are one car, but for further states and inputs at the end of either."""
-    ranges = [[(p.name, p.low, p.high, p.through) for p in own.parameters] for own in (one, other)]
+    ranges = [[(p.name, p.low, p.high, p.through) for p in car.parameters] for car in (one, other)]
     (n, m), (k, r) = one.shape, other.shape
     rows, columns = min(n, k), min(m, r)
 

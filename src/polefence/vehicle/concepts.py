@@ -194,9 +194,9 @@ def _with_velocities(
     names = [state.name for state in states(plant)]
     outputs, chosen = list(plant.outputs), list[str]()
     for wheel, row in zip(known.names, known.body, strict=True):
-        (own, *others) = np.flatnonzero(row).tolist()
-        if not others and row[own] == 1:  # a state says it
-            chosen.append(names[own])
+        (first, *others) = np.flatnonzero(row).tolist()
+        if not others and row[first] == 1:  # a state says it
+            chosen.append(names[first])
             continue
         chosen.append(f"{wheel} body velocity")
         if chosen[-1] not in [signal.name for signal in plant.signals]:
@@ -246,8 +246,8 @@ class _Task:
         larger, law = self.lqg()
         yield Concept("LQG", self.measured, larger, law, (), self.proved(larger, law))
         for name, few in (("active, few sensors", self.measured), ("active, all states", None)):
-            found = self.active(few)
-            yield Concept(name, few or names, found.plant, found.law, (), found.bounds[0].level)
+            done = self.active(few)
+            yield Concept(name, few or names, done.plant, done.law, (), done.bounds[0].level)
 
     def active(self, measured: tuple[str, ...] | None) -> Optimised:
         """Return the law of forces, sought once more within `DRIVEN` where it is too fast to drive.
@@ -255,12 +255,12 @@ class _Task:
         Forces of several suspensions that cancel out in every signal cost nothing, however large.
         """
         structure = Structure(measured=measured)
-        found = optimise(self.plant, self.specification, structure=structure)
-        loops = close(found.plant, found.law, self.loads, disturbed=False)
+        done = optimise(self.plant, self.specification, structure=structure)
+        loops = close(done.plant, done.law, self.loads, disturbed=False)
         if np.abs(loops.poles()).max() * STEP > 1:
             with suppress(NotProvedError):
                 return optimise(self.plant, self.specification, region=DRIVEN, structure=structure)
-        return found
+        return done
 
     def proved(self, plant: UncertainPlant, law: Law) -> float | None:
         """Return the proved bound of a law of forces."""
@@ -367,8 +367,8 @@ class _Task:
         moved = disturbed(plant, w, STEP, hold="held")
         driven = drive(plant, law, moved, self.loads, Hardware(dampers=dampers))
         cost = [signal.name for signal in spec.outputs(self.plant)]
-        each = (known.felt.values(), known.tyre, known.travel, known.force)
-        shown = [signal.name for signals in each for signal in signals]
+        felt = (known.felt.values(), known.tyre, known.travel, known.force)
+        shown = [signal.name for signals in felt for signal in signals]
         # settled 5 s from rest
         asked, begin = list(dict.fromkeys([*cost, *shown])), round(5.0 / STEP)
         values = driven.response(asked).values

@@ -160,12 +160,12 @@ def _of_a_quarter_car(plant: UncertainPlant, known: Ride) -> Suspensions:
 def _on_wheels(plant: UncertainPlant, car: Car) -> Suspensions:
     wheels = tuple(wheel.name for wheel in car.wheels)
     known = {signal.name: signal for signal in plant.signals}
-    own = [split(label)[0] for label in car.signals["states"]]
-    for name in (*own, *(f"{wheel} {what}" for wheel in wheels for what in ("force", TRAVEL))):
+    moved = [split(label)[0] for label in car.signals["states"]]
+    for name in (*moved, *(f"{wheel} {what}" for wheel in wheels for what in ("force", TRAVEL))):
         if name not in known:
             raise InputError(f"{plant.name} is not the plant of this car: it has no {name!r}")
     names = [state.name for state in states(plant)]
-    place = {name: names.index(name) for name in own}
+    place = {name: names.index(name) for name in moved}
     forces = tuple(known[f"{wheel} force"] for wheel in wheels)
     lags = tuple(names.index(force.name) if force.name in names else None for force in forces)
     seats = {seat: f"{seat} acceleration" for seat in car.seats} or {"heave": "heave acceleration"}

@@ -199,3 +199,16 @@ def test_a_velocity_of_the_body_that_a_spec_names_is_kept(twice):
     )
     assert names == ("front body velocity", "rear body velocity")
     assert len(plant.outputs) == len(twice.outputs) + 2
+
+
+def test_a_regulator_holds_what_costs_nothing_and_drifts():
+    """Of two rates one costs nothing: the Riccati equation alone leaves its pole at zero."""
+    A, B = np.diag([0.0, -1.0]), np.ones((2, 1))
+    C, D = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    P = module._regulator(A, B, C, D, D.T @ D)
+    assert np.linalg.eigvals(A - B @ B.T @ P).real.max() < 0
+    held = np.diag([1.0, 1.0])
+    both = module._regulator(
+        A, B, np.vstack([held, [[0.0, 0.0]]]), np.vstack([D * 0, [[1.0]]]), np.eye(1)
+    )
+    assert np.allclose(A.T @ both + both @ A - both @ B @ B.T @ both + held, 0, atol=1e-9)

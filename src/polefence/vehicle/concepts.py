@@ -42,6 +42,7 @@ from polefence.vehicle.suspensions import Suspensions, suspensions
 
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
 DRIVEN = Disk(-1 / (2 * STEP), 1 / (2 * STEP))  # poles that drives can follow
+SLIGHT = 1e-9  # of the largest cost of a state, what any costs where none would leave a drift
 LEAST = 1e-3  # of the largest, what forces cost a regulator in any direction
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.
 NOISE = {"m": 5e-4, "m/s": 5e-3, "m/s2": 0.05, "rad": 5e-4, "rad/s": 5e-3}
@@ -314,7 +315,7 @@ class _Task:
         C, D = (M / (np.linalg.norm(D, 2) or 1.0) for M in (C, D))
         R = _at_least(D.T @ D, LEAST)
         try:
-            P = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D)
+            P = _regulator(A, B, C, D, R)
             X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise InputError(
@@ -390,6 +391,28 @@ def _at_least(R: Array, share: float) -> Array:
     """Return a symmetric matrix with no eigenvalue below a share of its largest."""
     values, turn = np.linalg.eigh(R)
     return np.asarray((turn * np.maximum(values, share * values[-1])) @ turn.T)
+
+
+def _regulator(A: Array, B: Array, C: Array, D: Array, R: Array) -> Array:
+    """Return the stabilising solution of a regulator's Riccati equation.
+
+    What costs nothing may drift: where that leaves a pole at the edge, all states cost a little.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If there is none.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    slight = SLIGHT * np.linalg.norm(C, 2) ** 2 * np.eye(len(A))
+    for Q in (C.T @ C, C.T @ C + slight):
+        with suppress(np.linalg.LinAlgError):
+            P: Array = np.asarray(solve_continuous_are(A, B, Q, R, s=C.T @ D), dtype=float)
+            closed = A - B @ np.linalg.solve(R, B.T @ P + D.T @ C)
+            if np.linalg.eigvals(closed).real.max() < 0:
+                return P
+    raise np.linalg.LinAlgError("the Riccati equation has no stabilising solution")
 
 
 def _mean_square(records: Array, weight: Weighting | None, begin: int) -> Array:

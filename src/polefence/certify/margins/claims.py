@@ -40,7 +40,8 @@ ENOUGH, MOST = 1500, 25_000
 RETREATS = (1.0, 0.999, 0.995, 0.99, 0.97, 0.9, 0.7, 0.4)
 BITS = 16  # of a margin: short numbers make short proofs
 # How much smaller regions are whose matrices are tried, one after the other, where the design's own
-# leave no room, and values of the parameters at which poles are to be in one twice as small.
+# leave no room, and values of the parameters at which poles are to be in one twice as small. The
+# ride study's law for stability bears 1.3e-5 of its gain's scale by its own, 4.67 by the first two.
 FIRMER, POINTS = (0.1, 0.01, 1e-3), 100
 
 Ladder = tuple[tuple[int, int], ...]

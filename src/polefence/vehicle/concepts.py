@@ -42,9 +42,9 @@ from polefence.vehicle.suspensions import Suspensions, suspensions
 
 ROADS, SECONDS, STEP = 10, 100.0, 1e-3
 DRIVEN = Disk(-1 / (2 * STEP), 1 / (2 * STEP))  # poles that drives can follow
-# Of the largest cost of a state, what any costs where none would leave a drift. A damper's car whose
-# travel costs nothing has its LQG proved at 0.88937 and a pole at -0.006 1/s with 1e-12, 0.88986 and
-# -0.2 with this, 0.918 and -0.7 with 1e-4.
+# Of the largest cost of a state, what any costs where none would leave a drift. A car whose travel
+# costs nothing has its LQG proved at 0.88937, and a pole at -0.006 1/s, with 1e-12; at 0.88986, and
+# at -0.2, with this; at 0.918, and at -0.7, with 1e-4.
 SLIGHT = 1e-6
 LEAST = 1e-3  # of the largest, what forces cost a regulator in any direction
 # Of a Kalman filter's sensors, white from sample to sample at 1 kHz, rms by unit.

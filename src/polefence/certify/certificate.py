@@ -145,7 +145,7 @@ class Certificate(Short):
     @cached_property
     def _claim(self) -> Poles:
         plant = file_plant(self.plant) if self.law.names_signals else bare_plant(self.plant)
-        plant = with_nodes(plant, self.plant, self._inner_corners)
+        plant = with_nodes(plant, self.plant, self._inner_points)
         try:
             law, on = read_law(Table.of(self.law.document(), "law"), plant)
             head = {"region": self.region.document(), "method": self.method}
@@ -157,15 +157,16 @@ class Certificate(Short):
             raise PlantError(f"{self.plant.name}: {error}") from error
 
     @property
-    def _inner_corners(self) -> set[tuple[Fraction, ...]]:
-        """Corners of the parts of the box that are not those of the box."""
+    def _inner_points(self) -> set[tuple[Fraction, ...]]:
+        """Nodes of the parts of the box that are not its corners."""
         boxes = (cell for part in self.evidence.get("parts", ()) for cell in part.get("cells", ()))
+        ends = ((list(map(Fraction, box[key])) for key in ("low", "high")) for box in boxes)
         places = (
-            corner
-            for box in boxes
-            for corner in files.corners(*(list(map(Fraction, box[key])) for key in ("low", "high")))
+            point
+            for low, high in ends
+            for point in files.lattice(low, high, self.plant.parts_degree)
         )
-        return {corner for corner in places if set(corner) - {0, 1}}
+        return {point for point in places if set(point) - {0, 1}}
 
     def prove(self) -> Verdict:
         """Decide in exact arithmetic whether the evidence proves the claim.
@@ -224,7 +225,7 @@ class Certificate(Short):
                 claims = (observer, _samples(self.observed))
             return Document(plant, None, claims, polefence=VERSION)
         asked = (claim_of_law,) if claims is None else tuple(claims)
-        points = {point for claim in asked for point in claim.inner_corners}
+        points = {point for claim in asked for point in claim.inner_points}
         plant = with_nodes(file_plant(self.plant), self.plant, points)
         if self.plant.sampling is not None:
             asked = (*asked, replace(claim_of_samples(self.plant), plant=plant))

@@ -37,7 +37,7 @@ from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Piece
-from polefence.proof.plant import ANY, corners
+from polefence.proof.plant import ANY, lattice
 from polefence.proof.polynomials import coordinates
 from polefence.proof.remainder import Spread
 from polefence.region.regions import Region
@@ -77,7 +77,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
 def _blocks(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> int:
     """Return how many inequalities a Lyapunov polynomial of a form has for a part of a region."""
     of_law = law.degree + law.denominator_degree
-    return law.domain_of(plant).count(form[0] + plant.curve_degree + of_law + form[1])
+    return law.domain_of(plant).count(form[0] + plant.parts_degree + of_law + form[1])
 
 
 def work_of(plant: UncertainPlant, law: Law, form: tuple[int, int]) -> float:
@@ -250,11 +250,12 @@ class _Inside:
                 yield evidence_of(polynomial, form)
 
     def _claim(self, piece: Piece) -> Poles:
-        """Return the claim with the nodes at the corners of a part."""
+        """Return the claim with the nodes of a part."""
         if not self.plant.bent:
             return self.claim
-        points = sorted(c for c in corners(piece.low, piece.high) if set(c) - {0, 1})
-        return replace(self.claim, nodes=tuple(node(self.plant, at) for at in points))
+        points = lattice(piece.low, piece.high, self.plant.parts_degree)
+        nodes = tuple(node(self.plant, at) for at in sorted(points) if set(at) - {0, 1})
+        return replace(self.claim, nodes=nodes)
 
     def leaving(self, box: Box) -> list[Fraction] | None:
         """Return an alpha at which a pole leaves the region, None if none was found."""

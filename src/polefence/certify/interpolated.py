@@ -11,8 +11,6 @@ that each mode is as far from the edge as its own pole is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -47,18 +45,18 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     domain = law.domain_of(plant)
     corners = domain.nodes(1)
     middle = np.full((1, domain.corners), 1 / domain.corners)
-    loops = _loops(plant, law, np.concatenate([corners, middle]))
-    d = balancing(loops[-1:])
-    units = d[:, None] * d
-    loops = loops * (d / d[:, None])
-    loops, centre = loops[:-1], loops[-1]
+    d = balancing(_loops(plant, law, middle))
+    units, scales = d[:, None] * d, d / d[:, None]
+    loops, (centre,) = (_loops(plant, law, at) * scales for at in (corners, middle))
     S = even(centre, e, a, b)
     if S is None:
         return None
     X = _solved(loops, S, a, b, e)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
         return None
-    if not _holds(X, loops, domain, numbers):
+    # of law and plant that are of one degree; of others about
+    raised = 1 + plant.curve_degree * (2 if e else 1)
+    if not _holds(X, _loops(plant, law, domain.nodes(raised)) * scales, domain, raised, (a, b, e)):
         return None
     X = X * units
     if law.W is not None:
@@ -70,12 +68,20 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     return evidence if law.W is None else evidence | {"multiple": np.zeros(len(X))}
 
 
-def _holds(X: Array, loops: Array, domain: Domain, numbers: Sequence[Fraction]) -> bool:
-    """Whether all Bernstein coefficients of the inequality are positive in floats."""
-    a, b, e = (float(x) for x in numbers)
-    degree = 3 if e else 2  # of law and plant that are multi-affine; of others about
-    basis = domain.basis(domain.nodes(degree), 1)
-    A, X = (np.tensordot(basis, M, 1) for M in (loops, X))
+def _holds(
+    X: Array, A: Array, domain: Domain, degree: int, numbers: tuple[float, float, float]
+) -> bool:
+    """Whether all Bernstein coefficients of the inequality are positive in floats.
+
+    Parameters
+    ----------
+    X : (count, n, n) array
+        At the corners.
+    A : (count, n, n) array
+        At the nodes of the inequality's degree.
+    """
+    a, b, e = numbers
+    X = np.tensordot(domain.basis(domain.nodes(degree), 1), X, 1)
     AX = A @ X
     F = a * X + b * (AX + AX.swapaxes(-1, -2)) + e * AX @ A.swapaxes(-1, -2)
     try:

@@ -522,6 +522,11 @@ class UncertainPlant(Short):
         return self.remainder is not None and bool(self.remainder.bends)
 
     @property
+    def parts_degree(self) -> int:
+        """The same on a part of the box."""
+        return 1 if self.remainder is None else self.remainder.parts_degree
+
+    @property
     def curve_degree(self) -> int:
         """Degree of [A, B, E] in each simplex: one without a curve."""
         return 1 if self.remainder is None else self.remainder.degree

@@ -19,8 +19,9 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact, System
 from polefence.proof.interpolation import ONE, sample
 from polefence.proof.laws import on_corners
-from polefence.proof.matrices import Rationals, mix
-from polefence.proof.plant import Node, corner_weights, corners
+from polefence.proof.matrices import Rationals, beside, mix
+from polefence.proof.plant import Node, corner_weights, corners, lattice
+from polefence.proof.remainder import LARGER, THIRD
 
 Point = tuple[Fraction, ...]
 
@@ -33,7 +34,10 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
     low, high : tuple of Fraction
         Weights of each parameter's upper end, from 0 to 1.
     """
-    nodes = [node(plant, at) for at in corners(low, high)]
+    points = lattice(low, high, plant.parts_degree if plant.bent else 1)
+    nodes = [node(plant, at) for at in points]
+    values = [beside([M for M in (v.A, v.B, v.E) if M]) for v in nodes]
+    outer = set(corners(low, high))
     vertices = tuple(
         System(
             _exact(vertex.A),
@@ -41,10 +45,10 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
             _exact(vertex.E) if vertex.E else None,
             f"vertex {k + 1}",
         )
-        for k, vertex in enumerate(nodes)
+        for k, vertex in enumerate(v for v in nodes if v.at in outer)
     )
     remainder = plant.remainder and replace(
-        plant.remainder.inside(low, high), rounding=(), bends=()
+        plant.remainder.inside(low, high, values), rounding=(), bends=()
     )
     return replace(
         plant,
@@ -70,11 +74,15 @@ def off_along(plant: UncertainPlant, gain: Callable[[Array], Array], box: Box) -
     remainder, n = plant.remainder, plant.shape[0]
     if remainder is None or not remainder.bends:
         return None
-    bends = np.array(remainder.bends, dtype=float)
     sides, domain = np.subtract(box.high, box.low), plant.domain
+    if remainder.third:
+        grown = float(LARGER) ** np.arange(len(sides)) * sides**3 / THIRD
+        bends = grown[:, None, None] * np.array(remainder.third, dtype=float)
+    else:
+        bends = sides[:, None, None] ** 2 / 8 * np.array(remainder.bends, dtype=float)
     K = gain(box.alpha(domain, np.full(domain.corners, 1 / domain.corners)))
     A, B = bends[..., :n], bends[..., n : n + len(K)]
-    return np.asarray((A + B @ np.abs(K)) * sides[:, None, None] ** 2 / 8)
+    return np.asarray(A + B @ np.abs(K))
 
 
 def ends(plant: UncertainPlant) -> tuple[Point, Point]:

@@ -17,8 +17,8 @@ from fractions import Fraction
 from itertools import product as cartesian
 from typing import Any
 
-from polefence.proof.matrices import Rationals, identity, mix, product
-from polefence.proof.plant import Node, Plant, corner_weights, corners
+from polefence.proof.matrices import Rationals, beside, identity, longest, mix, product
+from polefence.proof.plant import Node, Plant, corner_weights, corners, lattice
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -40,6 +40,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 DOMAINS = ("simplex", "box")
 MAX_MEASURED = 200  # of a polynomial law
 MAX_CELLS = 1000
+NO_NODE = "cells: the plant has no node where a part of the box needs one"
 
 Point = tuple[Fraction, ...]
 
@@ -349,26 +350,40 @@ def on_part(
     remainder: Remainder | None,
     low: Point,
     high: Point,
-) -> list[list[Rationals]]:
-    """Return A, B and E at the corners of a part of the box: sampled there, where nodes are."""
-    if remainder is not None and remainder.bends:
-        return between_nodes(vertices, nodes, low, high)
-    return [on_corners(matrices, low, high) if matrices else [] for matrices in vertices]
+) -> tuple[list[list[Rationals]], Remainder | None]:
+    """Return A, B and E at the corners of a part of the box, and the remainder there.
+
+    Where nodes are they are sampled at these.
+    """
+    if remainder is None or not remainder.bends:
+        at_corners = [on_corners(matrices, low, high) if matrices else [] for matrices in vertices]
+        return at_corners, remainder and remainder.inside(low, high)
+    degree = remainder.parts_degree
+    values = at_nodes(vertices, nodes, lattice(low, high, degree))
+    if degree == 1:
+        return values, remainder.inside(low, high)
+    whole = [beside(matrices) for matrices in zip(*filter(None, values), strict=True)]
+    ends = [k for k, at in enumerate(cartesian(range(3), repeat=len(low))) if 1 not in at]
+    return (
+        [[matrices[k] for k in ends] if matrices else [] for matrices in values],
+        remainder.inside(low, high, whole),
+    )
 
 
-def inner_corners(evidence: Iterable[Evidence]) -> list[Point]:
-    """Return the corners of all cells that are not corners of the box, in order."""
+def inner_points(evidence: Iterable[Evidence], remainder: Remainder | None) -> list[Point]:
+    """Return the nodes of all cells that are not corners of the box, in order."""
+    degree = remainder.parts_degree if remainder is not None and remainder.bends else 1
     places = {
-        corner
+        point
         for proof in evidence
         for piece in proof.cells
-        for corner in corners(piece.low, piece.high)
+        for point in lattice(piece.low, piece.high, degree)
     }
-    return sorted(corner for corner in places if set(corner) - {0, 1})
+    return sorted(point for point in places if set(point) - {0, 1})
 
 
 def used_nodes(plant: Plant, evidence: Iterable[Evidence]) -> tuple[Node, ...]:
-    """Return the nodes at the corners of cells, of a plant that has some.
+    """Return the nodes of cells, of a plant that has some.
 
     Raises
     ------
@@ -378,37 +393,31 @@ def used_nodes(plant: Plant, evidence: Iterable[Evidence]) -> tuple[Node, ...]:
     if plant.remainder is None or not plant.remainder.bends:
         return ()
     known, nodes = {node.at: node for node in plant.nodes}, list[Node]()
-    for corner in inner_corners(evidence):
-        if corner not in known:
-            raise FormatError("cells: the plant has no node at a corner of one")
-        nodes.append(known[corner])
+    for point in inner_points(evidence, plant.remainder):
+        if point not in known:
+            raise FormatError(NO_NODE)
+        nodes.append(known[point])
     return tuple(nodes)
 
 
-def between_nodes(
-    vertices: Sequence[list[Rationals]], nodes: Sequence[Node], low: Point, high: Point
+def at_nodes(
+    vertices: Sequence[list[Rationals]], nodes: Sequence[Node], points: Sequence[Point]
 ) -> list[list[Rationals]]:
-    """Return A, B and E at the corners of a part of the box: of vertices, or of nodes."""
-    spend(RATIONAL * len(nodes) * len(low), 0)
+    """Return A, B and E at points of the box: of vertices, or of nodes."""
+    spend(RATIONAL * (len(nodes) + len(points)) * len(points[0]), 0)
     known = {node.at: [node.A, node.B, node.E] for node in nodes}
     gathered: list[list[Rationals]] = [[] for _ in vertices]
-    for corner in corners(low, high):
-        if corner in known:
-            corner_matrices = list(known[corner])
-        elif set(corner) <= {0, 1}:
-            number = int("".join(str(t) for t in corner), 2)
-            corner_matrices = [M[number] if M else [] for M in vertices]
+    for point in points:
+        if point in known:
+            there = list(known[point])
+        elif set(point) <= {0, 1}:
+            number = int("".join(str(t) for t in point), 2)
+            there = [M[number] if M else [] for M in vertices]
         else:
-            raise FormatError("cells: the plant has no node at a corner of one")
-        for matrices, M in zip(gathered, corner_matrices, strict=False):
+            raise FormatError(NO_NODE)
+        for matrices, M in zip(gathered, there, strict=False):
             matrices.append(M)
     return [matrices if source else [] for matrices, source in zip(gathered, vertices, strict=True)]
-
-
-def longest(points: Iterable[Iterable[Fraction]]) -> int:
-    """Return the length of the longest numerator or denominator."""
-    pairs = (x.as_integer_ratio() for point in points for x in point)
-    return max((max(map(int.bit_length, pair)) for pair in pairs), default=0)
 
 
 def add(one: Rationals, other: Rationals) -> Rationals:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import chain
 from math import isqrt
@@ -61,6 +61,17 @@ def common_denominator(matrices: Iterable[Rationals], limit: int = MAX_BITS) -> 
         if common.bit_length() > limit:
             raise WorkError("the numbers' common denominator is too large")
     return common
+
+
+def longest(points: Iterable[Iterable[Fraction]]) -> int:
+    """Return the length of the longest numerator or denominator."""
+    pairs = (x.as_integer_ratio() for point in points for x in point)
+    return max((max(map(int.bit_length, pair)) for pair in pairs), default=0)
+
+
+def beside(matrices: Sequence[Rationals]) -> Rationals:
+    """Return matrices of as many rows side by side."""
+    return [[x for row in rows for x in row] for rows in zip(*matrices, strict=True)]
 
 
 def whole_numbers(matrix: Rationals, denominator: int) -> Integers:

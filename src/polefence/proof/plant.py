@@ -65,7 +65,7 @@ class Plant(Short):
     ``E`` is empty where no disturbance acts. ``ranges`` has one entry a parameter, none for a plant
     given by its vertices. ``vehicle`` is plain data that no proof reads, and ``noise`` names
     disturbances. With a ``remainder`` it is only near the combinations of the vertices, or on a
-    part of the box whose corners are among the ``nodes`` near those of the corners.
+    part of the box whose corners are among the ``nodes`` near what is interpolated between those.
     """
 
     A: list[Rationals]
@@ -254,6 +254,8 @@ class Plant(Short):
             if self.remainder.bends:
                 head = {"rounding": plain(self.remainder.rounding)}
                 table["bends"] = head | {"along": plain(self.remainder.bends)}
+                if self.remainder.third:
+                    table["bends"] |= {"degree": 2, "third": plain(self.remainder.third)}
         table["parameters"] = [
             {
                 "name": parameter.name,
@@ -280,6 +282,15 @@ class Plant(Short):
 def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:
     """Return the corners of a part of the box, the first parameter's end varying slowest."""
     return list(product(*zip(low, high, strict=True)))
+
+
+def lattice(
+    low: Sequence[Fraction], high: Sequence[Fraction], degree: int
+) -> list[tuple[Fraction, ...]]:
+    """Return the nodes of a part of the box: its corners, or between them too; as `corners`."""
+    steps = [Fraction(k, degree) for k in range(degree + 1)]
+    sides = zip(low, high, strict=True)
+    return list(product(*([a + (b - a) * t for t in steps] for a, b in sides)))
 
 
 def corner_weights(at: Sequence[Fraction]) -> list[Fraction]:
@@ -376,9 +387,12 @@ def _remainder(table: Table, shape: tuple[int, int, int]) -> Remainder:
     if "bends" in table:
         below = table.table("bends")
         rounding = below.matrix("rounding", n, n + m + q)
-        bends = below.matrices("along", n, n + m + q, MAX_PARAMETERS)
-        common_denominator([rounding, *bends])
-        remainder = replace(remainder, rounding=tuple(map(tuple, rounding)), bends=_rows(bends))
+        bends, third = below.matrices("along", n, n + m + q, MAX_PARAMETERS), list[Rationals]()
+        if below.whole("degree", 1, 2, 1) == 2:
+            third = below.matrices("third", n, n + m + q, MAX_PARAMETERS)
+        common_denominator([rounding, *bends, *third])
+        at_nodes = tuple(map(tuple, rounding))
+        remainder = replace(remainder, rounding=at_nodes, bends=_rows(bends), third=_rows(third))
     return remainder
 
 

@@ -20,13 +20,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from operator import mul
 
 from polefence.proof.matrices import (
     MAX_BITS,
+    ONE,
     ZERO,
     Rationals,
     common_denominator,
     identity,
+    longest,
     product,
 )
 from polefence.proof.polynomials import (
@@ -36,6 +39,7 @@ from polefence.proof.polynomials import (
     constant,
     count_of,
     diagonal,
+    monomials,
     restricted,
 )
 from polefence.proof.short import Short
@@ -45,6 +49,9 @@ Rows = tuple[tuple[Fraction, ...], ...]
 
 UNIT = 2**64
 MAX_CURVE = 8  # degree
+# Of the interpolation of degree 2: more than 72 sqrt 3 is not, and by how much it makes what its
+# nodes are off by larger; see `proof.interpolation`.
+THIRD, LARGER = 124, Fraction(5, 4)
 # What E is off by, beside E: (E + F) (E + F)' <= (1 + SHARE) E E' + (1 + 1 / SHARE) F F'.
 SHARE = Fraction(1, 4096)
 
@@ -57,7 +64,8 @@ class Remainder(Short):
     of what is added to the combination of the vertices; there are none where nothing is. Where
     nodes inside the box are known, ``rounding`` is what an entry is off by there, and ``bends``
     are bounds on the second derivatives along the parameters: the smaller a part of the box, the
-    smaller is its remainder.
+    smaller is its remainder. With ``third``, bounds on the third derivatives, parts have nodes in
+    the middle of each parameter too, and a curve of degree 2 through them.
     """
 
     entries: Rows
@@ -65,9 +73,12 @@ class Remainder(Short):
     degree: int = 1
     rounding: Rows = ()
     bends: tuple[Rows, ...] = ()
+    third: tuple[Rows, ...] = ()
 
     @classmethod
-    def between(cls, rounding: Rows, bends: Sequence[Rows]) -> Remainder:
+    def between(
+        cls, rounding: Rows, bends: Sequence[Rows], third: Sequence[Rows] = ()
+    ) -> Remainder:
         """Return that of the multi-affine interpolation between the corners of a box.
 
         Parameters
@@ -76,18 +87,27 @@ class Remainder(Short):
             What an entry is off by at a corner.
         bends : sequence of (n, n + m + q) rationals
             Bounds on the second derivative along each side, from 0 to 1.
+        third : sequence of (n, n + m + q) rationals, optional
+            The same of the third derivative.
         """
         total = tuple(
             tuple(x + sum(along, ZERO) / 8 for x, *along in zip(*rows, strict=True))
             for rows in zip(rounding, *bends, strict=True)
         )
-        return cls(total, rounding=rounding, bends=tuple(bends))
+        return cls(total, rounding=rounding, bends=tuple(bends), third=tuple(third))
+
+    @property
+    def parts_degree(self) -> int:
+        """Degree on a part of the box, between the nodes where there are some."""
+        return 2 if self.third else self.degree
 
     def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
         """Return it with every matrix changed."""
         entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()
-        curve, bends = (tuple(map(change, matrices)) for matrices in (self.curve, self.bends))
-        return Remainder(entries, curve, self.degree, rounding, bends)
+        curve, bends, third = (
+            tuple(map(change, matrices)) for matrices in (self.curve, self.bends, self.third)
+        )
+        return Remainder(entries, curve, self.degree, rounding, bends, third)
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
@@ -107,18 +127,53 @@ class Remainder(Short):
         """Return that of the plant in its delta form."""
         return self.mapped(lambda M: tuple(tuple(x / step for x in row) for row in M))
 
-    def inside(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
+    def inside(
+        self,
+        low: Sequence[Fraction],
+        high: Sequence[Fraction],
+        values: Sequence[Rationals] = (),
+    ) -> Remainder:
         """Return that of a part of the box, in coordinates of that part.
 
         Parameters
         ----------
         low, high : sequences of Fraction
             Weights of each parameter's upper end, from 0 to 1.
+        values : sequence of (n, .) rationals
+            [A, B, E], or its first columns, at the nodes of a part with middles, as `lattice` has
+            them.
         """
+        if self.third:
+            width = len(self.entries[0])
+            curve = tuple(
+                tuple((*row, *(ZERO,) * (width - len(row))) for row in M)
+                for M in through(values, len(low))
+            )
+            return Remainder(self.inside_alone(low, high).entries, curve, 2)
+        return self.inside_alone(low, high)
+
+    def inside_alone(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
+        """Return that of a part of the box, without the curve through its middles."""
+        if self.third:
+            grown, shares = ONE, list[Fraction]()
+            for a, b in zip(low, high, strict=True):
+                shares.append(grown * (b - a) ** 3 / THIRD)
+                grown *= LARGER
+            length = longest(row for M in self.third for row in M)
+            spend(RATIONAL * len(shares) * sum(map(len, self.entries)), length, length)
+            return Remainder(
+                tuple(
+                    tuple(
+                        grown * x + sum(map(mul, shares, along), ZERO)
+                        for x, *along in zip(*rows, strict=True)
+                    )
+                    for rows in zip(self.rounding, *self.third, strict=True)
+                )
+            )
         if self.bends:
             sides = [b - a for a, b in zip(low, high, strict=True)]
             pairs = zip(sides, self.bends, strict=True)
-            length = max(x.numerator.bit_length() for M in self.bends for row in M for x in row)
+            length = longest(row for M in self.bends for row in M)
             spend(RATIONAL * len(sides) * sum(map(len, self.entries)), length, length)
             return Remainder.between(
                 self.rounding,
@@ -140,7 +195,7 @@ class Remainder(Short):
         dual = self.mapped(
             lambda M: tuple((*(row[i] for row in M), *(ZERO,) * p) for i in range(n))
         )
-        return replace(dual, rounding=(), bends=())
+        return replace(dual, rounding=(), bends=(), third=())
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
@@ -177,19 +232,61 @@ class Remainder(Short):
         for M in self.curve:
             if len(M) != n or any(len(row) != n + m + q for row in M):
                 raise FormatError(f"plant.curve must hold {n} rows of {n + m + q} numbers")
-        for matrix in (self.rounding, *self.bends) if self.bends else ():
+        for matrix in (self.rounding, *self.bends, *self.third) if self.bends else ():
             if len(matrix) != n or any(len(row) != n + m + q for row in matrix):
                 raise FormatError(f"plant.bends must hold {n} rows of {n + m + q} numbers")
             if min(map(min, matrix)) < 0:
                 raise FormatError("plant.bends must hold numbers of zero or more")
         if self.bends and (self.curve or sizes != (2,) * len(self.bends)):
             raise FormatError("plant.bends must be one a parameter, without a curve")
+        if self.third and len(self.third) != len(self.bends):
+            raise FormatError("plant.bends.third must be one a parameter, as along is")
         if self.bends and self.entries != Remainder.between(self.rounding, self.bends).entries:
             raise FormatError("plant.remainder is not that of plant.bends")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:
             raise FormatError("plant.remainder must hold numbers of zero or more")
+
+
+def through(values: Sequence[Rationals], count: int) -> list[Rationals]:
+    """Return what is added to the combination of the corners of a part, for it to have its values.
+
+    Parameters
+    ----------
+    values : sequence of (n, .) rationals
+        At 3^count nodes: at the ends and in the middle of each of so many sides, the last varying
+        fastest.
+
+    Returns
+    -------
+    list of (n, .) rationals
+        Bernstein coefficients of degree 2 on the box.
+    """
+    rows, columns, every = len(values[0]), len(values[0][0]), range(len(values))
+    length = longest(row for M in values for row in M)
+    spend(RATIONAL * 6 * count * len(values) * rows * columns, length, length)
+    curve = [[[ZERO] * columns for _ in range(rows)] for _ in every]
+    for i in range(rows):
+        for j in range(columns):
+            known = [M[i][j] for M in values]
+            if known.count(known[0]) == len(known):
+                continue
+            middle, corners = list(known), list(known)
+            for axis in range(count):
+                stride = 3**axis
+                for k in every:
+                    if k // stride % 3 == 1:
+                        ends = (k - stride, k + stride)
+                        # of a parabola through three points; of a straight line
+                        middle[k] = 2 * middle[k] - (middle[ends[0]] + middle[ends[1]]) / 2
+                        corners[k] = (corners[ends[0]] + corners[ends[1]]) / 2
+            for k in every:
+                curve[k][i][j] = middle[k] - corners[k]
+    return [
+        curve[sum(3 ** (count - 1 - axis) * e[2 * axis + 1] for axis in range(count))]
+        for e in monomials((2,) * count, 2)
+    ]
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof import laws
 from polefence.proof.claims.signal import MAX_ENTRIES
-from polefence.proof.laws import Evidence, inner_corners
+from polefence.proof.laws import Evidence, inner_points
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
@@ -575,6 +575,7 @@ def claim_of(
     plant = delta_form(plant)
     motion = ranges_of(plant) if plant.moving else ()
     matrices, timing = matrices_of(plant), (plant.step, plant.remainder, motion)
-    nodes = tuple(node(plant, at) for at in inner_corners([evidence])) if plant.bent else ()
+    points = inner_points([evidence], plant.remainder) if plant.bent else ()
+    nodes = tuple(node(plant, at) for at in points)
     subject = proof.Subject(*matrices, law, evidence, on, *timing, nodes=nodes)
     return specification.claim(subject, level, plant)

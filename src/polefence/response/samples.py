@@ -33,6 +33,7 @@ from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
 ENOUGH = 1e-4  # of the change in a sample; coefficients
+MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
 TERMS = (20, 40, 60, 80, 100, 120)  # of the series between nodes
 
 
@@ -180,15 +181,21 @@ def _between_nodes(
         if bounds.missing < 2.0**-60:
             break
     scales = units[:n, None] / units
-    along = np.array([[[float(x) for x in row] for row in C] for C in bounds.along]) * 1.01
+    along, third = (
+        np.array([[[float(x) for x in row] for row in C] for C in derivatives]) * 1.01
+        for derivatives in (bounds.along, bounds.third)
+    )
     known = np.abs([np.hstack(block) for block in _held(plant, bare.sample_time or Fraction(0))])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
     # with what rounding to doubles may change
-    remainders = [2.0**-51 * largest + 1.01 * float(bounds.missing), *along]
-    rounding, *bends = (
+    remainders = [2.0**-51 * largest + 1.01 * float(bounds.missing), *along, *third]
+    rounding, *derivatives = (
         tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in remainders
     )
-    sampled = replace(bare, remainder=Remainder.between(rounding, bends), sampling=origin)
+    count = len(along)
+    bends, turns = derivatives[:count], derivatives[count:] if count <= MOST_IN_MIDDLES else []
+    remainder = Remainder.between(rounding, bends, turns)
+    sampled = replace(bare, remainder=remainder, sampling=origin)
     vertices = inside(sampled, *ends(plant)).vertices
     return replace(sampled, vertices=vertices)
 

@@ -43,7 +43,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
 # 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
-DEGREES = (2, 4)  # on parts of the box
+DEGREES, BENT = (2, 4), (1, 2)  # on parts of the box; of samples between nodes
 LOWEST = 0.03  # of a level, what a point's own is at least
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
@@ -283,11 +283,10 @@ def in_parts(
     by_level = problem.gain or problem.plant.remainder is not None
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
-    degrees = [
-        d
-        for d in ((1, 2) if problem.plant.bent else DEGREES)
-        if problem.work(d) * ROUNDS <= MOST_IN_PART
-    ]
+    whole = Box.whole(problem.domain)
+    tried, first = BENT if problem.plant.bent else DEGREES, problem.inside(whole)
+    work = {degree: first.work(degree) * ROUNDS for degree in tried}
+    degrees = [d for d in work if work[d] <= MOST_IN_PART]
     if not degrees:
         return None
 
@@ -301,9 +300,8 @@ def in_parts(
             if dual is None and (by_level or (box, degree) not in known):
                 dual = next(_duals(problem.inside(box), level, [degree]), None)
                 known[box, degree] = dual
-                done += problem.work(degree) * ROUNDS
-                # measured: 0.3 operations a multiplication
-                spend(0.3 * problem.work(degree) * ROUNDS)
+                done += work[degree]
+                spend(0.3 * work[degree])  # measured: 0.3 operations a multiplication
             if dual is not None and dual.level < level:
                 return dual
         return None
@@ -312,7 +310,7 @@ def in_parts(
         late = done > MOST_IN_PARTS or ended()
         return None if late else replace(problem, box=box).widest
 
-    parts = divided([Box.whole(problem.domain)], proving, along, most)
+    parts = divided([whole], proving, along, most)
     return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
 
 
@@ -384,7 +382,9 @@ class _Interpolation:
         """Return the dual below the level, for a gain somewhat below it."""
         if self.problem.gain:
             return self._grown(level * (1 - ROOM))
-        return self._even(level) if self.problem.between else self._grown(None)
+        if not self.problem.between:
+            return self._grown(None)
+        return self._even(level) or self._grown(None)
 
     def _even(self, level: float) -> Dual | None:
         """Return the dual whose R spreads the room below a level evenly over all modes.

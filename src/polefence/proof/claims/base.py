@@ -190,8 +190,8 @@ class Claim:
     of_law: ClassVar[bool] = True  # whether it is about the file's law
 
     @property
-    def inner_corners(self) -> list[Point]:
-        """Corners of the parts of the box that it is proved in, but those of the box."""
+    def inner_points(self) -> list[Point]:
+        """Nodes of the parts of the box that it is proved in, but its corners."""
         return []
 
     @classmethod

@@ -38,13 +38,14 @@ from polefence.proof.claims.base import Claim, Place, require_work
 from polefence.proof.claims.refutation import RmsLimit, require_driven, require_limit
 from polefence.proof.claims.signal import acting_text, misnamed, outputs_text, require_shapes
 from polefence.proof.dampers import SemiActive, read_dampers
-from polefence.proof.laws import add, longest
+from polefence.proof.laws import add
 from polefence.proof.matrices import (
     LONGEST,
     Integers,
     Rationals,
     common_denominator,
     least_work,
+    longest,
     product,
     whole_numbers,
 )

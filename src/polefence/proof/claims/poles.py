@@ -46,7 +46,7 @@ from polefence.proof.laws import (
     Point,
     add,
     degree_of,
-    inner_corners,
+    inner_points,
     lifted,
     on_part,
     read_cells,
@@ -171,9 +171,9 @@ class Poles(Short, Claim):
         return claim
 
     @property
-    def inner_corners(self) -> list[Point]:
-        """Corners of the parts of the box that it is proved in, but those of the box."""
-        return inner_corners(self.evidence)
+    def inner_points(self) -> list[Point]:
+        """Nodes of the parts of the box that it is proved in, but its corners."""
+        return inner_points(self.evidence, self.remainder)
 
     def write(self) -> dict[str, Any]:
         """Return region, method and evidence."""
@@ -307,7 +307,7 @@ class Poles(Short, Claim):
         if self.remainder is not None:
             for proof in self.evidence:
                 for piece in proof.cells:
-                    yield piece.evidence, self.remainder.inside(piece.low, piece.high)
+                    yield piece.evidence, self.remainder.inside_alone(piece.low, piece.high)
                 if not proof.cells:
                     yield proof, self.remainder
 
@@ -371,7 +371,10 @@ class Poles(Short, Claim):
         """Return the degree of the inequalities' polynomials in each simplex."""
         if self.method == "slack":
             return max(evidence.degree, 1) + evidence.elevation
-        plant_degree = 1 if self.remainder is None else self.remainder.degree
+        plant_degree = 1
+        if self.remainder is not None:
+            cells = any(proof.cells for proof in self.evidence)
+            plant_degree = self.remainder.parts_degree if cells else self.remainder.degree
         return degree_of(self.law, evidence) + plant_degree + evidence.elevation
 
     @property
@@ -419,8 +422,7 @@ class Poles(Short, Claim):
         """
         low, high = piece.low, piece.high
         law, evidence = self.law.inside(low, high), (piece.evidence,)
-        remainder = self.remainder and self.remainder.inside(low, high)
-        A, B = on_part((self.A, self.B), self.nodes, remainder, low, high)
+        (A, B), remainder = on_part((self.A, self.B), self.nodes, self.remainder, low, high)
         return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=remainder, nodes=())
 
     def _lyapunov(

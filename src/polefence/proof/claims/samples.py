@@ -23,8 +23,7 @@ from typing import Any, ClassVar, Self
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
 from polefence.proof.interpolation import ONE, Bends, bends, sample
-from polefence.proof.laws import longest
-from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, mix
+from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, longest, mix
 from polefence.proof.plant import Node, Plant, corner_weights, corners, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
@@ -186,9 +185,10 @@ class Samples(Short, Claim):
         except FormatError as problem:
             return undecided(str(problem))
         rounding, *along = self._in_units(
-            list(map(self._held, (remainder.rounding, *remainder.bends)))
+            list(map(self._held, (remainder.rounding, *remainder.bends, *remainder.third)))
         )
-        for most, bend in zip(along, bounds.along, strict=True):
+        every = (*bounds.along, *(bounds.third if remainder.third else ()))
+        for most, bend in zip(along, every, strict=True):
             if any(
                 x > y for rows in zip(bend, most, strict=True) for x, y in zip(*rows, strict=True)
             ):

@@ -45,7 +45,7 @@ from polefence.proof.laws import (
     Law,
     Piece,
     Point,
-    inner_corners,
+    inner_points,
     lifted,
     on_corners,
     on_part,
@@ -472,9 +472,9 @@ class SignalClaim(Short, Claim):
         )
 
     @property
-    def inner_corners(self) -> list[Point]:
+    def inner_points(self) -> list[Point]:
         """Corners of the parts of the box that it is proved in, but those of the box."""
-        return inner_corners([self.subject.evidence])
+        return inner_points([self.subject.evidence], self.subject.remainder)
 
     @classmethod
     def _read_outputs(cls, table: Table, plant: Plant) -> tuple[Output, ...]:
@@ -558,7 +558,7 @@ class SignalClaim(Short, Claim):
 
     def _with(self, piece: Piece) -> Self:
         rest = self.subject.remainder
-        rest = rest and rest.inside(piece.low, piece.high)
+        rest = rest and rest.inside_alone(piece.low, piece.high)
         return replace(
             self, subject=replace(self.subject, evidence=piece.evidence, remainder=rest, nodes=())
         )
@@ -686,8 +686,8 @@ class SignalClaim(Short, Claim):
         if not self.has_cells or loop.motion:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
         law = loop.law.inside(low, high)
-        remainder = loop.remainder and loop.remainder.inside(low, high)
-        A, B, E = on_part((loop.A, loop.B, loop.E), loop.nodes, remainder, low, high)
+        vertices = (loop.A, loop.B, loop.E)
+        (A, B, E), remainder = on_part(vertices, loop.nodes, loop.remainder, low, high)
         subject = replace(loop, A=A, B=B, E=E, law=law, evidence=piece.evidence)
         subject = replace(subject, remainder=remainder, nodes=())
         outputs = []

@@ -65,7 +65,8 @@ class Remainder(Short):
     nodes inside the box are known, ``rounding`` is what an entry is off by there, and ``bends``
     are bounds on the second derivatives along the parameters: the smaller a part of the box, the
     smaller is its remainder. With ``third``, bounds on the third derivatives, parts have nodes in
-    the middle of each parameter too, and a curve of degree 2 through them.
+    the middle of each parameter too, and a curve of degree 2 through them. Of such a part, with
+    ``middles``, products with inputs that are the same everywhere are of the least degree.
     """
 
     entries: Rows
@@ -74,6 +75,7 @@ class Remainder(Short):
     rounding: Rows = ()
     bends: tuple[Rows, ...] = ()
     third: tuple[Rows, ...] = ()
+    middles: bool = False
 
     @classmethod
     def between(
@@ -107,7 +109,7 @@ class Remainder(Short):
         curve, bends, third = (
             tuple(map(change, matrices)) for matrices in (self.curve, self.bends, self.third)
         )
-        return Remainder(entries, curve, self.degree, rounding, bends, third)
+        return Remainder(entries, curve, self.degree, rounding, bends, third, self.middles)
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
@@ -122,6 +124,12 @@ class Remainder(Short):
         last = first + P.shape[1]
         curve = [[list(row[first:last]) for row in M] for M in self.curve]
         return P + bernstein(curve, P.sizes, self.degree, MAX_BITS)
+
+    def same_inputs(self, B: Sequence[Rationals]) -> bool:
+        """Whether B at the corners, and between them, is one; asked of a part with middles."""
+        n, m = len(self.entries), len(B[0][0])
+        curve = (row[n : n + m] for M in self.curve for row in M)
+        return self.middles and all(B[0] == M for M in B) and not any(map(any, curve))
 
     def over(self, step: Fraction) -> Remainder:
         """Return that of the plant in its delta form."""
@@ -149,7 +157,7 @@ class Remainder(Short):
                 tuple((*row, *(ZERO,) * (width - len(row))) for row in M)
                 for M in through(values, len(low))
             )
-            return Remainder(self.inside_alone(low, high).entries, curve, 2)
+            return Remainder(self.inside_alone(low, high).entries, curve, 2, middles=True)
         return self.inside_alone(low, high)
 
     def inside_alone(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
@@ -265,13 +273,13 @@ def through(values: Sequence[Rationals], count: int) -> list[Rationals]:
     """
     rows, columns, every = len(values[0]), len(values[0][0]), range(len(values))
     length = longest(row for M in values for row in M)
-    spend(RATIONAL * 6 * count * len(values) * rows * columns, length, length)
     curve = [[[ZERO] * columns for _ in range(rows)] for _ in every]
     for i in range(rows):
         for j in range(columns):
             known = [M[i][j] for M in values]
             if known.count(known[0]) == len(known):
                 continue
+            spend(RATIONAL * 3 * (count + 1) * len(values), length, length)
             middle, corners = list(known), list(known)
             for axis in range(count):
                 stride = 3**axis

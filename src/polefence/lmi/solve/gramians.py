@@ -124,7 +124,10 @@ class DualProblem:
     @property
     def rows(self) -> int:
         """Degree of A W + B Z, and at most that of C W + D Z."""
-        return self.law.degree + self.plant.curve_degree
+        of_law, of_plant, remainder = self.law.degree, self.plant.curve_degree, self.plant.remainder
+        if self.law.W is None and remainder and remainder.same_inputs(self.plant.B.tolist()):
+            return max(of_plant, of_law + 1)
+        return of_law + of_plant
 
     @property
     def left(self) -> int:

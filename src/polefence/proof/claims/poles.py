@@ -431,6 +431,10 @@ class Poles(Short, Claim):
         sizes, n = self.sizes, len(self.A[0])
         XKX = lifted(self.law, evidence, sizes)
         X, N = XKX.part(slice(n)), AB * XKX
+        if self.law.K is not None and self.remainder and self.remainder.same_inputs(self.B):
+            X = bernstein(evidence.X, sizes, evidence.degree)
+            A, B = AB.part(slice(n), slice(n)), constant(self.B[0], sizes)
+            N = A * X + B * XKX.part(slice(n, None))
         if self.weights:
             X = bernstein([[[q]] for q in self.weights], sizes, 1) * X
         degrees = tuple(degree + evidence.elevation for degree in N.degrees)

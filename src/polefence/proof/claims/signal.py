@@ -53,7 +53,7 @@ from polefence.proof.laws import (
     read_evidence,
     used_nodes,
 )
-from polefence.proof.matrices import MAX_BITS, Rationals, identity, least_work
+from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work
 from polefence.proof.motion import changes, extremes, is_moving, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Node, Output, Plant, Range, sizes_of, split
@@ -178,6 +178,11 @@ class Subject(Short):
         AB = self.remainder.curved(AB)
         return below(AB, CD) if outputs else AB
 
+    def _outputs(self, outputs: Sequence[Output]) -> Polynomial:
+        """Return [C, D]."""
+        C, D = stacked([y.C for y in outputs]), stacked([y.D for y in outputs])
+        return affine([beside(pair) for pair in zip(C, D, strict=True)], self.sizes)
+
     @property
     def as_poles(self) -> Poles:
         """A claim of the same loop and evidence about the half-plane Re z < 0."""
@@ -213,10 +218,16 @@ class Subject(Short):
     ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
         """Return Q, and with K = Z W^-1 (W = I of other laws) W Q, M = A W + B Z and C W + D Z."""
         n, evidence, form = self.n, self.evidence, self.law.form(self.sizes)
-        both = self._plant(outputs) * form
+        if self.law.K is not None and self.remainder and self.remainder.same_inputs(self.B):
+            A = self.remainder.curved(affine(self.A, self.sizes))
+            M = A + constant(self.B[0], self.sizes) * form.part(slice(n, None))
+            Y = self._outputs(outputs) * form
+        else:
+            both = self._plant(outputs) * form
+            M, Y = both.part(slice(n)), both.part(slice(n, None))
         Q = bernstein(evidence.X, self.sizes, evidence.degree)
         WQ = Q if self.law.K is not None else form.part(slice(n)) * Q
-        return Q, WQ, both.part(slice(n)), both.part(slice(n, None))
+        return Q, WQ, M, Y
 
     def dual_falling(self, Q: Polynomial, WQ: Polynomial, M: Polynomial) -> Polynomial:
         """Return W Q M + M'Q W + step M'Q M."""

@@ -24,6 +24,9 @@ from polefence.plant.samples import claim_of_samples
 from polefence.proof.claims.base import prove
 from polefence.proof.document import Document, check, from_plain
 from polefence.proof.interpolation import ONE, bends, sample
+from polefence.proof.plant import lattice
+from polefence.proof.polynomials import bernstein
+from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 from polefence.response import samples
 from support import truths
@@ -76,6 +79,63 @@ def test_no_sample_is_farther_off_than_its_bound(seed, n, count, size):
         assert np.all(np.abs(apart) <= allowed)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 3), st.floats(0.05, 3))
+def test_no_sample_is_farther_off_than_its_bound_with_nodes_in_the_middles(seed, n, count, size):
+    """Against the parabolas of Lagrange, one axis after the other."""
+    rng = np.random.default_rng(seed)
+    corners = family(rng, n, count, size)
+    terms = int(np.ceil(4 * size)) + 6
+    found = bends([rationals(M) for M in corners], terms)
+    off = Fraction(1, 10**9)  # of the nodes themselves
+    width = n + WIDTH
+    zeros = ((Fraction(0),) * width,) * n
+    remainder = Remainder.between(
+        ((off + found.missing,) * width,) * n, [zeros] * count, [as_rows(D) for D in found.third]
+    )
+    low = rng.random(count) * 0.9
+    high = low + (1 - low) * rng.random(count)
+    ends = [tuple(map(Fraction, at)) for at in (low, high)]
+    points = np.array(lattice(*ends, 2), dtype=float)
+    known = np.array([held(between(corners, t)) for t in points])
+    known += float(off) * rng.choice([-1, 1], size=known.shape)
+    part = remainder.inside(*ends, [rationals(M) for M in known])
+    assert part.degree == 2
+    allowed = np.array(part.entries, dtype=float) + 1e-13
+    plain = bernstein([rationals(known[k]) for k in _ends(count)], (2,) * count, 1)
+    polynomial = part.curved(plain)
+    for t in rng.random((20, count)):
+        weights = np.ones(1)
+        for x in t:
+            parabolas = (2 * (x - 0.5) * (x - 1), 4 * x * (1 - x), 2 * x * (x - 0.5))
+            weights = np.outer(weights, parabolas).ravel()
+        interpolant = np.tensordot(weights, known, 1)
+        ours = _value(polynomial, np.stack([1 - t, t], axis=1).ravel()).astype(float)
+        assert np.allclose(ours, interpolant, rtol=0, atol=1e-12 * max(1, np.abs(known).max()))
+        apart = held(between(corners, low + (high - low) * t)) - interpolant
+        assert np.all(np.abs(apart) <= allowed)
+
+
+def as_rows(M):
+    return tuple(map(tuple, M))
+
+
+def _ends(count):
+    """Which of 3^count points are corners."""
+    return [k for k, at in enumerate(product(range(3), repeat=count)) if 1 not in at]
+
+
+def _value(P, coordinates):
+    """A polynomial's value at coordinates of each simplex."""
+    weights = {e: np.prod(np.power(coordinates, e)) for e in P.terms}
+    return sum(weights[e] * (np.array(M, dtype=object) / P.whole) for e, M in P.terms.items())
+
+
+def test_the_third_derivative_is_nearly_attained_where_nothing_is_lost_in_it():
+    found = bends([[[Fraction(0)]], [[Fraction(1, 10)]]], 12)
+    assert float(found.third[0][0][0]) == pytest.approx(0.001 * np.exp(0.1), rel=1e-12)
+
+
 def test_the_bound_is_nearly_attained_where_nothing_is_lost_in_it():
     # x' = a x, 0 <= a T <= 0.1: e^aT bends by (0.1)^2 e^aT
     found = bends([[[Fraction(0)]], [[Fraction(1, 10)]]], 12)
@@ -93,9 +153,12 @@ def test_a_sample_is_that_of_the_exponential(seed, n, size):
     assert off.max() <= missing + 1e-12 * np.exp(size)
 
 
-@pytest.fixture(scope="module")
-def sampled():
-    """A family of three parameters with samples between nodes, and its continuous one."""
+@pytest.fixture(scope="module", params=[1, 2])
+def sampled(request):
+    """A family of three parameters with samples between nodes, and its continuous one.
+
+    Parts have nodes at their corners alone, as in files of before, or in the middles too.
+    """
     rng = np.random.default_rng(4)
     names = ("a", "b", "c")
     corners = family(rng, 4, 3, 4.0)
@@ -108,7 +171,11 @@ def sampled():
     plant = UncertainPlant(vertices, parameters=parameters, name="three")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(samples, "_with_remainder", _refused)
-        return plant, at_sample_time(plant, 0.05, 1)
+        if request.param == 1:
+            patch.setattr(samples, "MOST_IN_MIDDLES", 0)
+        found = at_sample_time(plant, 0.05, 1)
+    assert found.parts_degree == request.param
+    return plant, found
 
 
 def _refused(*_):
@@ -140,16 +207,50 @@ def test_a_loop_is_proved_in_parts_and_no_further_than_its_samples(sampled):
     assert not analyse(found, law, Disk(0, radius * (1 - 1e-3))).proved
 
 
-@pytest.mark.parametrize("fault", ["node", "vertex", "bend", "rounding", "terms", "place"])
-def test_one_fault_in_samples_between_nodes_is_seen(sampled, fault):
+@pytest.fixture(scope="module")
+def kept(sampled):
+    """The file of a region that is proved in parts."""
     _, found = sampled
-    law = FixedGain(np.zeros((1, 5)))
     radius = np.abs(np.linalg.eigvals(found.at(found.domain.nodes(6))[0])).max()
-    document = analyse(found, law, Disk(0, radius * (1 + 1e-3))).certificate.file()
-    claim = next(own for own in document.claims if own.kind == "samples")
+    law = FixedGain(np.zeros((1, 5)))
+    return analyse(found, law, Disk(0, radius * (1 + 1e-3))).certificate.file()
+
+
+FAULTS = ["node", "vertex", "bend", "third", "rounding", "terms", "place"]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_one_fault_in_samples_between_nodes_is_seen(kept, fault):
+    claim = next(own for own in kept.claims if own.kind == "samples")
     assert claim.plant.nodes
     assert prove(claim).proved
-    assert not _proved(_with_fault(claim, fault))
+    if fault != "third" or claim.plant.remainder.third:
+        assert not _proved(_with_fault(claim, fault))
+
+
+@pytest.mark.parametrize("fault", ["none", "gone", "moved", "degree", "bounds", "short", "corners"])
+def test_one_fault_in_a_file_with_nodes_is_seen(kept, fault):
+    table = json.loads(kept.dumps())
+    bends, nodes = table["plant"]["bends"], table["plant"]["nodes"]
+    if fault == "none":
+        assert _checked(table)
+        return
+    if fault == "gone":
+        del nodes[len(nodes) // 2]
+    elif fault == "moved":
+        nodes[0]["at"][0] = "1/7"
+    elif fault == "degree":
+        bends["degree"] = 3
+    elif "third" not in bends:
+        bends["degree"] = 2  # without the bounds that belong to it
+    elif fault == "bounds":
+        del bends["third"]
+    elif fault == "short":
+        del bends["third"][-1]
+    else:  # a middle that is no sample of the plant
+        middle = next(node for node in nodes if "1/4" in map(str, node["at"]))
+        middle["A"][0][0] = 2
+    assert not _checked(table)
 
 
 @pytest.mark.parametrize("letter", ["A", "B"])
@@ -180,7 +281,7 @@ def test_a_weighted_signal_is_proved_in_parts_and_no_further_than_its_samples(sa
     plant, law = sampled[1], FixedGain(np.zeros((1, 5)))
     claim = kept_bound(plant, law, Rms("x1", 0.031, density=2.0, weight="Wk")).claim
     assert claim.subject.nodes
-    assert claim.subject.evidence.cells
+    assert len(claim.subject.evidence.cells) > 2 - plant.parts_degree
     reached = max(_weighted(claim, node(plant, at)) for at in product(THIRDS, repeat=3))
     assert reached < float(claim.level) < 1.1 * reached
     assert not prove(replace(claim, level=Fraction(reached))).proved
@@ -269,11 +370,16 @@ def _with_fault(claim, fault):
         C = [list(map(list, M)) for M in remainder.bends]
         C[1][2][1] /= 2
         bends = tuple(tuple(map(tuple, M)) for M in C)
-        changed = type(remainder).between(remainder.rounding, bends)
+        changed = Remainder.between(remainder.rounding, bends, remainder.third)
+        return replace(claim, plant=replace(plant, remainder=changed))
+    if fault == "third":
+        D = [list(map(list, M)) for M in remainder.third]
+        D[1][2][1] /= 2
+        changed = replace(remainder, third=tuple(tuple(map(tuple, M)) for M in D))
         return replace(claim, plant=replace(plant, remainder=changed))
     if fault == "rounding":
         none = tuple(tuple(x / 2**30 for x in row) for row in remainder.rounding)
-        changed = type(remainder).between(none, remainder.bends)
+        changed = Remainder.between(none, remainder.bends, remainder.third)
         return replace(claim, plant=replace(plant, remainder=changed))
     if fault == "vertex":
         A = [list(map(list, M)) for M in plant.A]

@@ -426,7 +426,22 @@ def false_nodes(plant, claim):
         apart = np.abs(exact(low + side * t) - mix(weights(t), ends))
         if np.any(apart > (rounding + mix(side**2, along) / 8) * (1 + SLACK) + 1e-12):
             return True
+        if "third" in plant.bends and apart_between_middles(exact, low, side, t, plant.bends):
+            return True
     return False
+
+
+def apart_between_middles(exact, low, side, t, bounds):
+    """Whether a parabola along each side, one after the other, is farther off than a file says."""
+    values = np.array(
+        [exact(low + side * np.array(own)) for own in product((0, 0.5, 1), repeat=len(t))]
+    )
+    allowed = (5 / 4) ** len(t) * bounds["rounding"]
+    for k, x in enumerate(t):
+        parabolas = np.array([(2 * x - 1) * (x - 1), 4 * x * (1 - x), x * (2 * x - 1)])
+        values = np.tensordot(parabolas, values.reshape(3, -1, *values.shape[1:]), 1)
+        allowed = allowed + (5 / 4) ** k * side[k] ** 3 / 124 * bounds["third"][k]
+    return np.any(np.abs(exact(low + side * t) - values[0]) > allowed * (1 + SLACK) + 1e-12)
 
 
 def false_saturation(plant, law, claim):

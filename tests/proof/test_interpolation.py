@@ -248,7 +248,7 @@ def test_one_fault_in_a_file_with_nodes_is_seen(kept, fault):
     elif fault == "short":
         del bends["third"][-1]
     else:  # a middle that is no sample of the plant
-        middle = next(node for node in nodes if "1/4" in map(str, node["at"]))
+        middle = next(node for node in nodes if Fraction(1, 4) in map(Fraction, node["at"]))
         middle["A"][0][0] = 2
     assert not _checked(table)
 

@@ -385,9 +385,10 @@ class _Interpolation:
         """Return the dual below the level, for a gain somewhat below it."""
         if self.problem.gain:
             return self._grown(level * (1 - ROOM))
-        if not self.problem.between:
+        dual = self._even(level) if self.problem.between else None
+        if dual is None and (not self.problem.between or self.problem.plant.curve_degree > 1):
             return self._grown(None)
-        return self._even(level) or self._grown(None)
+        return dual
 
     def _even(self, level: float) -> Dual | None:
         """Return the dual whose R spreads the room below a level evenly over all modes.

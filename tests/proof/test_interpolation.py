@@ -30,6 +30,7 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 from polefence.response import samples
 from support import truths
+from support.untrue import Run
 
 WIDTH = 2  # columns of B and E
 THIRDS = [Fraction(k, 3) for k in range(4)]
@@ -216,6 +217,7 @@ def kept(sampled):
     return analyse(found, law, Disk(0, radius * (1 + 1e-3))).certificate.file()
 
 
+CHANGES = 25  # of a file with nodes
 FAULTS = ["node", "vertex", "bend", "third", "rounding", "terms", "place"]
 
 
@@ -251,6 +253,15 @@ def test_one_fault_in_a_file_with_nodes_is_seen(kept, fault):
         middle = next(node for node in nodes if Fraction(1, 4) in map(Fraction, node["at"]))
         middle["A"][0][0] = 2
     assert not _checked(table)
+
+
+def test_no_change_makes_a_false_claim_proved(kept):
+    """A few of those that benchmarks/untrue.py tries with samples between nodes."""
+    run = Run({"nodes": json.loads(kept.dumps())})
+    counts = run.of("nodes", CHANGES)
+    assert not run.faults, run.faults[0][0]
+    assert counts["refused"]
+    assert counts["accepted"]
 
 
 @pytest.mark.parametrize("letter", ["A", "B"])

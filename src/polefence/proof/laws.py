@@ -373,12 +373,10 @@ def on_part(
 def inner_points(evidence: Iterable[Evidence], remainder: Remainder | None) -> list[Point]:
     """Return the nodes of all cells that are not corners of the box, in order."""
     degree = remainder.parts_degree if remainder is not None and remainder.bends else 1
-    places = {
-        point
-        for proof in evidence
-        for piece in proof.cells
-        for point in lattice(piece.low, piece.high, degree)
-    }
+    pieces = [piece for proof in evidence for piece in proof.cells]
+    for piece in pieces:
+        spend(4 * len(piece.low) * (degree + 1) ** len(piece.low), 64)
+    places = {point for piece in pieces for point in lattice(piece.low, piece.high, degree)}
     return sorted(point for point in places if set(point) - {0, 1})
 
 

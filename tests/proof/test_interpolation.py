@@ -30,6 +30,7 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 from polefence.response import samples
 from support import truths
+from support.every_file import quiet
 from support.untrue import Run
 
 WIDTH = 2  # columns of B and E
@@ -262,6 +263,20 @@ def test_no_change_makes_a_false_claim_proved(kept):
     assert not run.faults, run.faults[0][0]
     assert counts["refused"]
     assert counts["accepted"]
+
+
+def test_files_of_margins_and_of_code_have_the_nodes_of_their_design(sampled, tmp_path):
+    """Each is proved by its file alone."""
+    plant, K = sampled[1], np.array([[0.1, 0.0, -0.1, 0.0, 0.05]])
+    A, B = plant.at(plant.domain.nodes(6))
+    radius = np.abs(np.linalg.eigvals(A + B @ K)).max()
+    kept = analyse(plant, FixedGain(K), Disk(0, radius * (1 + 1e-3)))
+    (tmp_path / "design.json").write_text(kept.certificate.dumps())
+    for words, made in (("export", "guarantee.json"), ("service", "gain.json")):
+        assert quiet([words, str(tmp_path / "design.json"), "-o", str(tmp_path / words)])[0] == 0
+        table = json.loads((tmp_path / words / made).read_text())
+        assert table["plant"]["nodes"]
+        assert _checked(table)
 
 
 @pytest.mark.parametrize("letter", ["A", "B"])

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import MAX_BLOCKS, Claim, Inequality, require_work
 from polefence.proof.claims.poles import Poles, plant_form
-from polefence.proof.laws import degree_of, lifted
+from polefence.proof.laws import Point, degree_of, lifted
 from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.pieces import MAX_PIECES, coordinates_in, numbered
 from polefence.proof.plant import Plant, Range
@@ -82,6 +82,11 @@ class MarginClaim(Short, Claim):
     has_remainder: ClassVar[bool] = False  # whether its plant may have one
 
     subject: Subject
+
+    @property
+    def inner_points(self) -> list[Point]:
+        """Nodes of the parts of the box that the design is proved in, but its corners."""
+        return self.subject.design.inner_points
 
     @property
     def values(self) -> tuple[Fraction, ...] | None:

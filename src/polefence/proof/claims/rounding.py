@@ -45,7 +45,7 @@ from typing import Any, ClassVar, Self
 from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.poles import Poles
-from polefence.proof.laws import Law, is_alpha
+from polefence.proof.laws import Law, Point, is_alpha
 from polefence.proof.matrices import (
     MAX_BITS,
     Rationals,
@@ -136,6 +136,11 @@ class Rounded(Short, Claim):
     smallest: Fraction = Fraction(0)
     size: Fraction = Fraction(0)
     elevation: int = 0
+
+    @property
+    def inner_points(self) -> list[Point]:
+        """Nodes of the parts of the box that the gain is proved in, but its corners."""
+        return self.gain.inner_points
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:

@@ -47,6 +47,7 @@ struct Problem {
 
 struct Options {
     double tolerance, enough;
+    bool central;  // whether to go to the analytic centre at r = enough
     std::int64_t order, max_iterations, threads;
 };
 

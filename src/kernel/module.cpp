@@ -257,7 +257,7 @@ class Laid {
 
 nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArrays> &families,
               const Vector &x, double r, double tolerance, double enough, Int order,
-              Int max_iterations, Int threads, bool plain, const nb::object &told) {
+              Int max_iterations, Int threads, bool plain, bool central, const nb::object &told) {
     require(unknowns > 0 && static_cast<Int>(x.shape(0)) == unknowns, "x does not fit");
     require(order >= 1 && order <= 8, "the order is 1 to 8");
     require(max_iterations >= 0 && max_iterations <= 10000, "the iterations are 0 to 10000");
@@ -275,7 +275,7 @@ nb::tuple run(Int unknowns, const Integers &entries, const std::vector<FamilyArr
     auto *trail = new double[static_cast<std::size_t>((max_iterations + 1) * (unknowns + 1))];
     nb::capsule trail_owner(trail, [](void *data) noexcept { delete[] static_cast<double *>(data); });
 
-    const polefence::Options options{tolerance, enough, order, max_iterations, threads};
+    const polefence::Options options{tolerance, enough, central, order, max_iterations, threads};
     polefence::State state{out, Y, trail, r, 0.0, 0, false};
     bool started = false;
     {
@@ -365,7 +365,7 @@ NB_MODULE(_kernel, module) {
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
                nb::arg("order"), nb::arg("max_iterations"), nb::arg("threads") = 1,
-               nb::arg("plain") = false,
+               nb::arg("plain") = false, nb::arg("central") = false,
                nb::arg("told") = nb::none());
     module.def("inside", &inside, nb::arg("unknowns"), nb::arg("entries").noconvert(),
                nb::arg("families"), nb::arg("x").noconvert(), nb::arg("most").noconvert().none(),

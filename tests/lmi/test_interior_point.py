@@ -181,6 +181,32 @@ def test_it_stops_at_the_first_radius_that_is_enough(method, engine, make_random
     assert before.r > enough
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", METHODS, ids=str)
+def test_the_centre_is_one_point_wherever_a_run_comes_from(method, engine, make_random):
+    """The gradient of log det F is along t there; other beginnings have other steps."""
+    pencil, x, _ = start(make_random(1, 3, 1, 3), 3.0, method)
+    stacked = stack(pencil)
+    r = 1.3 * least_radius(*stacked.parts(x))
+    enough = (run(stacked, x, r, engine=engine).r + r) / 2
+    runs = [run(stacked, x, k * r, enough, engine=engine, central=True) for k in (1.0, 1.1, 1.4)]
+    t = stacked.adjoint(1.0, stacked.identity(), only_D=True)
+    D, M = stacked.parts(runs[0].x)
+    F = [enough * d - m for d, m in zip(D, M, strict=True)]
+    slope = stacked.adjoint(enough, [np.linalg.inv(f) for f in F])
+    assert slope == pytest.approx(t * (slope @ t) / (t @ t), abs=1e-6 * np.linalg.norm(slope))
+    for out in runs:
+        assert out.r == enough
+        assert out.x == pytest.approx(runs[0].x, rel=1e-6, abs=1e-6 * np.abs(runs[0].x).max())
+        for f, y in zip(F, out.Y, strict=True):  # its duals are those of the centre
+            scaled = f @ y
+            assert scaled == pytest.approx(
+                np.broadcast_to(scaled[0, 0, 0] * np.eye(f.shape[1]), f.shape), abs=1e-5
+            )
+    plain = run(stacked, x, r, enough, engine=engine)
+    assert plain.r < enough or not np.allclose(plain.x, runs[0].x, rtol=1e-3)
+
+
 @pytest.fixture
 def count(monkeypatch):
     """Iterations of all runs so far, those of Lemma 1 as a start included."""

@@ -71,8 +71,14 @@ LEAST, MOST = 1e-8, 1 - 1e-9  # damping ratios
 _Evidence = dict[str, Any]
 
 
-def source(plant: UncertainPlant, method: Method, region: Region) -> Source:
+def source(plant: UncertainPlant, method: Method, region: Region, central: bool = False) -> Source:
     """Return the laws of a method for a region, each proved by the matrices of its own point.
+
+    Parameters
+    ----------
+    central : bool
+        Whether the first law of a disk is that of its centre, as far from all edges as can be: what
+        a remainder leaves to prove is not to hang on where a search stops.
 
     Raises
     ------
@@ -86,8 +92,9 @@ def source(plant: UncertainPlant, method: Method, region: Region) -> Source:
     require_checkable(plant, method, len(region.parts))
 
     def laws(inside: Region) -> Iterator[Certificate]:
-        search = laws_in if inside.circle is None else _laws_in_disk
-        return search(plant, inside, method)
+        if inside.circle is None:
+            return laws_in(plant, inside, method)
+        return _laws_in_disk(plant, inside, method, central)
 
     return Source(plant, laws, proved, lambda region: _refusal(method, region))
 
@@ -98,11 +105,14 @@ def proved(certificate: Certificate, region: Region) -> Design | None:
     return Design(claimed) if claimed.holds() else None
 
 
-def _laws_in_disk(plant: UncertainPlant, disk: Region, method: Method) -> Iterator[Certificate]:
+def _laws_in_disk(
+    plant: UncertainPlant, disk: Region, method: Method, central: bool
+) -> Iterator[Certificate]:
     """Yield the law of a point inside a disk, and of the smallest disk of the same centre."""
     centre, radius = disk.circle or (0.0, 0.0)
     with suppress(SolverError):
-        point = smallest(plant.A, plant.B, Disks(centre), method, enough=radius)
+        goal = Disks(centre)
+        point = smallest(plant.A, plant.B, goal, method, enough=radius, central=central)
         if point.r <= radius:
             yield rounded(plant, disk, method, point)
     best = smallest_disk(plant, centre, method)[0]

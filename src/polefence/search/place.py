@@ -113,7 +113,8 @@ def _sources(
     """
     bare = plant.combinations
     if structure is None:
-        return [_whole(plant, by_lmi.source(bare, method, region))]
+        central = plant.remainder is not None
+        return [_whole(plant, by_lmi.source(bare, method, region, central))]
     every = [structure]
     if plant.remainder is not None and structure.degree and structure.schedule != ():
         every.append(replace(structure, schedule=()))

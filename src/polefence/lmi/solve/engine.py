@@ -67,6 +67,7 @@ def run(
     enough: float = 0.0,
     tolerance: float = reference.TOLERANCE,
     engine: str | None = None,
+    central: bool = False,
 ) -> Outcome:
     """Run the interior point from F(x, r) > 0 until it converges, or r is at most ``enough``.
 
@@ -76,13 +77,15 @@ def run(
         Of the gap, relative to r.
     engine : str, optional
         "compiled" or "numpy"; by default the compiled one where there is one.
+    central : bool
+        As of `polefence.lmi.solve.interior_point.run`.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If F(x, r) is not positive definite.
     """
-    outcome = _run(stacked, x, r, enough, tolerance, engine)
+    outcome = _run(stacked, x, r, enough, tolerance, engine, central)
     spend(outcome.iterations * stacked.unknowns**2 * (stacked.unknowns + stacked.order))
     return outcome
 
@@ -94,10 +97,11 @@ def _run(
     enough: float,
     tolerance: float,
     engine: str | None,
+    central: bool,
 ) -> Outcome:
     """Return what `run` does, by one engine or the other."""
     if engine == "numpy" or _kernel is None:
-        return reference.run(stacked, x, r, enough, tolerance)
+        return reference.run(stacked, x, r, enough, tolerance, central)
     reference.tell(0)
     started, x, r, Y, gap, iterations, converged, trail = _kernel.run(
         stacked.unknowns,
@@ -110,6 +114,7 @@ def _run(
         reference.ORDER,
         reference.MAX_ITERATIONS,
         spare_processors(),
+        central=central,
         told=reference.tell,
     )
     if not started:

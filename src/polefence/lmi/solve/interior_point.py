@@ -23,6 +23,7 @@ analytic centre at that r, and the step one of the method of centres.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
@@ -48,6 +49,9 @@ DAMPING, LEAST_DAMPING = 0.7, 1e-4
 # count up, others down: after so many, these coordinates have no digits left and the run ends.
 # Steps before the first longer one, far from the path, do not count.
 POOR, PATIENCE, ILL = 14, 3, 1e-5
+# Newton's decrement from which on whole steps converge quadratically, and at which the next step is
+# the last: it leaves the square of it.
+QUADRATIC, CENTRED = 0.25, 1e-5
 
 
 class Newton(Protocol):
@@ -143,6 +147,7 @@ def run(
     r: float | None = None,
     enough: float = 0.0,
     tolerance: float = TOLERANCE,
+    central: bool = False,
 ) -> Outcome:
     """Run the interior point from a point with D(x) > 0.
 
@@ -155,6 +160,9 @@ def run(
         Stop at the first r that is no larger.
     tolerance : float
         Of the gap, relative to r.
+    central : bool
+        Whether then to go to the analytic centre at r = ``enough``, if a step was taken. Where a
+        run stops hangs on the last bits of floats, the centre does not.
 
     Raises
     ------
@@ -194,7 +202,50 @@ def run(
         x, r, Y = step
         begun = begun or number < POOR
         poor = max(0, poor + (1 if number >= POOR else -1)) if begun and arc.pivot < ILL else 0
+    if central and iterations and r <= enough:
+        x, r = _centre(stacked, x, enough, t), enough
+        D, F = stacked.parts(x)[0], _slack(stacked, x, r)
+        Y = _inverses(F)
+        Y = _scaled(Y, 1 / _inner(Y, D))
+        gap = _inner(F, Y)
     return Outcome(x, r, Y, gap, iterations, bool(gap <= tolerance * r), np.array(trail))
+
+
+def _centre(stacked: Linear, x: Array, r: float, t: Array) -> Array:
+    """Return the analytic centre at a fixed r: the x of largest det F(x, r), t'x as it is.
+
+    By Newton's method, damped while its decrement is large. It is one point, which the last bits of
+    floats do not move. Where they hold no step, x as it was.
+    """
+    start = x
+    try:
+        for _ in range(MAX_ITERATIONS):
+            Q = _inverses(_slack(stacked, x, r))
+            newton = _factors(stacked, r, Q)
+            gradient = stacked.adjoint(r, Q)
+            dx, Ht = newton.solved(gradient), newton.solved(t)
+            dx = dx - Ht * (t @ dx) / (t @ Ht)
+            decrement = math.sqrt(max(float(gradient @ dx), 0.0))
+            x = x + dx / (1 if decrement < QUADRATIC else 1 + decrement)
+            if decrement < CENTRED:
+                break
+        _inverses(_slack(stacked, x, r))
+    except np.linalg.LinAlgError:
+        return start
+    return x
+
+
+def _factors(stacked: Linear, r: float, Q: Blocks) -> Newton:
+    """Return the factors of the barrier's Hessian, shifted by as little as makes them exist."""
+    for shift in SHIFTS[:-1]:
+        with suppress(np.linalg.LinAlgError):
+            return stacked.newton(r, Q, Q, shift)
+    return stacked.newton(r, Q, Q, SHIFTS[-1])
+
+
+def _slack(stacked: Linear, x: Array, r: float) -> Blocks:
+    D, M = stacked.parts(x)
+    return [r * d - m for d, m in zip(D, M, strict=True)]
 
 
 def tell(iterations: int) -> None:

@@ -190,6 +190,7 @@ def attempt(
     tolerance: float = TOLERANCE,
     engine: str | None = None,
     widenings: int = 1,
+    central: bool = False,
 ) -> Outcome | None:
     """Run the interior point; None where floats were lost, or F(x, r) is not positive definite.
 
@@ -197,6 +198,8 @@ def attempt(
     ----------
     widenings : int
         How often to try, each time at half as large an r again.
+    central : bool
+        As of `polefence.lmi.solve.interior_point.run`.
 
     Raises
     ------
@@ -205,7 +208,7 @@ def attempt(
     """
     for _ in range(widenings):
         try:
-            outcome = run(stacked, x, r, enough, tolerance, engine)
+            outcome = run(stacked, x, r, enough, tolerance, engine, central)
         except np.linalg.LinAlgError:
             r *= 1.5
         except MemoryError as error:

@@ -50,6 +50,7 @@ def smallest(
     tolerance: float = TOLERANCE,
     motion: Motion = STILL,
     patches: tuple[Patch, ...] = (),
+    central: bool = False,
 ) -> Reached:
     """Find the least r at which the condition is feasible: a disk's radius, or what grows with r.
 
@@ -72,6 +73,8 @@ def smallest(
         Of the parameters, under which half-planes are kept.
     patches : tuple of Patch
         Where the law is given estimates of the parameters; no disks' duals are those of it.
+    central : bool
+        Whether to end at the analytic centre of ``enough``: one point, on any machine.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def smallest(
     scale = goal.scale
     if not scale or goal.is_open:
         scale = max(scale, typical_rate(A))  # an open region may be far slower than the plant
-    of_law = enough, engine, motion, patches
+    of_law = enough, engine, motion, patches, central
     search = _Search(A, B, goal, scale, method, balanced(A, B, scale), *of_law)
     first, wide = near, CLOSE
     if first is None:
@@ -120,6 +123,7 @@ class _Search:
     engine: str | None
     motion: Motion
     patches: tuple[Patch, ...]
+    central: bool
 
     @property
     def floor(self) -> float:
@@ -157,7 +161,8 @@ class _Search:
                 return None
             r = max(r, point[1])
         # up to 12 widenings, each by half
-        outcome = attempt(stacked, x, r, self.floor / unit, tolerance, self.engine, 12)
+        limits = self.floor / unit, tolerance
+        outcome = attempt(stacked, x, r, *limits, self.engine, 12, self.central)
         if outcome is None:
             return None
         end = pencil.unpack(outcome.x)

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polefence import FixedGain, PlantError, with_actuator, with_sensor
+from polefence import FixedGain, PlantError, PolynomialGain, with_actuator, with_sensor
+from polefence.base.errors import InputError
 from polefence.cli.main import main
 from polefence.examples import family, spec_text
 from polefence.plant.points import seeded
 from polefence.response.stationary import stationary, velocity_density
 from polefence.vehicle import drive, on_road, random_road
 from polefence.vehicle.compare import compare
-from polefence.vehicle.driving.parts import Actuator, BumpStops, Hardware, Jump
+from polefence.vehicle.driving.parts import Actuator, BumpStops, Hardware, Jump, Measured, Sampling
 from polefence.vehicle.reference_laws import Sizes, lqr, skyhook
 from polefence.vehicle.rest import held_words, rests
 from polefence.vehicle.vehicle import masses, ride
@@ -121,3 +122,27 @@ def test_every_command_takes_a_spec_with_hardware(tmp_path, capsys):
     assert main([*words, "--duration", "1", "--step", "0.0005", "-o", str(tmp_path / "x.csv")]) == 0
     assert "measured sprung-mass acceleration" in capsys.readouterr().out
     assert main(["compare", str(path), "--law", "quadratic", "--law", "passive"]) == 0
+
+
+@pytest.mark.parametrize("sampling", [None, Sampling(0.002, delayed=True)])
+@pytest.mark.parametrize("m1", [250.0, 330.0])
+def test_a_law_takes_the_acceleration_of_the_car_that_is_driven(lagging, sampling, m1):
+    """Its rows are those of the load, and the law's gain that of what it is told of it."""
+    signal, here = lagging.signal("sprung-mass acceleration"), {"beta": 3.0}
+    assert len(signal.C) > 1
+    hardware = Hardware(sampling=sampling)
+    law = PolynomialGain(((0, 0), (1, 0)), [[[-40.0]], [[-5.0]]], (signal,), lagging.parameters)
+    excitation = on_road(lagging, random_road("C", 10, seed=4), 20, 5e-4)
+    gain = FixedGain(law.gain(lagging.alpha(m1=m1, **here)))
+    other = law.gain(lagging.alpha(m1=300.0, **here))
+    assert np.abs(other - gain.K).max() > 0.01 * np.abs(other).max()
+    found, plain = (
+        drive(lagging, each, excitation, here | {"m1": m1}, hardware).of(signal.name)
+        for each in (law, gain)
+    )
+    assert np.allclose(found, plain, rtol=0, atol=1e-9 * np.abs(plain).max())
+    noisy = replace(hardware, scheduling=Measured(noise={"m1": 5.0}))
+    near = drive(lagging, law, excitation, here | {"m1": m1}, noisy).of(signal.name)
+    assert 0 < np.abs(near - plain).max() < 0.05 * np.abs(plain).max()
+    with pytest.raises(InputError, match="drives along moving or estimated parameters"):
+        drive(lagging, law, excitation, here | {"m1": Jump(0.2, 260.0, 330.0)}, hardware)

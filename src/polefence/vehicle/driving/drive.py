@@ -352,7 +352,8 @@ def drive(
     stopped = None if parts.stops is None else suspensions(plant, car)
     source = _source(trajectories, excitation, parts)
     follows = source if sampling is None else None
-    gains = gains_of(space, law)
+    constant = trajectories.constant and not parts.learns
+    gains = gains_of(space, law, trajectories.at(np.zeros(1))[0] if constant else None)
     model = Model(plant, excitation, trajectories, gains, follows, parts, known, stopped)
     begin = np.zeros((len(trajectories.cars), model.width))
     first = np.array([INSIDE * excitation.step])

@@ -531,8 +531,14 @@ class Model:
         return np.asarray(dz)
 
 
-def gains_of(space: Space, law: Any) -> Gains:
-    """Return the function from parameter values (..., q), in or out of bounds, to K (..., m, n)."""
+def gains_of(space: Space, law: Any, true: Array | None = None) -> Gains:
+    """Return the function from parameter values (..., q), in or out of bounds, to K (..., m, n).
+
+    Parameters
+    ----------
+    true : (count, q) array, optional
+        Of each car, where they are constant: outputs that a law takes may depend on them.
+    """
     plant = space.plant
     n, m = plant.shape
     if law is None:
@@ -549,11 +555,14 @@ def gains_of(space: Space, law: Any) -> Gains:
         return table
     given = given_law(plant, law)
     if len(given.C) > 1:
-        varying = ", ".join(repr(y.name) for y in given.measured if len(y.C) > 1)
-        raise InputError(
-            f"the law takes {varying}, which depends on the parameters: drives have laws of states "
-            "or of outputs that are the same for all parameters"
-        )
+        if true is None:
+            varying = ", ".join(repr(y.name) for y in given.measured if len(y.C) > 1)
+            raise InputError(
+                f"the law takes {varying}, which depends on the parameters: drives along moving or "
+                "estimated parameters have laws of states, or of outputs that are the same for all"
+            )
+        here = space.alpha(true)
+        return lambda values: given.told(here, space.alpha(space.inside(values)))
     K = given.K
     if K is not None:
         return lambda values: np.broadcast_to(K, (*values.shape[:-1], m, n))

@@ -376,7 +376,7 @@ def exponential(claim, alpha, T):
 def placed(plant, claim, alpha, A, B, E):
     """A, B and E with the samples in their places, and the inputs on their way behind them."""
     F, G, H = exponential(claim, alpha, plant.T)
-    (n, m), late = G.shape, claim["delay"] * G.shape[1]
+    (n, m), late = G.shape, claim.get("delay", 0) * G.shape[1]
     A, B, E = A.copy(), B.copy(), E.copy()
     A[: n + late], B[: n + late], E[: n + late] = 0, 0, 0
     A[:n, :n], E[:n] = F, H

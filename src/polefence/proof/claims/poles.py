@@ -368,13 +368,16 @@ class Poles(Short, Claim):
         return [proof for evidence in self.evidence for proof in evidence.per_cell]
 
     def degree(self, evidence: Evidence) -> int:
-        """Return the degree of the inequalities' polynomials in each simplex."""
+        """Return the least degree of the inequalities' polynomials in each simplex."""
         if self.method == "slack":
             return max(evidence.degree, 1) + evidence.elevation
         plant_degree = 1
         if self.remainder is not None:
             cells = any(proof.cells for proof in self.evidence)
             plant_degree = self.remainder.parts_degree if cells else self.remainder.degree
+            if cells and self.remainder.third and self.law.K is not None:
+                # of inputs that are the same in all of a part
+                plant_degree = max(plant_degree - self.law.form_degree, 0)
         return degree_of(self.law, evidence) + plant_degree + evidence.elevation
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,8 +16,8 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states as states_of_a_law
 from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
-from polefence.region.regions import Region, Sector, VerticalStrip
-from polefence.region.z_plane import annulus_kept, share_kept
+from polefence.region.regions import Region
+from polefence.region.z_plane import shares
 
 MOST_GAINS = 8  # vertices whose gains are printed one by one
 
@@ -96,24 +95,22 @@ def image_text(plant: UncertainPlant, region: Region, proved: bool = True) -> li
     """Say what stands in the z-plane for a region that is asked of a plant in discrete time."""
     if plant.sample_time is None or in_time_of(plant, region) == region:
         return []
-    sectors = [
-        f"; the polygon of {part} is {math.floor(100 * share_kept(part.damping))} % of its image"
-        for part in region.parts
-        if isinstance(part, Sector)
-    ]
     T = float(plant.sample_time)
-    strips = [
-        f"; the right part of {part} is {math.floor(100 * annulus_kept(part, T))} % of its image"
-        for part in region.parts
-        if isinstance(part, VerticalStrip)
-    ]
-    said = "".join((*sectors, *strips))
+    kept = shares(region, T)
+    said = "".join(f"; {share}" for share in kept)
     lines = [f"  that lies within {region} at T = {exactly(T)} s, z = exp(s T){said}"]
-    if sectors and not proved:
-        lines.append("  note: so a pole outside the polygon may still have the damping asked")
-    if strips and not proved:
-        lines.append("  note: so a pole outside that part may still be in the strip asked")
+    if not proved:
+        lines += [
+            f"  note: so a pole outside that {share.name} may still be in {share.beyond} asked"
+            for share in kept
+        ]
     return lines
+
+
+def smaller_text(plant: UncertainPlant, region: Region) -> list[str]:
+    """Say what `image_text` says where that is less than the image of what was asked."""
+    T = plant.sample_time
+    return image_text(plant, region) if T is not None and shares(region, float(T)) else []
 
 
 def gains_of(law: Law) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from polefence.cli.lines import (
     motion_lines,
     order_lines,
     samples_text,
+    smaller_text,
     words_of,
 )
 from polefence.cli.options import (
@@ -115,6 +116,7 @@ def optimise_command(options: Any) -> int:
     rows = rows_of(done)
     require_agreement(rows)
     _finish(done, rows, method, options)
+    say(*([] if region is None else smaller_text(plant, region)))
     say(*order_lines(done.plant, structure))
     return PROVED
 

@@ -6,12 +6,26 @@ with k = damping / sqrt(1 - damping^2). Where they turn back at the left that se
 polygon whose corners lie on the spirals, and which ends where these meet, is within it. Its edges
 are wedges. A vertical strip becomes an annulus, which is not convex: what lies to the right of its
 inner circle is, within a wedge that is nearly a half-plane.
+
+In the image of a disk lies the disk that meets the real axis in the same two points,
+exp((centre - radius) T) and exp((centre + radius) T). Of a disk about 0, rho = radius T, its points
+are those whose distance from 1 is below rho by the metric |dz| / Re z of the right half-plane
+(Beardon, The Geometry of Discrete Groups, 1983, section 7.2). In s T = log z that metric is
+|dz| / Re z = |d log z| / cos(Im log z), which is no shorter than |d log z|: so |log z| < rho.
+Another centre scales both images by a positive number. The ends alone are rounded, towards one
+another, and a disk between them lies in the other; so does that which ends at 1, where a disk
+reaches into the right half-plane. Of an ellipse the image is that of the largest disk about its
+centre in it.
+
+A wedge that opens to the left from -1 or beyond has no point in common with the unit disk and is
+one of continuous time: its image is that of a damping ratio, times exp(apex T).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
@@ -22,9 +36,11 @@ import numpy as np
 
 from polefence.base.errors import RegionError, shown
 from polefence.base.explained import explained
+from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import (
     Disk,
+    Ellipse,
     HalfPlane,
     HorizontalStrip,
     Intersection,
@@ -32,6 +48,8 @@ from polefence.region.regions import (
     Sector,
     VerticalStrip,
     Wedge,
+    damping_of,
+    slope_of,
 )
 
 EDGES = 5  # of the polygon of a damping ratio, in the upper half-plane
@@ -43,17 +61,15 @@ EXACT = 1e-15  # relative error of an exponential, times one more than its expon
 HALVINGS = 50
 ALONG = np.linspace(0.0, 1.0, 65)[1:-1]  # points of an edge at which its damping is looked at
 UPRIGHT = 100.0  # slope of the wedge that stands for a half-plane to the right of its apex
-KNOWN = (
-    "half_plane, sector, vertical_strip and horizontal_strip, or disk and wedge, which are of the "
-    "z-plane"
-)
+SMALLEST = 1e-100  # modulus of an end of an image
 
 
 @explained
 def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
     """Return a region of the z-plane, within the image of a region of continuous time.
 
-    Disks and wedges are of the z-plane already and stay as they are.
+    Disks in the unit disk, or about a point of the right half-plane, and wedges that meet the unit
+    disk are of the z-plane already and stay as they are.
 
     Parameters
     ----------
@@ -84,14 +100,61 @@ def z_plane(region: Region, sample_time: Any, edges: int = EDGES) -> Region:
         raise RegionError(f"sample_time = {T:g} must be positive and finite")
     if not 2 <= edges <= MOST_EDGES:
         raise RegionError(f"edges = {edges} must be 2 to {MOST_EDGES}")
-    images = [image for part in region.parts for image in _image(part, T, edges)]
+    images = [image for part in region.parts for image in _IMAGES[part.kind](part, T, edges)]
     if not any(image.circle for image in images):
         images.insert(0, Disk(0, 1))
     return images[0] if len(images) == 1 else Intersection(tuple(images))
 
 
-def _of_z_plane(part: Region, T: float, edges: int) -> list[Region]:  # noqa: ARG001
-    return [part]
+def _of_disk(part: Disk, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    return [part] if part.discrete or part.centre >= 0 else [_disk(part, *part.ends, T)]
+
+
+def _of_ellipse(part: Ellipse, T: float, edges: int) -> list[Region]:  # noqa: ARG001
+    radius = min(part.real, part.imaginary)
+    return [_disk(part, part.centre - radius, part.centre + radius, T)]
+
+
+def _of_wedge(part: Wedge, T: float, edges: int) -> list[Region]:
+    if part.slope < 0 or part.apex > -1:
+        return [part]
+    scale = _below_exponential(HalfPlane(-part.apex), T)
+    polygon = _polygon(_damping(part), edges)
+    return [Disk(0, scale), *(_scaled(wedge, scale) for wedge in polygon)]
+
+
+def _damping(wedge: Wedge) -> float:
+    """Return the damping ratio of a wedge that opens to the left; not less."""
+    damping = damping_of(wedge.slope)
+    while slope_of(damping) > wedge.slope:
+        damping = math.nextafter(damping, 1)
+    return damping
+
+
+def _scaled(wedge: Wedge, scale: float) -> Wedge:
+    """Return a wedge whose apex is nearer to zero, rounded to where that makes it smaller."""
+    return Wedge(math.nextafter(wedge.apex * scale, -wedge.slope * math.inf), wedge.slope)
+
+
+def _disk(part: Region, low: float, high: float, T: float) -> Disk:
+    """Return the disk about a point of the real axis between two exponentials, up to one."""
+    begin = max(_exponential(low * T, 1), SMALLEST)
+    end = min(_exponential(high * T, -1), 1.0)
+    if begin >= end * (1 - INSIDE):
+        raise RegionError(f"{part}: its image has no size in floats at {T:g} s")
+    centre = (begin + end) / 2
+    radius = min(end - centre, centre - begin)
+    while not (
+        Fraction(begin) <= Fraction(centre) - Fraction(radius)
+        and Fraction(centre) + Fraction(radius) <= Fraction(end)
+    ):
+        radius = math.nextafter(radius, 0)
+    return Disk(centre, radius)
+
+
+def _exponential(x: float, side: int) -> float:
+    """Return exp(x), a little more or less; zero below, of nothing that doubles hold."""
+    return 1.0 if not x else math.exp(min(x, 200.0)) * (1 + side * EXACT * (1 + abs(x)))
 
 
 def _of_half_plane(part: HalfPlane, T: float, edges: int) -> list[Region]:  # noqa: ARG001
@@ -99,8 +162,7 @@ def _of_half_plane(part: HalfPlane, T: float, edges: int) -> list[Region]:  # no
 
 
 def _of_vertical_strip(part: VerticalStrip, T: float, edges: int) -> list[Region]:  # noqa: ARG001
-    inner = part.low * T
-    apex = math.exp(inner) * (1 + EXACT * (1 + abs(inner)))
+    apex = _exponential(part.low * T, 1)
     outer = _below_exponential(HalfPlane(-part.high), T)
     if apex >= outer * (1 - INSIDE):
         raise RegionError(f"{part}: is too narrow at {T:g} s")
@@ -122,8 +184,9 @@ def _of_sector(part: Sector, T: float, edges: int) -> list[Region]:  # noqa: ARG
 
 
 _IMAGES: dict[str, Callable[[Any, float, int], list[Region]]] = {
-    Disk.kind: _of_z_plane,
-    Wedge.kind: _of_z_plane,
+    Disk.kind: _of_disk,
+    Ellipse.kind: _of_ellipse,
+    Wedge.kind: _of_wedge,
     HalfPlane.kind: _of_half_plane,
     VerticalStrip.kind: _of_vertical_strip,
     HorizontalStrip.kind: _of_horizontal_strip,
@@ -131,22 +194,14 @@ _IMAGES: dict[str, Callable[[Any, float, int], list[Region]]] = {
 }
 
 
-def _image(part: Region, T: float, edges: int) -> list[Region]:
-    """Return regions of the z-plane within the image of a part."""
-    if part.kind not in _IMAGES:
-        raise RegionError(f"{part} has no image in the z-plane here; use {KNOWN}")
-    return _IMAGES[part.kind](part, T, edges)
-
-
 def _below_exponential(part: HalfPlane, T: float) -> float:
     """Return exp(-decay T), a little less."""
     if part.decay < 0:
         raise RegionError(f"{part} holds unstable poles; use half_plane(0) or more")
-    x = part.decay * T
-    radius = math.exp(-x) * (1 - EXACT * (1 + x))
-    if radius <= 1e-100:
+    radius = _exponential(-part.decay * T, -1)
+    if radius <= SMALLEST:
         raise RegionError(f"{part}: nothing decays so fast at {T:g} s; ask for a lower rate")
-    return radius if part.decay else 1.0
+    return radius
 
 
 # --- damping -------------------------------------------------------------------------------------
@@ -170,6 +225,66 @@ def annulus_kept(strip: VerticalStrip, sample_time: float) -> float:
     width = np.sqrt(np.maximum(b * b - y * y, 0.0)) - a - y / UPRIGHT
     kept = 2 * b * float(np.maximum(width, 0.0).mean())
     return kept / (math.pi * (b * b - a * a))
+
+
+def disk_kept(part: Disk | Ellipse, sample_time: float) -> float:
+    """Return which share of the image's area `z_plane` keeps of a disk or an ellipse, in floats.
+
+    Of an image that covers a part of the plane twice, twice that part counts; what lies to the
+    right of 1 counts too.
+    """
+    a, b = (axis * sample_time for axis in part.half_axes or (0.0, 0.0))
+    centre, rho = part.centre * sample_time, min(a, b)
+    angle = np.linspace(0.0, math.pi, 20001)
+    # |exp s|^2 over the ellipse, s = a cos(angle) + i y, and the disk, relative to its largest
+    whole = 2 * a * b * np.mean(np.sin(angle) ** 2 * np.exp(2 * a * (np.cos(angle) - 1)))
+    low, high = (math.exp(end - centre - a) for end in (centre - rho, min(centre + rho, 0.0)))
+    return float(((high - low) / 2) ** 2 / whole)
+
+
+@dataclass(frozen=True)
+class Share(Short):
+    """What stands for a part in the z-plane, where that is less than its image.
+
+    Attributes
+    ----------
+    part : Region
+        As it was asked for.
+    name : str
+        Of what stands for it.
+    kept : float
+        Its share of the image's area, in floats.
+    beyond : str
+        Where a pole outside it may still be.
+    """
+
+    part: Region
+    name: str
+    kept: float
+    beyond: str
+
+    def __str__(self) -> str:
+        return f"the {self.name} of {self.part} is {math.floor(100 * self.kept)} % of its image"
+
+
+def shares(region: Region, sample_time: float) -> tuple[Share, ...]:
+    """Return for each part of a region what stands for it where that is less than its image."""
+    T = float(sample_time)
+    return tuple(
+        Share(part, name, kept(part, T), beyond)
+        for part in region.parts
+        if part.kind in _KEPT and _IMAGES[part.kind](part, T, EDGES) != [part]
+        for name, kept, beyond in [_KEPT[part.kind]]
+    )
+
+
+_KEPT: dict[str, tuple[str, Callable[[Any, float], float], str]] = {
+    Disk.kind: ("inner disk", disk_kept, "the disk"),
+    Ellipse.kind: ("inner disk", disk_kept, "the ellipse"),
+    Wedge.kind: ("polygon", lambda part, _: share_kept(_damping(part)), "the wedge"),
+    VerticalStrip.kind: ("right part", annulus_kept, "the strip"),
+    Sector.kind: ("polygon", lambda part, _: share_kept(part.damping), "the sector"),
+}
 
 
 def _polygon(damping: float, edges: int) -> list[Wedge]:

@@ -371,8 +371,9 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     if best is not None:
         return replace(best, cut=cut)
     reason = "not proved: no law of this structure was found that is proved to keep the region"
-    if not task.limits:
-        raise NotProvedError("; ".join(filter(None, (reason, cut))))
+    slow = _slower_than_late_samples(task)
+    if slow or not task.limits:
+        raise NotProvedError("; ".join(filter(None, (reason, slow, cut))))
     _refute(task)
     with bounded(MOST_WORK * 0.25) as looked:
         near = list(_attainable(*searches.problems[-1], searches.starts(last)))
@@ -384,6 +385,18 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     if cut:
         advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
+
+
+def _slower_than_late_samples(task: Task) -> str:
+    """Say that the region leaves out z = 0, where the pole of a late sample begins."""
+    sampling, step = task.plant.sampling, float(task.plant.step)
+    if sampling is None or not sampling.delay or task.region.contains([-1 / step]):
+        return ""
+    return (
+        "an input that is late adds a pole at z = 0, which the region leaves out, and no such law "
+        "moved it into the region for all parameters; ask without what bounds the speed of poles, "
+        "such as a disk, or without the delay"
+    )
 
 
 def _best_order(orders: Orders) -> Optimised | None:

@@ -34,6 +34,7 @@ from polefence.export.program import (
     Fixed,
     Polynomial,
     Program,
+    amid,
     number,
     with_memory,
 )
@@ -150,7 +151,7 @@ def prove_decay(
     if program is None:
         order, parameters = kept(design), design.plant.parameters
         program = program_of(code_law(design.law), parameters, number(64))
-        program = with_memory(program, order, seconds)
+        program = with_memory(amid(program, code_law(design.law)), order, seconds)
     rounded, reason = None, "the sampled loop is not stable for all parameter values"
     if slowest > 0:
         rounded, reason = _proved(design, seconds, delay, slowest, program)
@@ -277,7 +278,8 @@ def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
     ]  # powers of two, the same at all coefficients: see `at_samples`
     scale = 2.0 ** -np.floor(np.log2(energy) / 2)
     T[added, added], W[:, added, added] = scale, energy * scale**2
-    return replace(program, T=T, W=W, Z=np.insert(program.Z, [n] * late, 0.0, axis=2))
+    L = None if program.L is None else np.insert(program.L, [n] * late, 0.0, axis=1)
+    return replace(program, T=T, W=W, Z=np.insert(program.Z, [n] * late, 0.0, axis=2), L=L)
 
 
 def decay_of(radius: Fraction, sample_time: Fraction) -> float:

@@ -281,7 +281,8 @@ def rebuilt_program(code: Code, certificate: Certificate) -> Program:
         gains = np.array([_floats(term) for term in code.terms])
         return Polynomial(form, shares, law.domain, law.powers, gains, measured, memory)
     W, Z = (np.array([_floats(row) for row in table]) for table in (code.W, code.Z))
-    return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z)
+    L = None if code.L is None else _floats(code.L)
+    return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z, L)
 
 
 def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
@@ -554,7 +555,7 @@ def local_bytes(made: Program) -> int:
     weights = len(made.shares) * 2 if made.shares else made.domain.corners
     count = weights + sum(made.domain.sizes) + m
     if isinstance(made, Scheduled):
-        count += len(made.W) + (n + 1) * n
+        count += len(made.W) + (n + 1) * n + (n if made.L is not None else 0)
     else:
         count += len(made.gains) + len(made.powers[0])
     return count * made.number.bits // 8

@@ -29,7 +29,7 @@ from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, guarantee
 from polefence.export.memory import kept, with_rates
 from polefence.export.observer import observer_sources
-from polefence.export.program import Program, number, program, with_memory
+from polefence.export.program import Program, amid, number, program, with_memory
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
@@ -148,7 +148,7 @@ def export_c99(
     design = of_signals(with_rates(design)) if observer is None else design
     made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
     order = kept(design)
-    made = with_memory(made, order, _period(design, order, sampling))
+    made = with_memory(amid(made, code_law(design.law)), order, _period(design, order, sampling))
     cuts = _limits(limits, design.plant.shape[1] - order)
     _require_observer(design, observer, sampling, allow_unproved)
     answer = check(design)

@@ -224,7 +224,8 @@ def code_of(program: Program, plant: UncertainPlant) -> Code:
         terms = tuple(map(exactly, program.gains))
         return Code(bits, shares=shares, terms=terms, memory=memory)
     W, Z = (tuple(map(exactly, rows)) for rows in (program.W, program.Z))
-    return Code(bits, None, exactly(program.T), W, Z, shares)
+    L = None if program.L is None else exactly(program.L)
+    return Code(bits, None, exactly(program.T), W, Z, shares, L=L)
 
 
 def balanced(sizes: Array, memory: Kept) -> Array:
@@ -249,7 +250,8 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
     are measured with the same rows everywhere, no more of them than states, multiples of those.
     """
     if isinstance(program, Scheduled):
-        size = np.linalg.norm(program.Z, axis=-1).max(axis=0)
+        Z = program.Z if program.L is None else program.Z + program.L @ program.W
+        size = np.linalg.norm(Z, axis=-1).max(axis=0)
         return _rows(size), tuple(map(tuple, exactly(program.T)))
     sizes = program.sizes if sizes is None else sizes
     rows, columns = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
@@ -300,7 +302,10 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     domain, degree = program.domain, program.degree
     left, right = np.split(design.law.form, [len(program.T)], axis=1)
     W = bernstein(domain, coordinates.forms(left), degree)
-    Z = bernstein(domain, coordinates.gains(right) / rows, degree)
+    gains = coordinates.gains(right)
+    if program.L is not None:
+        gains = gains - program.L @ coordinates.forms(left)
+    Z = bernstein(domain, gains / rows, degree)
     square, best = times(W, W), (inf, 0.0, 0.0, 0)
     for elevation in range(9):
         if domain.count(2 * degree + elevation) > 3000:

@@ -4,6 +4,10 @@ A scheduled law u = Z(alpha) W(alpha)^-1 x becomes Z' W'^-1 (T x) with W' = T W 
 where T is chosen so that W' is the identity at the centre of the family: whatever the units of the
 states, its entries are near one.
 
+Near the centre that is a gain, which needs no solution of equations: with L, a gain amid those of
+the corners, it becomes (L + (Z' - L W') W'^-1) (T x), and what the solution in floats is off by
+weighs as much as the gain varies, not as much as it is.
+
 A polynomial law has no such scaling: all powers c^e are found once, then each entry of the gain is
 a sum of as many products as there are terms; Horner's scheme would take no fewer.
 """
@@ -150,7 +154,7 @@ class Polynomial(Short):
 
 @dataclass(frozen=True, eq=False)
 class Scheduled(Short):
-    """u = Z(w) W(w)^-1 T x, w the Bernstein polynomials' values.
+    """u = (L + Z(w) W(w)^-1) T x, w the Bernstein polynomials' values.
 
     Attributes
     ----------
@@ -163,6 +167,8 @@ class Scheduled(Short):
     W : (count, n, n) array, symmetric
     Z : (count, m, n) array
         As the code has them: every entry a number of the format.
+    L : (m, n) array, optional
+        None is zero.
     """
 
     number: Number
@@ -172,6 +178,7 @@ class Scheduled(Short):
     T: Array
     W: Array
     Z: Array
+    L: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -227,6 +234,18 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
         _held(number.nearest(coordinates.forms(W)), "W"),
         _held(number.nearest(coordinates.gains(Z)), "Z"),
     )
+
+
+def amid(program: Program, law: Law) -> Program:
+    """Return the program of a scheduled law with the part of its gain that does not vary apart."""
+    if not isinstance(program, Scheduled):
+        return program
+    coordinates, nearest = Coordinates(program.T), program.number.nearest
+    gains = law.gain(np.eye(program.domain.corners)) @ np.linalg.inv(program.T)
+    L = _held(nearest((gains.min(axis=0) + gains.max(axis=0)) / 2), "L")
+    W, Z = np.split(law.form, [len(program.T)], axis=1)
+    Z = coordinates.gains(Z) - L @ coordinates.forms(W)
+    return replace(program, L=L, Z=_held(nearest(Z), "Z"))
 
 
 def memory_of(program: Program) -> Memory | None:

@@ -170,8 +170,10 @@ def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
         return {"formula": how, "gains": rows(number, flat), "terms": len(flat[0])}
     lower = np.tril_indices(n)
     return {
-        "formula": "u = Z(alpha) W(alpha)^-1 T x"
+        "formula": f"u = {'' if program.L is None else '(L + '}Z(alpha) W(alpha)^-1"
+        f"{'' if program.L is None else ')'} T x"
         + (", alpha from the parameters." if program.shares else "."),
+        "L": [] if program.L is None else rows(number, program.L),
         "T": [number.text(v) for v in program.T[lower]],
         "W": rows(number, program.W[:, lower[0], lower[1]].T),
         "Z": rows(number, program.Z.reshape(len(program.Z), -1).T),

@@ -91,7 +91,8 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
         return (code.K, list(code.terms)) == (K, [_spread(k, n, late) for k in plain.terms])
     squares = [(code.T or [], plain.T), *zip(code.W, plain.W, strict=True)]
     apart = all(_is_apart(wide, narrow) for wide, narrow in squares)
-    return apart and list(code.Z) == [_spread(z, n, late) for z in plain.Z]
+    L = None if plain.L is None else _spread(plain.L, n, late)
+    return apart and code.L == L and list(code.Z) == [_spread(z, n, late) for z in plain.Z]
 
 
 def _spread(matrix: Sequence[Sequence[Fraction]], n: int, late: int) -> Rationals:

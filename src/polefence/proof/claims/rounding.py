@@ -31,6 +31,9 @@ so that K = K' T, the code computes
     |dT| <= g(n) |T|, entry by entry;
 
     D = (dZ - K' dW) (W' + dW)^-1 (I + dT T^-1) + K' dT T^-1.
+
+Where the code has a gain L apart, u = (L + (Z' - L W') W'^-1) T x, Z' - L W' takes the place of Z',
+and to K' in the last term, and to D, come L and the error of its product, g(2 n) of |L|.
 """
 
 from __future__ import annotations
@@ -104,7 +107,7 @@ class Memory(Short):
 
 @dataclass(frozen=True)
 class Code(Short):
-    """The constants of the code, with the bits of its numbers.
+    """The constants of the code, with the bits of its numbers; ``L`` is a part of a scheduled gain.
 
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
     where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
@@ -119,6 +122,7 @@ class Code(Short):
     shares: tuple[Share, ...] = ()
     terms: tuple[Rationals, ...] = ()
     memory: Memory | None = None
+    L: Rationals | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,8 @@ class Rounded(Short, Claim):
     """All poles lie in the region with the gain that the code computes.
 
     ``gain`` is what the design tolerates. For scheduled laws ``smallest`` and ``size`` are bounds,
-    W' > smallest I and |Z' W'^-1| < size, which the coefficients at ``elevation`` prove.
+    W' > smallest I and |Z' W'^-1| < size, which the coefficients at ``elevation`` prove; with a
+    part L of the gain apart, |Z' W'^-1 - L| < size.
     """
 
     kind: ClassVar[str] = "rounding"
@@ -148,13 +153,13 @@ class Rounded(Short, Claim):
         gain_table, code_table = table.table("gain"), table.table("code")
         gain_table.word("kind", [GainError.kind])
         gain = GainError.read(gain_table, plant, law, on)
-        K, T = (code_table.matrix(key) if key in code_table else None for key in ("K", "T"))
+        K, T, L = (code_table.matrix(key) if key in code_table else None for key in ("K", "T", "L"))
         keys = ("W", "Z", "terms")
         W, Z, terms = (
             tuple(code_table.matrices(key, None, None)) if key in code_table else () for key in keys
         )
         memory = _read_memory(code_table.table("memory"), plant) if "memory" in code_table else None
-        code = Code(code_table.at("bits"), K, T, W, Z, _read_shares(code_table), terms, memory)
+        code = Code(code_table.at("bits"), K, T, W, Z, _read_shares(code_table), terms, memory, L)
         smallest, size = (code_table.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, code_table.whole("elevation", 0))
 
@@ -171,6 +176,7 @@ class Rounded(Short, Claim):
             keys = ("states", "step", "sample_time")
             table["memory"] = {key: plain(getattr(code.memory, key)) for key in keys}
         if code.T is not None:
+            table |= {} if code.L is None else {"L": plain(code.L)}
             table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
             table["elevation"] = self.elevation
         return {"kind": self.kind, "gain": self.gain.write(), "code": table}
@@ -201,7 +207,7 @@ class Rounded(Short, Claim):
         count = len(code.terms) if code.K is None else 1
         one = code.K is None or not law.polynomial or _is_one(law, gain.subject.design.sizes)
         both = code.K is not None and (code.terms or code.shares)
-        others = code.T is not None or code.W or code.Z or both
+        others = code.T is not None or code.L is not None or code.W or code.Z or both
         if len(gains) != count or others or not one or (code.terms and not law.polynomial):
             raise FormatError("code: the law and its constants do not belong together")
         if code.shares and len(code.shares) != len(gain.subject.ranges):
@@ -225,6 +231,8 @@ class Rounded(Short, Claim):
         for name, rows, matrices in (("T", n, [code.T or []]), ("W", n, code.W), ("Z", m, code.Z)):
             for matrix in matrices:
                 require_shape(matrix, rows, n, f"code.{name}")
+        if code.L is not None:
+            require_shape(code.L, m, n, "code.L")
         if any(w[i][j] != w[j][i] for w in code.W for i in range(n) for j in range(i)):
             raise FormatError("code.W is not symmetric")
         if code.shares and len(code.shares) != len(gain.subject.ranges):
@@ -307,7 +315,7 @@ def _require_numbers(code: Code) -> None:
     """Refuse constants that the code cannot hold, or that lead out of its numbers' range."""
     others = [[s.low, s.high, s.scale] for s in code.shares]
     others += [[code.memory.step]] if code.memory else []
-    for matrix in [code.K or [], code.T or [], *code.W, *code.Z, *code.terms, others]:
+    for matrix in [code.K or [], code.L or [], code.T or [], *code.W, *code.Z, *code.terms, others]:
         for row in matrix:
             for value in row:
                 if value and not (LEAST <= abs(value) <= MOST and _is_held(value, code.bits)):
@@ -449,6 +457,9 @@ def _scheduled(claim: Rounded) -> Fraction:
     code, rows, T = claim.code, claim.gain.rows, claim.code.T or []
     n, u = len(T), UNITS[code.bits]
     W, Z = transformed(claim)
+    L = None if code.L is None else scaled(code.L, rows)
+    if L is not None:
+        Z = [_difference(z, product(L, w)) for z, w in zip(Z, W, strict=True)]
     own_Z = [scaled(z, rows) for z in code.Z]
     terms = in_a_row(code, len(W))
     formed = (1 + terms) * (1 + weight_error(claim)) - 1  # of sizes of the coefficients
@@ -456,11 +467,15 @@ def _scheduled(claim: Rounded) -> Fraction:
     of_Z = formed * _largest(own_Z) + _largest(map(_difference, own_Z, Z))
     of_L = in_a_row(code, 3 * n + 4) / (1 - in_a_row(code, n + 2))
     of_W += of_L * (_require_bounds(claim, W, Z) + n * of_W)
-    of_Z += in_a_row(code, n) * (1 + formed) * _largest(own_Z)
+    products = in_a_row(code, n if L is None else 2 * n)
+    of_Z += products * (1 + formed) * _largest(own_Z)
     if of_W >= claim.smallest:
         raise FormatError(f"rounding with u = {float(u):.0e} may make W singular")
     size = claim.size
     error = (of_Z + size * of_W) / (claim.smallest - of_W)
+    if L is not None:
+        apart = norm(_absolute(L))
+        error, size = error + products * apart, size + apart
     of_T = in_a_row(code, n) * norm(product(_absolute(T), _absolute(_inverse(T))))
     return error * (1 + of_T) + size * of_T
 

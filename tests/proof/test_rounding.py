@@ -11,7 +11,7 @@ from polefence import Disk, Scheduled, place
 from polefence.examples import family
 from polefence.export.guarantee import code_of, guarantee, scales
 from polefence.export.program import Scheduled as Code
-from polefence.export.program import number, program
+from polefence.export.program import amid, number, program
 from polefence.proof import regions
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
@@ -33,10 +33,11 @@ CASES = {
 
 
 @cache
-def made(case, bits=32):
+def made(case, bits=32, apart=False):
     plant, region, method, by_parameters = CASES[case]
     design = place(family(plant), region, method)
     code = program(design.law, design.plant.parameters if by_parameters else (), number(bits))
+    code = amid(code, design.law) if apart else code
     return design, code, guarantee(design, code)
 
 
@@ -68,6 +69,7 @@ def single(code, weights, x):
             rows[i, j] = at(code.W, i, j)
             y = f(y + f(T[i, j] * x[j]))
         rows[n, i] = y
+    y = rows[n].copy()
     for j in range(n):
         for i in range(j, n + 1):
             for k in range(j):
@@ -86,12 +88,15 @@ def single(code, weights, x):
     for i in range(m):
         for j in range(n):
             u[i] = f(u[i] + f(at(code.Z, i, j) * v[j]))
+            if code.L is not None:
+                u[i] = f(u[i] + f(f(code.L[i, j]) * y[j]))
     return u.astype(float)
 
 
-def test_arithmetic_itself_stays_below_the_bound():
+@pytest.mark.parametrize("apart", [False, True])
+def test_arithmetic_itself_stays_below_the_bound(apart):
     """For every x: |u - K x| <= bound |T x|, as D is bounded; and the bound is not absurd."""
-    design, code, found = made("parameters")
+    design, code, found = made("parameters", apart=apart)
     random = np.random.default_rng(1)
     worst = 0.0
     for _ in range(300):
@@ -106,6 +111,23 @@ def test_arithmetic_itself_stays_below_the_bound():
         worst = max(worst, float(np.abs(u - exact).max() / np.linalg.norm(code.T @ x)))
     assert worst < found.rounding
     assert worst > found.rounding / 1000
+
+
+@pytest.mark.parametrize("case", ["parameters", "alpha", "degree 2", "box by alpha"])
+def test_a_part_of_the_gain_apart_is_the_same_law_and_rounds_less(case):
+    _, _, whole = made(case)
+    _, code, found = made(case, apart=True)
+    assert found.proved
+    assert found.check().proved
+    assert found.rounding < whole.rounding
+    claim = found.claim
+    other = [[value * 2 for value in row] for row in claim.code.L]
+    for L in (None, other):  # the code's Z is then not the law's beside it
+        assert not prove(replace(claim, code=replace(claim.code, L=L))).proved
+    wide = [[*row, Fraction(0)] for row in claim.code.L]
+    with pytest.raises(FormatError, match=r"code\.L"):
+        replace(claim, code=replace(claim.code, L=wide)).require()
+    assert np.array_equal(np.array(claim.code.L, dtype=float), code.L)
 
 
 def test_the_bound_grows_with_what_it_is_made_of():

@@ -43,6 +43,7 @@ Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
 
 SLACK = 1e-3  # of bounds found in floats, for the exact proof
 TINY = 1e-30  # above zero, for a law that is zero
+ALIKE = 1e-9  # of a gain, for one that hardly varies
 BITS = 24  # of the scales of inputs and columns
 
 
@@ -323,7 +324,9 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     if not best[1]:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")
     _, smallest, size, elevation = best
-    low, high = _exact(_short(np.array([smallest * (1 - SLACK), size * (1 + SLACK) + TINY])))
+    # floats know of what varies no more than a share of the gain
+    size += TINY if program.L is None else ALIKE * float(np.linalg.norm(program.L / rows)) + TINY
+    low, high = _exact(_short(np.array([smallest * (1 - SLACK), size * (1 + SLACK)])))
     return replace(claim, smallest=low, size=high, elevation=elevation)
 
 

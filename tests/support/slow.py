@@ -25,6 +25,7 @@ SLOW = (
     "docs/test_ride_page.py",
     "requirements/test_weights.py",
     "search/test_tuned.py",
+    "search/test_room_for_rounding.py",
     "requirements/test_vectors_of_outputs.py",
     "show/test_report.py",
     "fleet/test_claimed.py",

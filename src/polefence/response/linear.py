@@ -38,7 +38,7 @@ from polefence.response.discrete import (
     free_response,
     zero_order_hold,
 )
-from polefence.response.stationary import needed, unstable
+from polefence.response.stationary import growth, needed, unstable
 from polefence.response.weighting import positive
 
 Wanted = Sequence[Output | str] | None
@@ -262,6 +262,37 @@ def final(
     """
     path = _path(plant, law, alpha, signals, None, every=True)
     return path.sources, path.signals, *_final(path)
+
+
+def slowest_seen(
+    plant: UncertainPlant,
+    law: Any,
+    alpha: Any,
+    signals: Wanted = None,
+    source: str | None = None,
+    share: float = 0.02,
+) -> float:
+    """Return the slowest decay rate [1/s] of modes that are seen in step responses.
+
+    A mode is seen that makes at least a share of what all modes make of some signal, as a law's
+    own slow state often does not. Arguments and errors are those of `step`.
+
+    Returns
+    -------
+    float
+        Zero or less where a mode that is seen does not die away.
+    """
+    path = _path(plant, law, alpha, signals, source)
+    rates, modes = np.linalg.eig(path.loops.closed)
+    decay = -growth(rates, path.loops.step)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        try:
+            entering = np.abs(np.linalg.solve(modes, path.E.astype(complex)))[:, :, 0]
+        except np.linalg.LinAlgError:  # too few modes: all count
+            return float(decay.min())
+        makes = np.abs(path.C @ modes) * (entering / np.abs(rates))[:, None]
+        unseen = np.all(makes < share * makes.sum(axis=2, keepdims=True), axis=1)
+    return float(np.where(unseen, np.inf, decay).min())
 
 
 def _at_samples(loops: Loops, E: Array, step: float) -> tuple[Array, Array]:

@@ -32,8 +32,8 @@ from polefence.proof.document import Document
 from polefence.proof.plant import ANY
 from polefence.proof.text import rate_text, visible
 from polefence.region.text import digits_down, digits_up, short_text
-from polefence.response.linear import step
-from polefence.response.stationary import growth, velocity_density
+from polefence.response.linear import slowest_seen, step
+from polefence.response.stationary import velocity_density
 from polefence.search.limits import Limit, limits
 from polefence.show.plots import (
     limits_figure,
@@ -497,7 +497,8 @@ def responses(design: Design) -> Section:
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
     try:
-        response = step(plant, design, alpha, signals, source, _drawn(design, alpha))
+        drawn = _drawn(design, alpha, signals, source)
+        response = step(plant, design, alpha, signals, source, *drawn)
     except InputError as error:
         return Section("Responses", (f"None are drawn: {error}.",))
     name = (plant.disturbances or ("the disturbance",))[0] if source is None else source
@@ -534,11 +535,21 @@ def _size(plant: UncertainPlant) -> str:
     return f" ({GRADE})" if is_grade(plant) else ""
 
 
-def _drawn(design: Design, alpha: Any) -> float:
-    """Return how long a step response is worth drawing: ten of its slowest time constants [s]."""
-    poles, T = design.poles(alpha), float(design.plant.sample_time or 0)
-    slowest = float(-growth((poles - 1) / T if T else poles, T).max())
-    return 10 / slowest if slowest > 0 else 10 / design.region.size * (T or 1.0)
+def _drawn(
+    design: Design, alpha: Any, signals: Sequence[Output], source: str | None
+) -> tuple[float, float | None]:
+    """Return how long a step response is worth drawing, and the time between samples [s].
+
+    Ten of the slowest time constants that are seen in it, in 2,000 samples at most.
+    """
+    plant = design.plant
+    slowest = slowest_seen(plant, design, alpha, signals, source)
+    T = float(plant.sample_time or 0)
+    duration = 10 / slowest if slowest > 0 else 10 / design.region.size * (T or 1.0)
+    if T:
+        return duration, None
+    fastest = float(np.abs(design.poles(alpha)).max())
+    return duration, max(0.1 / fastest, duration / 2000)
 
 
 def _seconds(value: float) -> str:

@@ -15,9 +15,12 @@ from polefence.examples import family
 from polefence.export.decay import prove_decay
 from polefence.export.program import number, program
 from polefence.export.sampled import largest_sample_time, sampled_poles, sampling_effect
+from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.rounding import Rounded, rounding_error
-from polefence.proof.document import loads
+from polefence.proof.document import check, from_plain, loads
+from polefence.proof.work import FormatError
+from polefence.response import samples
 
 TIME = 0.002
 
@@ -200,6 +203,31 @@ def test_the_proof_reaches_near_to_the_limit_of_stability():
     assert found.proved
     assert 0 < found.decay <= found.sampled
     assert not prove_decay(integrator(), 1.05 / k, 1).proved
+
+
+def test_a_loop_whose_samples_are_known_at_nodes_is_proved_in_parts(monkeypatch):
+    def springs(m, k):
+        return [[0, 1], [-k / m, -2 / m]], [[0], [1 / m]]
+
+    def refused(*_):
+        raise FormatError("as of more parameters and states")
+
+    bounds = [Parameter("m", 1, 2, "kg", "1/m"), Parameter("k", 4, 9, "N/m")]
+    plant = UncertainPlant.from_function(springs, bounds)
+    design = analyse(plant, FixedGain([[-2.0, -1.0]]), HalfPlane(0)).design
+    with monkeypatch.context() as patch:
+        patch.setattr(samples, "_with_remainder", refused)
+        found = prove_decay(design, 0.1, 1, program(design.law, plant.parameters, number(32)))
+    assert found.rounded.design.plant.bent
+    assert found.proved
+    assert 0.7 * found.sampled < found.decay < found.sampled
+    document = loads(found.file().dumps())
+    assert len(document.first(Rounded).gain.subject.design.evidence[0].cells) > 1
+    assert check(document).proved
+    table = found.file().write()
+    del table["plant"]["nodes"][0]
+    with pytest.raises(FormatError, match="no node"):
+        from_plain(table)
 
 
 @pytest.mark.parametrize("time", [0, -1.0, math.nan, math.inf, "fast", None])

@@ -93,6 +93,11 @@ class MarginClaim(Short, Claim):
         """What is proved of each parameter, or one number without any; None of any value."""
         raise NotImplementedError
 
+    @property
+    def allowed(self) -> int | None:
+        """Work that it may take; more in parts of the box."""
+        return self.subject.design.allowed
+
     def value(self, name: str) -> Fraction | None:
         """Return what is proved of a parameter, or as a share of each range of all; None of any."""
         values, ranges = self.values, self.subject.ranges
@@ -169,7 +174,7 @@ class MarginClaim(Short, Claim):
         blocks, size = self.work()
         if blocks > MAX_BLOCKS:
             raise WorkError("the inequalities are too many, or too large, to be checked here")
-        require_work(least_work(blocks, 2 * size))
+        require_work(least_work(blocks, 2 * size), self.allowed)
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
         """Yield the design's Lyapunov matrices."""

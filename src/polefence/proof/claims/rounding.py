@@ -147,6 +147,11 @@ class Rounded(Short, Claim):
         """Nodes of the parts of the box that the gain is proved in, but its corners."""
         return self.gain.inner_points
 
+    @property
+    def allowed(self) -> int | None:
+        """Work that it may take; more in parts of the box."""
+        return self.gain.allowed
+
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
         """Read what the gain tolerates, and the constants of the code."""

@@ -219,10 +219,10 @@ class _Search:
                     return place, best
             if form == (1, 1) and place < len(SHORT_BY) and SHORT_BY[place] <= 0.03:
                 break
-        for evidence in self._in_parts() if best is None else ():
-            better = self._borne(evidence, place)
-            if better < place:
-                place, best = better, evidence
+        for evidence in () if best else reversed(list(self._in_parts())):
+            place = self._borne(evidence, place)
+            if place < len(SHORT_BY):
+                return place, evidence
         return place, best
 
     def _candidates(self, form: tuple[int, int]) -> Iterator[dict[str, Any]]:

@@ -210,7 +210,8 @@ class Design:
         yield "report", folder, "-o", f"{folder}/report.html"
         if self.plant.road:
             yield "compare", folder
-        sampled = () if "--sample-time" in self.options else ("--sample-time", f"{self.plant.T:g}")
+        often = "--sample-time", f"{self.plant.T / 4:g}"  # a law of continuous time
+        sampled = () if "--sample-time" in self.options else often
         yield "export", folder, "--float", "32", *sampled, "-o", f"{folder}/code"
 
 

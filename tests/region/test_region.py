@@ -252,9 +252,9 @@ def test_two_disks_inside_the_unit_circle():
 
 
 @pytest.mark.parametrize(
-    "region", [Disk(-40, 31), Disk(-3, 2.9) & Sector(0.5), Disk(0.5, 0.4) & Disk(-1, 0.5)]
+    "region", [Disk(0, 30), Disk(3, 2.9) & Sector(0.5), Disk(0.5, 0.4) & Disk(0.2, 0.9)]
 )
-def test_a_discrete_time_plant_refuses_regions_of_continuous_time(region):
+def test_a_discrete_time_plant_refuses_disks_that_leave_the_unit_disk(region):
     with pytest.raises(RegionError, match="discrete-time plant; give a disk in the unit"):
         place(SAMPLED, region)
 

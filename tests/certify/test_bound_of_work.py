@@ -57,7 +57,7 @@ def test_where_nothing_is_found_before_that_is_the_reason(monkeypatch):
     with pytest.raises(
         NotProvedError, match=r"stopped at its bound of work, after \d+ evaluations of"
     ):
-        optimise(plant(), *asked(1e-4), structure=ONE)
+        optimise(plant(), *asked(2e-5), structure=ONE)
 
 
 def test_parts_of_a_box_of_many_parameters_are_not_begun(monkeypatch):

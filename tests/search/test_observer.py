@@ -208,7 +208,7 @@ def test_in_discrete_time_the_observer_is_discrete():
     assert np.linalg.norm(x - xc) < 1e-9
     assert np.linalg.norm(x) < 1e-2
     with pytest.raises(InputError, match="discrete-time"):
-        observe(plant, [[1, 0]], Disk(-4, 3))
+        observe(plant, [[1, 0]], Disk(4, 3))
 
 
 def test_the_loop_keeps_both_sets_of_poles_to_rounding(car_observer, car_feedback):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence import Design
-from polefence.export.program import Fixed, Program, number, program
+from polefence.export.program import amid, Fixed, Program, number, program
 from polefence.export.sources import Texts, sources
 from polefence.export.vectors import harness, makefile
 from polefence.law.laws import Law, PolynomialGain, right_divide
@@ -251,9 +251,8 @@ def export(
     limits: tuple[float, ...] = (),
 ) -> Export:
     """Write the sources, the test with its Makefile, and the bounds for draw.h."""
-    made = program(
-        design.law, design.plant.parameters if given == "parameters" else (), number(bits)
-    )
+    shares = design.plant.parameters if given == "parameters" else ()
+    made = amid(program(design.law, shares, number(bits)), design.law)
     n, m = made.shape
     texts = Texts(
         name="law",

@@ -573,7 +573,7 @@ def false_sampled(plant, law, claim):
 
 def false_rounding(plant, law, claim):
     """The code's constants as a law of their own, without its rounding."""
-    code = claim["code"]
+    code, apart = claim["code"], 0.0
     if false_gain(plant, law, claim["gain"]):
         return True
     if "K" in code or "terms" in code:
@@ -585,10 +585,11 @@ def false_rounding(plant, law, claim):
         T = np.eye(plant.A.shape[1])
     else:
         T, table = array(code["T"]), {"kind": "scheduled", "W": code["W"], "Z": code["Z"]}
+        apart = array(code["L"]) if "L" in code else 0.0
         own = Law(table | {"degree": law.degree, "on": law.on}, len(plant.A))
     for alpha, told in told_by(plant, code.get("shares", [])):
         A, B, _ = plant.at(alpha)
-        loop = A + B @ own.gain(told) @ T
+        loop = A + B @ (own.gain(told) + apart) @ T
         if outside(claim["gain"]["region"], np.linalg.eigvals(loop)) > 1e-4:
             return True
     return False

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polefence import Design
-from polefence.export.program import amid, Fixed, Program, number, program
+from polefence.export.program import Fixed, Program, amid, number, program
 from polefence.export.sources import Texts, sources
 from polefence.export.vectors import harness, makefile
 from polefence.law.laws import Law, PolynomialGain, right_divide

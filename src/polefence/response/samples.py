@@ -32,8 +32,8 @@ from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
 
-# Of the largest change in a sample, which hardware makes larger. With ten times as much a car with an
-# actuator and two sensors has no proof at 2 ms that its force stays 2 % below a limit.
+# Of the largest change in a sample, which hardware makes larger. With ten times as much a car with
+# an actuator and two sensors has no proof at 2 ms that its force stays 2 % below a limit.
 ENOUGH = 1e-5
 MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
 TERMS = (20, 40, 60, 80, 100, 120)  # of the series between nodes

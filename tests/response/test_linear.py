@@ -312,6 +312,20 @@ def test_what_has_not_settled_has_no_settling_time():
     assert np.array_equal(still.settling(), np.zeros((2, 2)))  # never away from zero
 
 
+@pytest.mark.parametrize("step", [0.0, 0.1])
+@pytest.mark.parametrize("weight", [0.01, 0.03])
+def test_a_slow_mode_counts_where_it_makes_a_share_of_a_signal(weight, step):
+    """Modes at -1 and -0.01, of which a unit step makes 1 and 100 of what enters them."""
+    A, B, E = [[-1, 0], [0, "-0.01"]], [[1], [1]], [[1], [str(weight / 100)]]
+    if step:  # the same rates in discrete time
+        A, E = [["0.9", 0], [0, "0.999"]], [[str(step)], [str(step * weight / 100)]]
+    plant = UncertainPlant.from_vertices([A], [B], [E], sample_time=step or None)
+    both = Output("both", "m", C=[1, 1])
+    found = linear.slowest_seen(plant, None, [1.0], [both], share=0.02)
+    assert found == pytest.approx(0.01 if weight > 0.02 else 1.0, rel=1e-9)
+    assert linear.slowest_seen(plant, None, [1.0], [both], share=1e-3) == pytest.approx(0.01)
+
+
 def test_measures_do_not_depend_on_how_the_batch_is_cut(physical, points, monkeypatch):
     w = np.random.default_rng(5).normal(size=200)
     found = simulate(physical, None, points, w, instants(2e-3, w))

@@ -5,6 +5,7 @@ LAW_SAMPLE_TIME and LAW_DELAY are read from the header, as a program would have 
 
 import ctypes
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -122,3 +123,12 @@ def exact_poles(made, at):
     if order:
         whole[-1, -1], held[-1, -1] = 1.0, T
     return np.linalg.eigvals(whole + held @ made.design.law.gain(np.eye(4)[0]))
+
+
+def test_code_for_parameters_that_move_is_checked_at_its_sample_time(tmp_path):
+    bounds = [replace(parameter, rate=(-1, 1)) for parameter in plant().parameters]
+    moving = UncertainPlant.from_function(spring, bounds, inputs=["force [N]"])
+    made = export_c99(place(moving, HalfPlane(DECAY), "quadratic"), 64, sampling=Sampling(T, True))
+    assert made.proved
+    made.save(tmp_path)
+    assert check_guarantee(tmp_path).proved

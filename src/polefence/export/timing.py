@@ -6,7 +6,7 @@ That file, beside ``guarantee.json``, is about the same code: see `polefence.exp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from polefence.base.errors import InputError
@@ -58,7 +58,8 @@ def _same_plant(samples: Samples, claim: Rounded) -> bool:
     kept = memory.states if memory else 0
     n, m = len(design.A[0]) - kept, len(design.B[0][0]) - kept
     A, B = ([[row[:k] for row in M[:n]] for M in Ms] for Ms, k in ((design.A, n), (design.B, m)))
-    ranges = claim.gain.subject.ranges
+    # the decay is proved for constant parameters, whatever the region's proof is for
+    ranges = tuple(replace(parameter, rate=None) for parameter in claim.gain.subject.ranges)
     same = (samples.A, samples.B, samples.plant.ranges) == (A, B, ranges)
     return same and samples.delay in (0, 1) and samples.plant.n == n + kept + samples.delay * m
 

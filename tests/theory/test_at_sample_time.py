@@ -118,8 +118,8 @@ def test_the_remainder_is_as_small_as_one_asks(spring):
     assert all(less < 0.05 * more for more, less in pairwise(sizes))
     assert sizes[-1] < 1e-10
     # by default it is small beside what a sample changes, where that asks for no high degree
-    assert at_sample_time(spring, 0.001).remainder.degree == 1
-    assert at_sample_time(spring, 0.1).remainder.degree == 2
+    assert at_sample_time(spring, 0.0003).remainder.degree == 1
+    assert at_sample_time(spring, 0.01).remainder.degree == 2
 
 
 @pytest.mark.parametrize("degree", [0, 9, 2.0, True])

@@ -70,7 +70,7 @@ def main(folder="."):
     print("rms, proved for every load and age:")
     for name, (driver, pitch) in rms.items():
         # what nothing asks for hardly changes the driver's: a search ends anywhere near
-        shown = f"about {pitch:.1f}" if "free" in name else f"{pitch:.3f}"
+        shown = f"over {np.floor(2 * pitch) / 2:.1f}" if "free" in name else f"{pitch:.3f}"
         print(f"  {name}: driver {driver:.3f} m/s2, pitch {shown} rad/s2")
     drives = {"passive": driven(plant, PASSIVE), "law, pitch limited": driven(plant, limited.law)}
     print(f"peaks over a bump of {1e3 * HEIGHT:.0f} mm, simulated:")

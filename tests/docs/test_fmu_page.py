@@ -41,6 +41,8 @@ def test_the_page_has_what_the_script_prints(ran) -> None:
     assert words[0] == words[1]
     said, shown = (text.split("load ")[0] for text in (ran.said, SHOWN))
     ours, theirs = (list(map(float, NUMBER.findall(own))) for own in (said, shown))
+    share = ours.index(next(x for x in ours if 0 < x < 1e-3))  # of rounding, in two digits
+    assert ours.pop(share) == pytest.approx(theirs.pop(share), abs=1.01e-5)
     assert ours == pytest.approx(theirs, rel=1e-2)
     for ours, theirs in zip(*map(ROW.findall, (ran.said, SHOWN)), strict=True):
         *plain, double, single, wrong = map(float, ours)

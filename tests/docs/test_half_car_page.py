@@ -14,7 +14,7 @@ from polefence.vehicle.contact import static_loads
 from support.gallery import alike, page
 from support.scripts import docs_script
 
-PROVED = re.compile(r"  (.*): driver (\S+) m/s2, pitch (about )?(\S+) rad/s2\n")
+PROVED = re.compile(r"  (.*): driver (\S+) m/s2, pitch (over )?(\S+) rad/s2\n")
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +36,8 @@ def test_the_page_shows_what_its_script_prints_and_draws(found, tmp_path, capsys
 def test_the_bounds_are_those_of_samples_and_little_more(found):
     example, plant, laws = found
     shown = {
-        name: (float(driver), None if about else float(pitch))
-        for name, driver, about, pitch in PROVED.findall(page("half-car"))
+        name: (float(driver), None if over else float(pitch))
+        for name, driver, over, pitch in PROVED.findall(page("half-car"))
     }
     assert shown.keys() == laws.keys()
     alpha = np.vstack([np.eye(4), seeded(plant, 300)])

@@ -7,7 +7,7 @@ which a pole is found to leave the region refutes it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -52,6 +52,8 @@ MOST_WORK = 1e10
 # whole one takes 2 to 10 times as long there, for 1 %.
 FORMS = LADDER[:2]
 MOST_IN_PART = 1e9  # what a step may cost there, beyond the first form
+
+Holds = Callable[[UncertainPlant, Law, dict[str, Any]], bool]
 
 
 def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int, int]]:
@@ -176,12 +178,19 @@ class Search:
                 return evidence
         return self.in_parts()
 
-    def in_parts(self) -> dict[str, Any] | None:
-        """Return evidence in parts of the box, None where they would be too many."""
+    def in_parts(self, holds: Holds | None = None) -> dict[str, Any] | None:
+        """Return evidence in parts of the box, None where they would be too many.
+
+        Parameters
+        ----------
+        holds : callable, optional
+            Whether evidence will do for a part of the box, from the plant and the law there; by
+            default where it is proved.
+        """
         if self.most < 2 or self._late():
             return None
         self.halved = True
-        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_IN_PARTS)
+        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_IN_PARTS, holds)
 
         def along(box: Box) -> int | None:
             self.alpha = inside.leaving(box)
@@ -207,8 +216,15 @@ class _Inside:
     ``full`` is whether the proofs found take more work than they may.
     """
 
-    def __init__(self, plant: UncertainPlant, law: Law, part: Region, most: float) -> None:
-        self.plant, self.law, self.part, self.most = plant, law, part, most
+    def __init__(
+        self,
+        plant: UncertainPlant,
+        law: Law,
+        part: Region,
+        most: float,
+        holds: Holds | None = None,
+    ) -> None:
+        self.plant, self.law, self.part, self.most, self.holds = plant, law, part, most, holds
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
         first, *higher = FORMS
@@ -221,22 +237,31 @@ class _Inside:
 
     def proof(self, box: Box) -> Evidence | None:
         """Return evidence of low degree, None where none is proved."""
-        piece = self.piece(box, self.claim.evidence[0])
-        claim, plant, law = self._claim(piece).inside(piece), self.plant, self.law
+        piece, plant, law = self.piece(box, self.claim.evidence[0]), self.plant, self.law
         loop = self.loop.inside(box)
-        if plant.remainder is not None:
+        if plant.remainder is not None or self.holds is not None:
             plant = inside(plant, piece.low, piece.high)
             law = law.inside(plant, piece.low, piece.high)
             loop = loop_of(plant, law)
         if self.full:
             return None
         for candidate in self._candidates(plant, law, loop):
-            evidence = in_rationals(with_remainder(plant, law, candidate))
-            with suppress(work.FormatError), work.counted() as count:
-                if prove(replace(claim, evidence=(evidence,))).proved:
-                    self.spent += count.spent
-                    return evidence
+            evidence = with_remainder(plant, law, candidate)
+            if self.holds is None:
+                held = self._proved(piece, in_rationals(evidence))
+            else:
+                held = self.holds(plant, law, evidence)
+            if held:
+                return in_rationals(evidence)
         return None
+
+    def _proved(self, piece: Piece, evidence: Evidence) -> bool:
+        claim = self._claim(piece).inside(piece)
+        with suppress(work.FormatError), work.counted() as count:
+            if prove(replace(claim, evidence=(evidence,))).proved:
+                self.spent += count.spent
+                return True
+        return False
 
     def _candidates(self, plant: UncertainPlant, law: Law, loop: Loop) -> Iterator[dict[str, Any]]:
         """Yield evidence of a part of the box: between nodes by interpolation, else by LMIs."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -36,7 +36,9 @@ from polefence.certify.evidence import (
     placeholder,
     whole_evidence,
 )
-from polefence.export.guarantee import Guarantee, Rounding, best_guarantee, roundings
+from polefence.certify.margins.bordered import GainQuestion
+from polefence.certify.margins.claims import Reached
+from polefence.export.guarantee import Guarantee, Rounding, roundings
 from polefence.export.memory import kept
 from polefence.export.program import (
     Fixed,
@@ -65,7 +67,7 @@ SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.
 AIM = 5e-4  # share of it at which Lyapunov polynomials are looked for
 # The same of those in parts of the box, where the whole box has none. The van's law of order 2 has
 # them in 7 and 9 parts at 1 ms, and is proved to decay at 0.8 of the rate found.
-IN_PARTS = (0.4, 0.2)
+IN_PARTS = (0.4, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,34 +201,46 @@ class _Search:
 
     def run(self) -> tuple[Guarantee | None, str]:
         """Return what is proved; or None, and why not."""
-        place, evidence = self._best()
-        if evidence is None:
+        place, best = self._best()
+        if best is None:
             return None, "no Lyapunov polynomial was found that leaves room for the code's rounding"
         reason = ""
         for short in SHORT_BY[place:]:
-            rounded = best_guarantee(self.roundings, self._design(evidence, short))
+            rounded = best.proved(short)
             reason = rounded.reason or _unchecked(rounded)
             if not reason:
                 return rounded, ""
         return None, f"not proved: {reason}"
 
-    def _best(self) -> tuple[int, dict[str, Any] | None]:
+    def _best(self) -> tuple[int, _Borne | None]:
         """Return the least place in `SHORT_BY` that floats bear, and by which polynomial."""
         place, best = len(SHORT_BY), None
         for form in self.forms:
             for evidence in self._candidates(form):
-                better = self._borne(evidence, place)
+                found = self._borne(evidence)
+                better = found.place(place)
                 if better < place:
-                    place, best = better, evidence
+                    place, best = better, found
                 if place < len(SHORT_BY) and SHORT_BY[place] <= 1e-3:
                     return place, best
             if form == (1, 1) and place < len(SHORT_BY) and SHORT_BY[place] <= 0.03:
                 break
-        for evidence in () if best else reversed(list(self._in_parts())):
-            place = self._borne(evidence, place)
-            if place < len(SHORT_BY):
-                return place, evidence
+        for short in () if best else IN_PARTS:
+            parts = self._in_parts(Disk(0.0, self._radius(short)))
+            if parts is not None:
+                found = self._borne(parts)
+                return found.place(SHORT_BY.index(short)), found
         return place, best
+
+    def _in_parts(self, region: Disk) -> dict[str, Any] | None:
+        """Return evidence in parts of the box, in each of which rounding is borne in floats."""
+
+        def holds(plant: UncertainPlant, law: Law, evidence: dict[str, Any]) -> bool:
+            design = Design(certificate_of(plant, law, region, [evidence]))
+            pairs = ((rounding, rounding.question(design)) for rounding in self.roundings)
+            return any(q is not None and rounding.borne(q) is not None for rounding, q in pairs)
+
+        return Search(self.plant, self.law, region, Deadline(None)).in_parts(holds)
 
     def _candidates(self, form: tuple[int, int]) -> Iterator[dict[str, Any]]:
         """Yield Lyapunov polynomials of one degree: as far as it reaches, and inside of that."""
@@ -239,31 +253,59 @@ class _Search:
                 if short <= AIM:
                     return
 
-    def _in_parts(self) -> Iterator[dict[str, Any]]:
-        """Yield evidence in parts of the box, of less and less room."""
-        for short in IN_PARTS:
-            region = Disk(0.0, self._radius(short))
-            evidence = Search(self.plant, self.law, region, Deadline(None)).in_parts()
-            if evidence is None:
-                return
-            yield evidence
+    def _borne(self, evidence: dict[str, Any]) -> _Borne:
+        """Return what a Lyapunov polynomial bears."""
 
-    def _borne(self, evidence: dict[str, Any], below: int) -> int:
+        def design(short: float) -> Design:
+            region = Disk(0.0, self._radius(short))
+            return Design(certificate_of(self.plant, self.law, region, [evidence]))
+
+        whole = design(0.0)
+        questions = ((rounding, rounding.question(whole)) for rounding in self.roundings)
+        return _Borne(
+            design, tuple((one, question) for one, question in questions if question is not None)
+        )
+
+    def _radius(self, short: float) -> float:
+        return math.exp(-(1 - min(short, 1.0)) * self.decay)
+
+
+@dataclass(frozen=True, eq=False)
+class _Borne:
+    """Disks in which one Lyapunov polynomial bears the rounding of the code.
+
+    ``design`` is that of a share of the decay given up; ``questions`` has the rounding in each of
+    the scales tried, with what is tolerated in these.
+    """
+
+    design: Callable[[float], Design]
+    questions: tuple[tuple[Rounding, GainQuestion], ...]
+
+    def place(self, below: int) -> int:
         """Return the least place in `SHORT_BY` that floats bear, up to this one, by bisection."""
         low, high = 0, below
         while low < high:
             middle = (low + high) // 2
-            design = self._design(evidence, SHORT_BY[middle])
-            borne = any(rounding.is_borne(design) for rounding in self.roundings)
-            low, high = (low, middle) if borne else (middle + 1, high)
+            borne = next(self._borne(self.design(SHORT_BY[middle])), None)
+            low, high = (middle + 1, high) if borne is None else (low, middle)
         return low
 
-    def _design(self, evidence: dict[str, Any], short: float) -> Design:
-        region = Disk(0.0, self._radius(short))
-        return Design(certificate_of(self.plant, self.law, region, [evidence]))
+    def proved(self, short: float) -> Guarantee:
+        """Return what is proved in the first scales that bear it."""
+        design = self.design(short)
+        rounded = Guarantee(design, math.inf, 0.0, None, "rounding may be more than is tolerated")
+        for rounding, question, reached in self._borne(design):
+            rounded = rounding.proved(design, question, reached)
+            if rounded.proved:
+                break
+        return rounded
 
-    def _radius(self, short: float) -> float:
-        return math.exp(-(1 - min(short, 1.0)) * self.decay)
+    def _borne(self, design: Design) -> Iterator[tuple[Rounding, GainQuestion, Reached]]:
+        for rounding, question in self.questions:
+            own = question.of(design.region)
+            reached = rounding.borne(own)
+            if reached is not None:
+                yield rounding, own, reached
 
 
 def _unchecked(rounded: Guarantee) -> str:

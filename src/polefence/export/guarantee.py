@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from polefence.base.errors import InputError
 from polefence.base.progress import stage
 from polefence.certify.certificate import Check
 from polefence.certify.design import Design
-from polefence.certify.margins.claims import claimed_design, firmer
+from polefence.certify.margins.bordered import GainQuestion
+from polefence.certify.margins.claims import Reached, above, claimed_design, firmer, subject_of
 from polefence.certify.margins.gain_scales import gain_claim, gain_question
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept
@@ -148,13 +150,25 @@ class Rounding(Short):
     columns: Columns
     needed: float
 
-    def is_borne(self, design: Design) -> bool:
-        """Whether the design's matrices tolerate more than is needed, in floats."""
-        with suppress(InputError, np.linalg.LinAlgError):  # not even a Lyapunov matrix in floats
-            question = gain_question(design, self.rows, np.array(self.columns, dtype=float))
+    def question(self, design: Design) -> GainQuestion | None:
+        """Return what the design's matrices tolerate; None where floats have no such matrix."""
+        with suppress(InputError, np.linalg.LinAlgError):
+            return gain_question(design, self.rows, np.array(self.columns, dtype=float))
+        return None
+
+    def borne(self, question: GainQuestion) -> Reached | None:
+        """Return how more than is needed is tolerated, in floats; None where it is not."""
+        with suppress(np.linalg.LinAlgError):
             # a percent more in floats, for the exact proof
             return question.bears(self.needed * 1.01)
-        return False
+        return None
+
+    @stage("rounding of the code")
+    def proved(self, design: Design, question: GainQuestion, reached: Reached) -> Guarantee:
+        """Prove that a design's region holds with it, as floats say."""
+        subject, error = subject_of(design, design.region, reached), above(self.needed)
+        gain = question.claim_of(subject, reached, error)
+        return self._decided(design, gain, reached.value)
 
     @stage("rounding of the code")
     def guarantee(self, design: Design) -> Guarantee:
@@ -164,11 +178,14 @@ class Rounding(Short):
         if gain is None:
             reason = _refusal(self.blank, needed, tolerated, design.method == "lyapunov")
             return Guarantee(design, needed, tolerated, None, reason)
+        return self._decided(design, gain, tolerated)
+
+    def _decided(self, design: Design, gain: Any, tolerated: float) -> Guarantee:
         claim = replace(self.blank, gain=replace(gain, columns=self.columns))
         verdict = prove(claim)
-        if not verdict.proved:
-            return Guarantee(design, needed, tolerated, None, verdict.reason)
-        return Guarantee(design, needed, tolerated, claim)
+        proved = claim if verdict.proved else None
+        reason = "" if verdict.proved else verdict.reason
+        return Guarantee(design, self.needed, tolerated, proved, reason)
 
 
 def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:

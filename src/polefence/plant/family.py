@@ -381,6 +381,11 @@ class UncertainPlant(Short):
         return tuple(signal.name not in self.noise for signal in disturbances(self))
 
     @cached_property
+    def on_parts(self) -> dict[tuple[tuple[Fraction, ...], ...], UncertainPlant]:
+        """Families on parts of the box that were asked for, see `polefence.plant.parts`."""
+        return {}
+
+    @cached_property
     def _of_vehicle(self) -> tuple[Output, ...]:
         """Outputs of the vehicle; its description is checked against the matrices on the way."""
         return self.vehicle.outputs(self) if self.vehicle else ()

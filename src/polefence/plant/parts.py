@@ -34,6 +34,12 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
     low, high : tuple of Fraction
         Weights of each parameter's upper end, from 0 to 1.
     """
+    if (low, high) not in plant.on_parts:
+        plant.on_parts[low, high] = _part(plant, low, high)
+    return plant.on_parts[low, high]
+
+
+def _part(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
     points = lattice(low, high, plant.parts_degree if plant.bent else 1)
     nodes = [node(plant, at) for at in points]
     values = [beside([M for M in (v.A, v.B, v.E) if M]) for v in nodes]

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
 
-from polefence.certify.candidates import rising
+from polefence.certify.candidates import first, rising
 from polefence.certify.margins.claims import BOX, GAIN, SIMPLEX, Ladder, Reached, below
 from polefence.certify.margins.loops import (
     Balanced,
@@ -33,6 +33,7 @@ from polefence.certify.margins.loops import (
 from polefence.plant.system import Array
 from polefence.proof.claims.bordered import Bordered
 from polefence.proof.claims.margins import Subject
+from polefence.region.regions import Region
 
 COVERS = (1.0, 1.1, 1.5, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)  # times Omega
 # Of these where an error is given, and of the multipliers that are then tried.
@@ -99,31 +100,43 @@ class GainQuestion:
         reached = (self._reach(every, pieces, elevation, cover) for cover in covers)
         return max(rising(reached, lambda at: at.value, GAIN), key=lambda at: at.value)
 
-    def bears(self, error: float) -> bool:
-        """Whether an error is proved in floats, at the first fineness, by one of some multipliers.
+    def bears(self, error: float) -> Reached | None:
+        """Return how an error is proved in floats, at the first fineness; None where it is not.
 
-        Those near the one of which both sides of the border take the same.
+        Of each multiplier some are tried, near that of which both sides of the border take the
+        same.
         """
         every = [self._coefficients(loop, 1, 0) for loop in self.loops]
         covers = COVERS if any(loop.spread is not None for loop in self.loops) else (1.0,)
-        return any(self._bears(every, error, cover) for cover in covers[:TRIED])
+        return first(self._bears(every, error, cover) for cover in covers[:TRIED])
 
-    def _bears(self, every: Sequence[Coefficients], error: float, cover: float) -> bool:
+    def _bears(self, every: Sequence[Coefficients], error: float, cover: float) -> Reached | None:
+        """Return it for so many times Omega."""
+        largest = list[tuple[float, float]]()
         for loop, (X, N, B, Y) in zip(self.loops, every, strict=True):
             if not loop.disks and not are_positive(X):
-                return False
-            for k, (L, M) in enumerate(loop.pairs):
-                left, right = self.errors.border(k)
+                return None
+            for L, M in loop.pairs:
+                left, right = self.errors.border(len(largest))
                 (M1, M2), F = factors(M), region_block((L, M), X, N) - loop.lost(M, cover)
                 E, H = kron(M1, B * left), error * kron(M2.T, Y @ right)
-                mu = np.linalg.norm(H) / max(float(np.linalg.norm(E)), np.finfo(float).tiny)
+                mu = float(np.linalg.norm(H)) / max(float(np.linalg.norm(E)), np.finfo(float).tiny)
                 one, other = E @ E.swapaxes(-1, -2), H @ H.swapaxes(-1, -2)
-                multipliers = (mu * share for share in SHARES)
-                if not any(are_positive(F - mu * one - other / mu) for mu in multipliers):
-                    return False
+                near = (mu * share for share in SHARES)
+                held = (at for at in near if are_positive(F - at * one - other / at))
+                taken = next(held, None)
+                if taken is None:
+                    return None
+                largest.append((error, taken))
             if loop.spread is not None and error > self._covered(loop, loop.elevation or 0, cover):
-                return False
-        return True
+                return None
+        return Reached(error, 1, 0, tuple(largest), cover)
+
+    def of(self, region: Region) -> GainQuestion:
+        """Return that of another region of one part."""
+        return replace(
+            self, loops=tuple(replace(loop, pairs=region.pairs()) for loop in self.loops)
+        )
 
     def claim(self, subject: Subject, reached: Reached) -> Bordered:
         """Return the claim of an error, or a little less."""

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from polefence.proof.claims.bordered import Border, Bordered
 from polefence.proof.claims.margins import Subject, require_numbers
+from polefence.proof.laws import MAX_CELLS
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Plant
 from polefence.proof.reading import MAX_SIZE, Table
@@ -59,8 +60,9 @@ class GainError(Bordered):
             columns = tuple(map(tuple, table.matrix("columns", n, n)))
         else:
             columns = table.numbers("columns")
-        scales = {key: table.numbers(key) for key in ("rows", "mu")}
-        return {"error": table.number("error"), "columns": columns} | scales
+        mu = table.numbers("mu", most=MAX_CELLS)
+        rows = table.numbers("rows")
+        return {"error": table.number("error"), "columns": columns, "rows": rows, "mu": mu}
 
     def require_own(self, count: int) -> None:
         """Refuse scales that do not fit."""

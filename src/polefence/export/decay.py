@@ -65,8 +65,9 @@ from polefence.region.regions import Disk
 # take ten times as long. With the rounding of float32 laws of nine plants fell short by 0.1 %.
 SHORT_BY = (1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 0.8)
 AIM = 5e-4  # share of it at which Lyapunov polynomials are looked for
-# The same of those in parts of the box, where the whole box has none. The van's law of order 2 has
-# them in 7 and 9 parts at 1 ms, and is proved to decay at 0.8 of the rate found.
+# The same of those in parts of the box, where the whole box has none. The van's law of order 2 is
+# proved up to 99 % of the longest stable sample time, in 10 to 38 s; by a first share of 0.1 it
+# takes 37 s at 65 %, and more work than is checked at 95 %.
 IN_PARTS = (0.4, 0.8)
 
 

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +37,7 @@ from polefence.proof.claims.rounding import (
     rounding_error,
 )
 from polefence.proof.short import Short
-from polefence.proof.work import FormatError
+from polefence.proof.work import FormatError, WorkError
 from polefence.region.text import digits_down, digits_up
 
 Columns = tuple[Fraction | tuple[Fraction, ...], ...]  # as `GainError` has them
@@ -168,6 +167,8 @@ class Rounding(Short):
         """Prove that a design's region holds with it, as floats say."""
         subject, error = subject_of(design, design.region, reached), above(self.needed)
         gain = question.claim_of(subject, reached, error)
+        if not isinstance(gain, GainError):
+            raise TypeError(f"{type(gain).__name__} is no claim about the gain as a whole")
         return self._decided(design, gain, reached.value)
 
     @stage("rounding of the code")
@@ -180,9 +181,12 @@ class Rounding(Short):
             return Guarantee(design, needed, tolerated, None, reason)
         return self._decided(design, gain, tolerated)
 
-    def _decided(self, design: Design, gain: Any, tolerated: float) -> Guarantee:
+    def _decided(self, design: Design, gain: GainError, tolerated: float) -> Guarantee:
         claim = replace(self.blank, gain=replace(gain, columns=self.columns))
-        verdict = prove(claim)
+        try:
+            verdict = prove(claim)
+        except WorkError as problem:
+            return Guarantee(design, self.needed, tolerated, None, str(problem))
         proved = claim if verdict.proved else None
         reason = "" if verdict.proved else verdict.reason
         return Guarantee(design, self.needed, tolerated, proved, reason)

@@ -28,7 +28,7 @@ from polefence.law.laws import FixedGain
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.estimate import Estimate
-from polefence.proof.document import check
+from polefence.proof.document import check, from_plain
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk
@@ -164,15 +164,37 @@ def keeps(loop):
 def test_true_samples_stay_where_estimates_are_off(spring, design, service, name):
     margin = service[name]
     assert margin.proved
-    errors = np.array([float(e) for e in margin.claim.errors])
-    low, high = np.array([0.8, 80.0]), np.array([1.2, 120.0])
     assert margin.value < margin.upper < 2 * margin.value
-    random = np.random.default_rng(3)
+    stays_where_off(spring, design, [float(e) for e in margin.claim.errors])
+
+
+def stays_where_off(spring, design, errors):
+    low, high = np.array([0.8, 80.0]), np.array([1.2, 120.0])
+    errors, random = np.array(errors), np.random.default_rng(3)
     for _ in range(1500):
         q = low + (high - low) * random.choice([0.0, 1.0, random.random()], 2)
         p = np.clip(q + errors * random.choice([-1.0, 1.0, random.uniform(-1, 1)], 2), low, high)
         A, B, K = loop(spring, design.law, p, q)
         assert keeps(A + B @ K)
+
+
+def test_a_curve_is_part_of_the_remainder_where_it_takes_too_many_inequalities(
+    spring, design, service, monkeypatch
+):
+    monkeypatch.setattr(search, "MOST", 200)
+    fewer = estimation_error(design)[-1]
+    exact = service["estimate"]
+    assert 0.8 * exact.value < fewer.value < exact.value
+    curve, flat = exact.claim.subject.design.remainder, fewer.claim.subject.design.remainder
+    assert not flat.curve
+    document = read(fewer.file(design).dumps())
+    assert check(document).proved
+    stays_where_off(spring, design, [float(e) for e in fewer.claim.errors])
+    # without the curve's share the entries are no bound on the samples
+    table = fewer.file(design).write()
+    for row, entries in zip(table["plant"]["remainder"], curve.entries, strict=True):
+        row[:] = [str(x) for x in entries]
+    assert not check(from_plain(table)).proved
 
 
 def test_true_samples_stay_where_the_gain_is_off(spring, design, service):

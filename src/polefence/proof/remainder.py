@@ -103,6 +103,18 @@ class Remainder(Short):
         """Degree on a part of the box, between the nodes where there are some."""
         return 2 if self.third else self.degree
 
+    @property
+    def flat(self) -> Remainder:
+        """The same without a curve, which its entries bound too."""
+        if not self.curve:
+            return self
+        return Remainder(
+            tuple(
+                tuple(x + max(map(abs, on_curve)) for x, *on_curve in zip(*rows, strict=True))
+                for rows in zip(self.entries, *self.curve, strict=True)
+            )
+        )
+
     def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
         """Return it with every matrix changed."""
         entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()

@@ -16,8 +16,17 @@ from polefence.base.progress import counted, stage
 from polefence.base.renamed import warn_renamed
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.design import Design, require_kind
+from polefence.certify.given import analyse
 from polefence.certify.margins.breaks import Break, estimate_break, gain_break
-from polefence.certify.margins.claims import Question, claimed_design, climb, firmer, proved
+from polefence.certify.margins.claims import (
+    MOST,
+    Question,
+    at_rest,
+    claimed_design,
+    climb,
+    firmer,
+    proved,
+)
 from polefence.certify.margins.each_gain import Gains, each_gain_claim
 from polefence.certify.margins.estimate import EstimateQuestion
 from polefence.certify.margins.loops import Balanced, balanced
@@ -107,6 +116,18 @@ class _Task:
         """The same with the matrices of smaller regions, which are sought once for all margins."""
         others = firmer(self.design, self.region)
         return tuple(replace(self, subject=other).whole for other in others)
+
+    @cached_property
+    def flat(self) -> _Task:
+        """The same of a plant whose curve is part of its remainder: inequalities are far fewer."""
+        plant, subject = self.design.plant, None
+        if plant.remainder is None or not plant.remainder.curve:
+            return self
+        wider = replace(plant, remainder=plant.remainder.flat)
+        certificate = analyse(wider.at_rest, self.design.law, self.region).certificate
+        if certificate is not None:
+            subject = at_rest(certificate, wider)
+        return replace(self, subject=subject).whole
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -364,7 +385,11 @@ def _estimates(task: _Task) -> tuple[Margin, ...]:
 
 
 def _estimate(task: _Task, name: str, unit: str | None, span: tuple[Fraction, ...]) -> Margin:
-    claim = task.proved(EstimateQuestion(task.loops, task.parameters, span))
+    question = EstimateQuestion(task.loops, task.parameters, span)
+    if question.count(*question.ladder[0]) > MOST:
+        task = task.flat
+        question = EstimateQuestion(task.loops, task.parameters, span)
+    claim = task.proved(question)
 
     def breaking(least: float) -> Break | None:
         return estimate_break(task.design, task.region, span, least)

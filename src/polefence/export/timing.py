@@ -145,7 +145,12 @@ class Timing(Short):
         time = f"run every {milliseconds_text(Fraction(self.sampling.sample_time))} ms{self.late}"
         if not self.proof.proved:
             longest = milliseconds(self.largest.stable)
-            return f"{time}: {self.proof.reason}; it was found stable up to {longest}"
+            options = f"--sample-time {self.sampling.sample_time:g}"
+            options += f" --delay {self.sampling.delay}"
+            return (
+                f"{time}: {self.proof.reason}; it was found stable up to {longest}; take a shorter "
+                f"--sample-time, or design a law for this one: polefence optimise SPEC {options}"
+            )
         return f"{time}, the loop with the observer is not stable; choose a shorter --sample-time"
 
     @property

@@ -29,6 +29,7 @@ from scipy.optimize import minimize
 from polefence import FixedGain, Gain, Parameter, Rms, UncertainPlant
 from polefence.base.errors import PolefenceError
 from polefence.certify.bounds import best_bound, sampled
+from polefence.law.laws import Law
 
 DENSITY = 2.0  # one-sided: noise of intensity one
 STARTS = 3
@@ -74,19 +75,19 @@ def plant_of(seed: int) -> UncertainPlant | None:
     )
 
 
-def worst_of(plant: UncertainPlant, law: FixedGain, asked: Any) -> float:
+def worst_of(plant: UncertainPlant, law: Law, asked: Any, points: int = 2000) -> float:
     """Return the worst value that is found."""
     rng, count = np.random.default_rng(0), len(plant.parameters)
     corners = np.array(list(product((0.0, 1.0), repeat=count)))
-    points = np.vstack([corners, rng.random((2000, count))])
+    at = np.vstack([corners, rng.random((points, count))])
 
     def alpha(t: Any) -> Any:
         t = np.clip(np.atleast_2d(t), 0, 1)
         return plant.domain.alpha(np.stack([1 - t, t], axis=-1).reshape(len(t), -1))
 
-    values = sampled(plant, law, asked, alpha(points)).values
+    values = sampled(plant, law, asked, alpha(at)).values
     best = float(values.max())
-    for start in points[np.argsort(-values)[:STARTS]]:
+    for start in at[np.argsort(-values)[:STARTS]]:
         for _ in range(2):  # from where it ended: a simplex may end early
             found = minimize(
                 lambda t: -sampled(plant, law, asked, alpha(t)).worst,

@@ -82,6 +82,19 @@ def test_values_of_sums_products_and_parts(sizes):
 
 
 @pytest.mark.parametrize("sizes", SIZES)
+def test_half_of_a_symmetric_product_is_the_product(sizes):
+    dice = random.Random(str(sizes))
+    P, Q = some(dice, sizes, 2, 3, 4), some(dice, sizes, 1, 4, 4)
+    square = P * (Q + Q.T)
+    whole, half = square * P.T, square.half_times(P.T)
+    assert half == whole
+    other = square * (P + P.times(Fraction(1, 3))).T
+    assert other != whole
+    # what is not symmetric is not seen to be so: a claim's matrices are looked at before
+    assert (P * Q).half_times(P.T) != P * Q * P.T
+
+
+@pytest.mark.parametrize("sizes", SIZES)
 @pytest.mark.parametrize("degree", [0, 1, 3])
 def test_coefficients_are_bernsteins(sizes, degree):
     dice = random.Random(degree)

@@ -60,6 +60,14 @@ class Polynomial(Short):
             self.whole * other.whole,
         )
 
+    def half_times(self, other: Polynomial) -> Polynomial:
+        """Return a product that is known to be symmetric: half of it is computed."""
+        return self._with(
+            _product(self.terms, other.terms, half=True),
+            tuple(map(int.__add__, self.degrees, other.degrees)),
+            self.whole * other.whole,
+        )
+
     def __add__(self, other: Polynomial) -> Polynomial:
         degrees, whole = joint([self, other]), math.lcm(self.whole, other.whole)
         one, two = (P.raised(degrees).over(whole) for P in (self, other))
@@ -366,21 +374,33 @@ def _multiple(factor: int, P: Terms) -> Terms:
     return {e: times(factor, matrix) for e, matrix in P.items()}
 
 
-def _product(P: Terms, Q: Terms) -> Terms:
-    """Multiply matrix polynomials."""
+def _product(P: Terms, Q: Terms, half: bool = False) -> Terms:
+    """Multiply matrix polynomials; of a symmetric product half is computed."""
     result: Terms = {}
     columns = {e: transposed(q) for e, q in Q.items()}
     left, right = _longest(P), _longest(Q)
     none: Integers = [[]]
     one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
-    spend(len(P) * len(Q) * len(one) * len(other) * len(one[0]), left, right)
+    entries = len(one) * (len(one) + 1) // 2 if half else len(one) * len(other)
+    spend(len(P) * len(Q) * entries * len(one[0]), left, right)
     _spend_exponents(len(P) * len(Q), P)
     for d, p in P.items():
         for e, c in columns.items():
-            both = [[sum(map(mul, row, column)) for column in c] for row in p]
+            if half:
+                both = [
+                    [sum(map(mul, row, c[j])) for j in range(i, len(c))] for i, row in enumerate(p)
+                ]
+            else:
+                both = [[sum(map(mul, row, column)) for column in c] for row in p]
             _add(result, tuple(map(int.__add__, d, e)), both)
         _hold(len(result), len(one) * len(other), left + right)
-    return result
+    return {e: _mirrored(upper) for e, upper in result.items()} if half else result
+
+
+def _mirrored(upper: Integers) -> Integers:
+    """Return a symmetric matrix of its rows from the diagonal on."""
+    every = range(len(upper))
+    return [[upper[min(i, j)][abs(i - j)] for j in every] for i in every]
 
 
 def _weighted(weights: Terms, X: Terms) -> Terms:

@@ -72,13 +72,14 @@ class Gain(SignalClaim):
 
     def dual_rows(self) -> Rows:
         """Return the lemma of the dual form."""
-        Q, WQ, M, Y = self.subject.dual_loop(self.outputs)
+        loop = self.subject.dual_loop(self.outputs)
+        Q, M, Y, both = loop.Q, loop.M, loop.Y, loop.falling
         entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step
-        E, both = WQ * entering, self.subject.dual_falling(Q, WQ, M)
+        E = loop.WQ * entering
         spread = self.subject.evidence.spread
         plain = not step and spread is None
         if self.level and plain and not any(output.F for output in self.outputs):
-            moved = (E * E.T + Y.T * Y).times(1 / self.level)
+            moved = (E.half_times(E.T) + Y.T.half_times(Y)).times(1 / self.level)
             return {"of the gain": [[-(both + moved)]]}
         if plain:
             return {"of the gain": self._lemma(-both, E, Y)}
@@ -87,7 +88,7 @@ class Gain(SignalClaim):
         lemma[1][0] = lemma[1][0] - entering.T * QE
         if spread is None:
             return {"of the gain": lemma}
-        loss, PH = self.subject.dual_loss(Q, WQ, M, spread)
+        loss, PH = loop.loss(spread, self.subject.law)
         share = 1 + step * spread.kappa
         driven = [share * x * x for x in spread.driving(self.scales, self.subject.q)]
         lemma[0][0] = lemma[0][0] - loss

@@ -149,7 +149,7 @@ class GainNorm(Short, Claim):
             yield Inequality.raised("of the gain's norm", [[W, V.T], [s * corner]], by)
             return
         H = diagonal(columns, sizes) * form.part(slice(n))
-        square = H.T * H
+        square = H.T.half_times(H)
         yield Inequality.raised("of the gain's norm", [[square, V.T], [corner]], by)
 
 

@@ -90,6 +90,39 @@ Rows = dict[str, list[list[Polynomial]]]  # blocks of inequalities, by their nam
 
 
 @dataclass(frozen=True)
+class DualLoop(Short):
+    """A loop in the dual form: Q, W Q, M = A W + B Z, Q M, W Q M and Y = C W + D Z.
+
+    In continuous time ``step`` is zero.
+    """
+
+    Q: Polynomial
+    WQ: Polynomial
+    M: Polynomial
+    QM: Polynomial
+    WQM: Polynomial
+    Y: Polynomial
+    step: Fraction
+
+    @property
+    def falling(self) -> Polynomial:
+        """Return W Q M + M'Q W + step M'Q M."""
+        both = self.WQM + self.WQM.T
+        return both + self.M.T.half_times(self.QM).times(self.step) if self.step else both
+
+    def loss(self, spread: Spread, law: Law) -> tuple[Polynomial, Polynomial]:
+        """Return what a remainder costs: (1 + step kappa) V'V, and P H.
+
+        With M off by H Delta V, P H Delta V and its transpose are at most P H H'P' + V'V, with
+        P = W Q + step M'Q, and step V'Delta'H'Q H Delta V at most step kappa V'V.
+        """
+        V = spread.moving(law.form(self.Q.sizes))
+        P = self.WQ + self.QM.T.times(self.step)
+        loss = V.T.half_times(V).times(1 + self.step * spread.kappa)
+        return loss, P * diagonal(spread.rows, self.Q.sizes)
+
+
+@dataclass(frozen=True)
 class Subject(Short):
     """The loop, and the Lyapunov polynomial X(alpha) with which a claim about it is proved.
 
@@ -213,10 +246,8 @@ class Subject(Short):
         B = affine(self.B, sizes)
         return B if self.remainder is None else self.remainder.curved(B, self.n)
 
-    def dual_loop(
-        self, outputs: Sequence[Output]
-    ) -> tuple[Polynomial, Polynomial, Polynomial, Polynomial]:
-        """Return Q, and with K = Z W^-1 (W = I of other laws) W Q, M = A W + B Z and C W + D Z."""
+    def dual_loop(self, outputs: Sequence[Output]) -> DualLoop:
+        """Return the loop in the dual form; W = I of laws that are no Z W^-1."""
         n, evidence, form = self.n, self.evidence, self.law.form(self.sizes)
         if self.law.K is not None and self.remainder and self.remainder.same_inputs(self.B):
             A = self.remainder.curved(affine(self.A, self.sizes))
@@ -226,27 +257,11 @@ class Subject(Short):
             both = self._plant(outputs) * form
             M, Y = both.part(slice(n)), both.part(slice(n, None))
         Q = bernstein(evidence.X, self.sizes, evidence.degree)
-        WQ = Q if self.law.K is not None else form.part(slice(n)) * Q
-        return Q, WQ, M, Y
-
-    def dual_falling(self, Q: Polynomial, WQ: Polynomial, M: Polynomial) -> Polynomial:
-        """Return W Q M + M'Q W + step M'Q M."""
-        N = WQ * M
-        both = N + N.T
-        return both + (M.T * Q * M).times(self.step) if self.step else both
-
-    def dual_loss(
-        self, Q: Polynomial, WQ: Polynomial, M: Polynomial, spread: Spread
-    ) -> tuple[Polynomial, Polynomial]:
-        """Return what a remainder costs in the dual form: (1 + step kappa) V'V, and P H.
-
-        With M off by H Delta V, P H Delta V and its transpose are at most P H H'P' + V'V, with
-        P = W Q + step M'Q, and step V'Delta'H'Q H Delta V at most step kappa V'V.
-        """
-        V = spread.moving(self.law.form(self.sizes))
-        P = WQ + (M.T * Q).times(self.step)
-        loss = (V.T * V).times(1 + self.step * spread.kappa)
-        return loss, P * diagonal(spread.rows, self.sizes)
+        QM = Q * M
+        if self.law.K is not None:
+            return DualLoop(Q, Q, M, QM, QM, Y, self.step)
+        WQ = form.part(slice(n)) * Q
+        return DualLoop(Q, WQ, M, QM, WQ * M, Y, self.step)
 
     def require(self, evidence: Evidence | None = None) -> None:
         """Refuse a plant, a law and evidence that do not fit."""
@@ -875,7 +890,7 @@ def noise(
 ) -> Polynomial:
     """Return the intensity times E E', each column of E times its scale."""
     form = scaled(E, scales, sizes)
-    return (form * form.T).times(intensity)
+    return form.half_times(form.T).times(intensity)
 
 
 def moving(
@@ -883,7 +898,7 @@ def moving(
 ) -> Polynomial:
     """Return the intensity times E E', or more where E is only near that of the vertices."""
     E = subject.driving(scales, sizes)
-    square, spread = (E * E.T).times(intensity), subject.evidence.spread
+    square, spread = E.half_times(E.T).times(intensity), subject.evidence.spread
     most = max(spread.driving(scales, subject.q), default=0) if spread else 0
     if spread is None or not most:
         return square
@@ -893,13 +908,13 @@ def moving(
 
 def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:
     """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
-    Q, WQ, M, Y = claim.subject.dual_loop(claim.outputs)
-    both = claim.subject.dual_falling(Q, WQ, M)
-    inner, spread = -(both + Y.T * Y), claim.subject.evidence.spread
+    loop = claim.subject.dual_loop(claim.outputs)
+    Q, Y, spread = loop.Q, loop.Y, claim.subject.evidence.spread
+    inner = -(loop.falling + Y.T.half_times(Y))
     noise: Rows = {"of the noise": [[square - _driven(claim, Q, intensity)]]}
     if spread is None:
         return {"of the output": [[inner]]} | noise
-    loss, PH = claim.subject.dual_loss(Q, WQ, M, spread)
+    loss, PH = loop.loss(spread, claim.subject.law)
     eye = constant(identity(claim.subject.n), Q.sizes)
     bordered = [[inner - loss, PH], [eye]]
     return {"of the output": bordered} | noise | below_kappa(Q, spread)

@@ -5,15 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polefence import FixedGain, HalfPlane, NotProvedError, Parameter, UncertainPlant
+from polefence import FixedGain, HalfPlane, NotProvedError, Parameter, Structure, UncertainPlant
 from polefence.certify.bounds import agreed_bound, best_bound, sampled
 from polefence.cli.optimise import Row, require_agreement
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
+from polefence.plant.spec import loads
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
+from polefence.search import optimise as searched
 from polefence.search.optimise import optimise
+from polefence.search.task import Missing
 from support.commands import ran
+from support.specs import TWO_STATES
 
 SERVO = """
 name = "servo"
@@ -92,3 +96,31 @@ def test_of_one_vertex_the_law_is_one_gain():
     done = optimise(plant, Rms("x1"), [Rms("u1", at_most=1)], HalfPlane(0.1), method="scheduled")
     assert isinstance(done.law, FixedGain)
     assert np.array_equal(seeded(plant, 3), [[1.0]])
+
+
+def without_proofs(monkeypatch, name):
+    """No law that makes a signal least has a proof."""
+    candidates = searched.tuned_candidates
+
+    def some(task, *rest):
+        if task.minimise is not None and task.minimise.name != name:
+            yield from candidates(task, *rest)
+
+    monkeypatch.setattr(searched, "tuned_candidates", some)
+
+
+def test_where_a_limit_can_be_kept_that_law_is_the_answer(monkeypatch):
+    without_proofs(monkeypatch, "x")
+    limit = Rms("force", at_most=1.0)
+    done = optimise(loads(TWO_STATES), Rms("x"), [limit], structure=Structure(("x",), schedule=()))
+    assert done.bound("force").level <= 1.0
+    assert sampled(done.plant, done.law, Rms("x")).worst <= done.bound("x").level
+
+
+def test_a_limit_that_can_be_kept_is_not_said_to_be_in_the_way(monkeypatch):
+    without_proofs(monkeypatch, "x")
+    monkeypatch.setattr(searched, "candidate", lambda *_: Missing.LIMIT)
+    limits = [Rms("force", at_most=1.0), Rms("v", at_most=0.5)]
+    with pytest.raises(NotProvedError) as refused:
+        optimise(loads(TWO_STATES), Rms("x"), limits, structure=Structure(("x",), schedule=()))
+    assert "rms of force" not in str(refused.value).split("refutation;")[1]

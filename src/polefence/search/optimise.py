@@ -375,8 +375,16 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     if slow or not task.limits:
         raise NotProvedError("; ".join(filter(None, (reason, slow, cut))))
     _refute(task)
+    near, (larger, gain) = list[str](), searches.problems[-1]
     with bounded(MOST_WORK * 0.25) as looked:
-        near = list(_attainable(*searches.problems[-1], searches.starts(last)))
+        for limit, done in _attainable(larger, gain, searches.starts(last)):
+            if _level(done) > (limit.at_most or 0.0):
+                near.append(f"{limit.title} <= {digits_up(_level(done))}")
+                continue
+            # a law of which all limits are proved after all, if none that makes the least less
+            kept = _bounded(larger, candidate(larger, done.law))
+            if kept is not None:
+                return replace(kept, structure=gain, cut=cut)
     advice = "dropping any single limit does not help either"
     if looked.ended:
         advice = "the search with one of them left out stopped at its bound of work"
@@ -417,8 +425,10 @@ def _best_order(orders: Orders) -> Optimised | None:
     return min(some, key=lambda result: result.plant.shape[0], default=None)
 
 
-def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iterator[str]:
-    """Yield for each limit what it would have to be for a law that keeps all others."""
+def _attainable(
+    task: Task, structure: Structure, starts: Sequence[Law]
+) -> Iterator[tuple[Specification, Optimised]]:
+    """Yield each limit with the law that keeps all others, and of this bounds the least."""
     for limit in task.limits[:6]:
         if ended():
             return
@@ -427,7 +437,7 @@ def _attainable(task: Task, structure: Structure, starts: Sequence[Law]) -> Iter
             replace(task, minimise=replace(limit, at_most=None), limits=others), structure, starts
         )
         if done is not None:
-            yield f"{limit.title} <= {digits_up(_level(done))}"
+            yield limit, done
 
 
 def _best_tuned(

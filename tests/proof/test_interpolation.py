@@ -184,6 +184,16 @@ def _refused(*_):
     raise FormatError("the series has too many terms")
 
 
+def test_a_long_series_makes_way_for_nodes(sampled, monkeypatch):
+    plant, _ = sampled
+    assert not at_sample_time(plant, 0.005, 1).bent
+    monkeypatch.setattr(samples, "LONG", 1e5)
+    found = at_sample_time(plant, 0.005, 1)
+    assert found.bent
+    assert prove(claim_of_samples(found)).proved
+    assert not at_sample_time(plant, 0.005, 1, degree=1).bent  # as it was asked for
+
+
 def test_samples_between_nodes_are_proved_and_hold(sampled):
     plant, found = sampled
     assert found.bent

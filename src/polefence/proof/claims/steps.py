@@ -171,10 +171,14 @@ def _series(M: Polynomial, p: int) -> Polynomial:
 
 def require_moderate(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> None:
     """Refuse a series of more terms, or larger ones, than are computed here."""
-    products = vertices * n * n * width
-    work = sum(count_of(sizes, k) for k in range(1, p)) * products
-    if count_of(sizes, p) > MAX_COEFFICIENTS or work > 2 * 10**7:  # products of two entries
+    work = products_of_series(vertices, n, width, p, sizes)
+    if count_of(sizes, p) > MAX_COEFFICIENTS or work > 2 * 10**7:
         raise WorkError("the series has too many terms to be computed here")
+
+
+def products_of_series(vertices: int, n: int, width: int, p: int, sizes: Sizes) -> int:
+    """Return how many products of two entries a series of so many terms takes."""
+    return sum(count_of(sizes, k) for k in range(1, p)) * vertices * n * n * width
 
 
 def gain_error(claim: Sampled) -> Fraction:

@@ -161,3 +161,21 @@ def test_what_is_the_same_at_all_vertices_is_constant():
     assert affine([M, M, M], (3,)).degrees == (0,)
     assert affine([M, [[Fraction(0), Fraction(2)]]], (2,)).degrees == (1,)
     assert value(diagonal([Fraction(1)] * 3, (2,)), [Fraction(1), Fraction(0)]) == identity(3)
+
+
+def largest(rows, columns, degree, size, sign):
+    """A polynomial whose entries all have that many bits."""
+    entry = Fraction(sign * (2**size - 1))
+    count = count_of((2, 2), degree)
+    return bernstein([[[entry] * columns] * rows for _ in range(count)], (2, 2), degree)
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, -1)])
+@pytest.mark.parametrize("bits", [(1, 1), (8, 8), (9, 7), (64, 301)])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 5, 3), (3, 7, 1)])
+def test_rows_in_one_number_do_not_run_into_one_another(shape, bits, signs):
+    rows, inner, columns = shape
+    P = largest(rows, inner, 2, bits[0], signs[0])
+    Q = largest(inner, columns, 3, bits[1], signs[1])
+    x = [Fraction(1, 3), Fraction(2, 3), Fraction(1, 5), Fraction(4, 5)]
+    assert value(P * Q, x) == product(value(P, x), value(Q, x))

@@ -375,26 +375,54 @@ def _multiple(factor: int, P: Terms) -> Terms:
 
 
 def _product(P: Terms, Q: Terms, half: bool = False) -> Terms:
-    """Multiply matrix polynomials; of a symmetric product half is computed."""
-    result: Terms = {}
-    columns = {e: transposed(q) for e, q in Q.items()}
+    """Multiply matrix polynomials, entries with rows; of a symmetric product half is computed.
+
+    The numbers of a row are digits of one number, in a base that no digit of the result exceeds.
+    """
     left, right = _longest(P), _longest(Q)
     none: Integers = [[]]
-    one, other = next(iter(P.values()), none), next(iter(columns.values()), none)
-    entries = len(one) * (len(one) + 1) // 2 if half else len(one) * len(other)
+    one, other = next(iter(P.values()), none), next(iter(Q.values()), none)
+    columns = len(other[0])
+    entries = len(one) * (len(one) + 1) // 2 if half else len(one) * columns
     spend(len(P) * len(Q) * entries * len(one[0]), left, right)
     _spend_exponents(len(P) * len(Q), P)
+    # sums of at most so many products, and a sign
+    width = left + right + (min(len(P), len(Q)) * len(other)).bit_length() + 1
+    size = width // 8 + 1
+    firsts = [i if half else 0 for i in range(len(one))]
+    packed: dict[Exponent, list[int]] = {}
+    rows = {e: transposed([_packed(row, size) for row in q]) for e, q in Q.items()}
     for d, p in P.items():
-        for e, c in columns.items():
-            if half:
-                both = [
-                    [sum(map(mul, row, c[j])) for j in range(i, len(c))] for i, row in enumerate(p)
-                ]
-            else:
-                both = [[sum(map(mul, row, column)) for column in c] for row in p]
-            _add(result, tuple(map(int.__add__, d, e)), both)
-        _hold(len(result), len(one) * len(other), left + right)
+        for e, q in rows.items():
+            target = tuple(map(int.__add__, d, e))
+            both = [sum(map(mul, row, q[i])) for i, row in zip(firsts, p, strict=True)]
+            known = packed.get(target)
+            packed[target] = both if known is None else list(map(int.__add__, known, both))
+        _hold(len(packed), len(one) * columns, left + right)
+    result = {
+        e: [_unpacked(x, size, columns - i) for i, x in zip(firsts, both, strict=True)]
+        for e, both in packed.items()
+    }
     return {e: _mirrored(upper) for e, upper in result.items()} if half else result
+
+
+def _packed(row: Sequence[int], size: int) -> list[int]:
+    """Return the sums of x_k 2^(8 size (k - i)) over k >= i, of each i."""
+    sums = [0]
+    for x in reversed(row):
+        sums.append((sums[-1] << 8 * size) + x)
+    return sums[:0:-1] or sums
+
+
+def _unpacked(value: int, size: int, count: int) -> list[int]:
+    """Return the x_k of the first sum of `_packed`, less than 2^(8 size - 1) in magnitude."""
+    half = 1 << 8 * size - 1
+    # with half a base added to each digit none is negative
+    shifted = value + half * (((1 << 8 * size * count) - 1) // ((1 << 8 * size) - 1))
+    digits = shifted.to_bytes(size * count, "little")
+    return [
+        int.from_bytes(digits[k : k + size], "little") - half for k in range(0, size * count, size)
+    ]
 
 
 def _mirrored(upper: Integers) -> Integers:

@@ -88,8 +88,6 @@ def test_half_of_a_symmetric_product_is_the_product(sizes):
     square = P * (Q + Q.T)
     whole, half = square * P.T, square.half_times(P.T)
     assert half == whole
-    other = square * (P + P.times(Fraction(1, 3))).T
-    assert other != whole
     # what is not symmetric is not seen to be so: a claim's matrices are looked at before
     assert (P * Q).half_times(P.T) != P * Q * P.T
 

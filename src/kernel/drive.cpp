@@ -28,11 +28,22 @@ void require(bool fine, const char *message) {
     if (!fine) throw nb::value_error(message);
 }
 
-// Inputs of controllable dampers: u is between low v and high v, v = rate x.
+// Of a damper's curves, from a rate on: their slopes, and where these lines are at zero.
+struct Part {
+    double start, low, low_start, high, high_start;
+};
+
+// Inputs of controllable dampers: u is between two curves of v = rate x.
 struct Damper {
     Int number;
     const double *rate;
-    double low, high;
+    std::vector<Part> parts;
+
+    const Part &at(double v) const {
+        auto own = parts.size() - 1;
+        while (own && v < parts[own].start) --own;
+        return parts[own];
+    }
 };
 
 enum Mode : Int { by_gain, held, sampled };  // what is demanded: K x, or what was set before
@@ -192,8 +203,11 @@ class Cars {
             double v[L], *u = asked.data() + own.number * L;
             rate(own, x.data(), v);
             for (Int l = 0; l < L; ++l) {
-                const double c = v[l] != 0.0 ? u[l] / v[l] : own.low;
-                u[l] = cut(c, own.low, own.high);
+                const Part &part = own.at(v[l]);
+                const double over = v[l] != 0.0 ? 1.0 / v[l] : 0.0;
+                const double low = part.low + part.low_start * over;
+                const double c = v[l] != 0.0 ? u[l] / v[l] : low;
+                u[l] = cut(c, low, part.high + part.high_start * over);
             }
         }
         for (Int i = 0; i < s.m * L; ++i) {
@@ -215,7 +229,9 @@ class Cars {
             double v[L], *force = u + own.number * L;
             rate(own, y, v);
             for (Int l = 0; l < L; ++l) {
-                const double one = own.low * v[l], other = own.high * v[l];
+                const Part &part = own.at(v[l]);
+                const double one = part.low * v[l] + part.low_start;
+                const double other = part.high * v[l] + part.high_start;
                 force[l] = cut(force[l], std::min(one, other), std::max(one, other));
             }
         }
@@ -354,15 +370,20 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
                 size(K.shape(2)) == s.m && size(K.shape(3)) == s.n,
             "K does not fit");
     s.moves = rows > 1, s.K_moves = gains > 1;
-    require(size(dampers.shape(1)) == 3 && size(damper_rates.shape(0)) == size(dampers.shape(0)) &&
-                size(damper_rates.shape(1)) == s.n,
+    require(size(dampers.shape(1)) == 6 && size(damper_rates.shape(1)) == s.n,
             "the dampers do not fit");
     for (Int i = 0; i < size(dampers.shape(0)); ++i) {
-        const double *own = dampers.data() + 3 * i;
+        const double *own = dampers.data() + 6 * i;
         require(own[0] >= 0 && own[0] < static_cast<double>(s.m), "a damper is no input");
-        s.dampers.push_back(
-            {static_cast<Int>(own[0]), damper_rates.data() + i * s.n, own[1], own[2]});
+        const auto number = static_cast<Int>(own[0]);
+        if (s.dampers.empty() || s.dampers.back().number != number) {
+            require(size(s.dampers.size()) < size(damper_rates.shape(0)), "the dampers do not fit");
+            const double *rate = damper_rates.data() + size(s.dampers.size()) * s.n;
+            s.dampers.push_back({number, rate, {}});
+        }
+        s.dampers.back().parts.push_back({own[1], own[2], own[3], own[4], own[5]});
     }
+    require(size(s.dampers.size()) == size(damper_rates.shape(0)), "the dampers do not fit");
     s.stops = size(S.shape(2));
     require(size(stops.shape(0)) == (s.stops ? 4 : 0) && size(compression.shape(0)) == s.stops &&
                 size(compression.shape(1)) == s.n,

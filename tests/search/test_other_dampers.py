@@ -22,7 +22,7 @@ from polefence.plant.outputs import weighted_sum
 from polefence.plant.spec import loads
 from polefence.proof import squares
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.clipped import groups_of, pieces_of
+from polefence.proof.claims.clipped import cases_of, groups_of, pieces_of
 from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
@@ -79,7 +79,7 @@ class Truth:
         )
         self.K, self.units = np.array(claim.K, float), np.array(claim.units, float)
         self.rates = np.array([own.rate[0][0] for own in claim.dampers], float)
-        self.bounds = np.array([[own.low, own.high] for own in claim.dampers], float)
+        self.bounds = np.array([own.ends for own in claim.dampers], float)
         self.X, self.V = (np.array(M, float) for M in (claim.X, claim.V))
         self.powers = np.array(squares.monomials(self.n, claim.degree, 0)[1:])
         self.source = np.random.default_rng(8)
@@ -202,11 +202,16 @@ def test_random_cars_have_bounds():
 
 def test_quadratic_functions_find_what_moments_of_degree_two_find():
     question = _Question.of(*_asked(quarter(masses=(288.9, 388.9))))
-    each = pieces_of(question.sizes, 1)
-    pieces = [question.piece(group, choice, question.rounded)[0] for group, choice in each]
+    cases = cases_of(*exact(question.rounded), *question.exact)
+    each = pieces_of(question.sizes, [len(cases)])
+    pieces = [question.piece(group, [cases[k]])[0] for group, (k,) in each]
     S = np.diag(question.units)
     found = least_mean(pieces, [S @ X @ S for X in question.common], 1e-6).level
     assert found == pytest.approx(Problem(pieces, 2).solved(1e-6).level, rel=1e-5)
+
+
+def exact(matrix):
+    return [[Fraction(x) for x in row] for row in matrix.tolist()]
 
 
 def _asked(found):

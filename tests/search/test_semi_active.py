@@ -14,6 +14,7 @@ from polefence.examples import family
 from polefence.plant.dampers import Damper
 from polefence.plant.outputs import weighted_sum
 from polefence.proof.claims.base import prove
+from polefence.proof.dampers import Curve
 from polefence.proof.work import FormatError
 from polefence.requirements.rms import Rms
 from polefence.vehicle import SIGNALS, quarter_car, velocity_density
@@ -168,14 +169,14 @@ def test_what_proves_too_much_is_undecided(claim):
         replace(claim, multipliers=(tau * 2,)),
         replace(claim, factor=claim.factor * (1 + Fraction(1, 10**6))),
         replace(claim, dampers=(), multipliers=()),
-        spoiled(claim, low=Fraction(290)),
-        spoiled(claim, high=Fraction(3100)),
-        spoiled(claim, low=-claim.dampers[0].high, high=-claim.dampers[0].low),
+        spoiled(claim, low=Curve.line(Fraction(290))),
+        spoiled(claim, high=Curve.line(Fraction(3100))),
+        spoiled(claim, low=Curve.line(Fraction(-HIGH)), high=Curve.line(Fraction(-LOW))),
         spoiled(claim, rate=[[[-x for x in claim.dampers[0].rate[0][0]]]]),
     ):
         assert not prove(wrong).proved
     # narrower bounds are kept by fewer logics
-    assert prove(spoiled(claim, low=Fraction(LOW))).proved
+    assert prove(spoiled(claim, low=Curve.line(Fraction(LOW)))).proved
 
 
 def test_what_does_not_fit_is_refused(claim):
@@ -186,7 +187,7 @@ def test_what_does_not_fit_is_refused(claim):
         (spoiled(claim, number=True), "input True is not"),
         (spoiled(claim, rate=[[[Fraction(1)] * 3]]), "rate"),
         (spoiled(claim, rate=[]), "rate"),
-        (spoiled(claim, low=Fraction(3001)), "low must not be above high"),
+        (spoiled(claim, low=Curve.line(Fraction(3001))), "low must not be above high"),
     ):
         with pytest.raises(FormatError, match=words):
             prove(wrong)

@@ -19,6 +19,7 @@ from polefence.proof import squares
 from polefence.proof.__main__ import main
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import pieces_of
+from polefence.proof.dampers import Curve
 from polefence.proof.document import check, loads
 from polefence.proof.work import FormatError
 from polefence.requirements.rms import Rms
@@ -199,8 +200,8 @@ def test_the_completed_matrices_are_the_inequality_at_any_point(laws):
         return float(m @ np.array(G, float) @ m)
 
     noise = float(claim.limit.intensity) ** 0.5 * E[:, 0] / units
-    for own, (group, choice) in zip(claim.pieces, pieces_of((1,), 1), strict=True):
-        completed = list(claim._completed(own, group, choice))
+    for own, (group, choice) in zip(claim.pieces, pieces_of((1,), [3]), strict=True):
+        completed = list(claim._completed(own, group, claim._chosen(choice)))
         for xi in source.standard_normal((5, 4)):
             x, h = units * xi, 1e-4
             u = (K[0] @ x, LOW * v @ x, HIGH * v @ x)[choice[0]]
@@ -287,8 +288,8 @@ def test_each_fault_in_the_evidence_is_found(laws):
         replace(claim, X=[[[zero] * 4 for _ in range(4)]]),
         replace(claim, V=(tuple(-x for x in claim.V[0]),)),
         replace(claim, pieces=claim.pieces[1:] + claim.pieces[:1]),
-        spoiled(low=Fraction(250)),
-        spoiled(high=Fraction(3300)),
+        spoiled(low=Curve.line(Fraction(250))),
+        spoiled(high=Curve.line(Fraction(3300))),
         spoiled(rate=[[[-x for x in damper.rate[0][0]]]]),
     ]
     for k in range(len(claim.V[0])):  # each coefficient as it is, times a little more
@@ -345,7 +346,10 @@ def test_what_does_not_fit_is_refused(laws):
         (replace(claim, K=claim.K * 2), "K 1 is not 1 x 4"),
         (replace(claim, limit=replace(claim.limit, level=Fraction(0))), "positive"),
         (replace(claim, limit=replace(claim.limit, outputs=())), "of outputs"),
-        (replace(claim, dampers=(replace(damper, low=Fraction(3001)),)), "low must not be above"),
+        (
+            replace(claim, dampers=(replace(damper, low=Curve.line(Fraction(3001))),)),
+            "low must not be above",
+        ),
     ):
         with pytest.raises(FormatError, match=words):
             prove(wrong)

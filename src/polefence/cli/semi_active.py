@@ -23,6 +23,7 @@ from polefence.cli.options import (
 from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
 from polefence.cli.subjects import Subject, read_spec
 from polefence.cli.terminal import say
+from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
 from polefence.region.text import digits_down, digits_up
@@ -141,7 +142,7 @@ def _lines(answer: Answer) -> list[str]:
     """Return what to print."""
     law, others = answer.law, answer.others
     stays = zip(others.dampers, others.coefficients, strict=True)
-    fixed = ", ".join(f"{c:g} N s/m for {damper.force}" for damper, c in stays)
+    fixed = ", ".join(f"{_staying(damper, c)} for {damper.force}" for damper, c in stays)
     if law is None:
         lines = [f"not proved: {answer.reason}"]
     else:
@@ -156,6 +157,15 @@ def _lines(answer: Answer) -> list[str]:
             proof, level = limit
             lines.append(f"  proved: no {name} goes below {digits_down(level)} at {proof.where}")
     return lines
+
+
+def _staying(damper: Damper, c: float) -> str:
+    """Say which damper it is that stays: of bent curves a mean of both."""
+    low, high = damper.curves
+    if not (low.bends or high.bends):
+        return f"{c:g} N s/m"
+    least, most = float(low.ratios[0]), float(high.ratios[1])
+    return f"{(c - least) / (most - least):.1%} of the way from low to high"
 
 
 def _document(answer: Answer) -> dict[str, Any]:
@@ -177,7 +187,7 @@ def _document(answer: Answer) -> dict[str, Any]:
             {
                 "force": damper.force,
                 "deflection": damper.deflection,
-                "range": [float(damper.low), float(damper.high)],
+                **damper.summary,
                 "best that stays": c,
             }
             for damper, c in zip(others.dampers, others.coefficients, strict=True)

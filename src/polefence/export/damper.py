@@ -56,17 +56,28 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
 
 def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str, Any]:
     """Return the context of the templates."""
-    dampers, n = [], _needed(claim)
+    dampers, n = list[dict[str, Any]](), _needed(claim)
     for row, damper in zip(claim.K, claim.dampers, strict=True):
         label = plant.inputs[damper.number] if plant.inputs else f"u{damper.number + 1}"
+        lowest, highest = damper.ends
+        parts = damper.parts
+        lines = [damper.lines(part) for part in parts]
         dampers.append(
             {
                 "text": f"of {label}: the force over the rate, "
-                f"{number_text(damper.low)} to {number_text(damper.high)}",
+                f"{number_text(lowest)} to {number_text(highest)}"
+                + ("" if damper.straight else ", as its curves allow at the rate"),
                 "K": [_exactly(x, form) for x in row[:n]],
                 "rate": [form.text(form.outward(x, up=True)) for x in damper.rate[0][0][:n]],
+                "starts": [_text(start, form) for start, _ in parts],
+                "low": [[_text(x, form, up=True) for x in low] for low, _ in lines],
+                "high": [[_text(x, form) for x in high] for _, high in lines],
             }
         )
+    most = max(len(damper["low"]) for damper in dampers)
+    for own in dampers:  # as many parts for each, the last one again
+        for key in ("starts", "low", "high"):
+            own[key] += own[key][-1:] * (most - len(own[key]))
     outputs = ", ".join(output.name for output in claim.limit.outputs)
     level = digits_up(claim.limit.level)
     statement = (
@@ -82,12 +93,18 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
         "statement": statement,
         "states": (plant.states or tuple(f"x{i + 1}" for i in range(plant.n)))[:n],
         "dampers": dampers,
-        "lows": [form.text(form.outward(damper.low, up=True)) for damper in claim.dampers],
-        "highs": [form.text(form.outward(damper.high, up=False)) for damper in claim.dampers],
+        "parts": most,
+        "lows": [_text(damper.ends[0], form, up=True) for damper in claim.dampers],
+        "highs": [_text(damper.ends[1], form) for damper in claim.dampers],
         "number": form,
         "prefix": form.largest[:3],
         "zero": form.text(0.0),
     }
+
+
+def _text(value: Fraction | None, form: Number, up: bool = False) -> str:
+    """Return a number of a curve as text."""
+    return form.text(form.outward(value or Fraction(0), up=up))
 
 
 def _needed(claim: Clipped) -> int:

@@ -1,4 +1,4 @@
-"""Controllable dampers: forces that are a multiple of a deflection's rate, chosen as one likes."""
+"""Controllable dampers: forces between two curves of a deflection's rate, chosen as one likes."""
 
 from __future__ import annotations
 
@@ -6,22 +6,25 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 from polefence.base.errors import InputError
 from polefence.base.explained import explained_fields
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import inputs, pick
 from polefence.plant.parameters import exact
-from polefence.proof.dampers import SemiActive
+from polefence.proof.dampers import MAX_POINTS, Curve, SemiActive
 from polefence.proof.matrices import Rationals, product
 from polefence.proof.short import Short
 
 
 @dataclass(frozen=True)
 class Damper(Short):
-    """A damper whose coefficient any logic may choose, at any time, between two bounds.
+    """A damper whose force any logic may choose, at any time, between two curves of a rate.
 
-    Its force u = c v is the plant's input, v the rate of a deflection; the plant's matrices are
-    those without it.
+    Its force is the plant's input, v the rate of a deflection; the plant's matrices are those
+    without it. A number c stands for the line c v; points for what was measured, linear between
+    them and going on beyond the last ones as they ended.
 
     Parameters
     ----------
@@ -29,15 +32,16 @@ class Damper(Short):
         The input: of a car up on the body [N].
     deflection : str
         A state or an output, positive in compression where the force is up on the body [m].
-    low, high : number
-        Bounds on c [N s/m], low below high.
+    low, high : number or sequence of pairs of numbers
+        A coefficient [N s/m], or points of rate [m/s] and force [N], by ascending rates; where all
+        rates are zero or more, rebound and compression are alike.
 
     Raises
     ------
     PlantError
-        If a bound is no number.
+        If something is no number.
     InputError
-        If low is negative, or not below high.
+        If a force has not the sign of the rate, or low is not below high.
     """
 
     force: str
@@ -48,13 +52,33 @@ class Damper(Short):
     @explained_fields
     def __post_init__(self) -> None:
         for key in ("low", "high"):
-            what = f"damper {self.force}: {key}"
-            object.__setattr__(self, key, exact(getattr(self, key), what))
-        if not 0 <= self.low < self.high:
+            value = _bound(getattr(self, key), f"damper {self.force}: {key}")
+            object.__setattr__(self, key, value)
+        low, high = self.curves
+        whole = SemiActive(0, [], low, high)
+        if low.ratios[0] < 0 or not whole.nested or low == high:
             raise InputError(
-                f"damper {self.force}: low = {float(self.low):g} and high = {float(self.high):g} "
-                "must be zero or more, and low below high"
+                f"damper {self.force}: low = {low.text} and high = {high.text} must be zero or "
+                "more, and low below high"
+                + ("" if whole.straight else ", in size, at every rate, also beyond the points")
             )
+
+    @property
+    def curves(self) -> tuple[Curve, Curve]:
+        """The lower and the upper curve."""
+        low, high = (
+            own if isinstance(own, Curve) else Curve.line(own) for own in (self.low, self.high)
+        )
+        return low, high
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What it gives, as a spec has it."""
+        low, high = self.curves
+        if isinstance(self.low, Curve) or isinstance(self.high, Curve):
+            pairs = (("low", low), ("high", high))
+            return {key: [[float(x) for x in p] for p in own.points] for key, own in pairs}
+        return {"range": [float(self.low), float(self.high)]}
 
     def of(self, plant: UncertainPlant) -> SemiActive:
         """Return it with the rows of the deflection's rate at every vertex.
@@ -83,4 +107,36 @@ class Damper(Short):
                     f"damper {self.force}: an input or a disturbance passes straight into the rate "
                     f"of {self.deflection}; name a deflection between two masses"
                 )
-        return SemiActive(number, rate, Fraction(self.low), Fraction(self.high))
+        return SemiActive(number, rate, *self.curves)
+
+
+def _bound(value: Any, what: str) -> Fraction | Curve:
+    """Return a coefficient, or the curve by points.
+
+    Raises
+    ------
+    PlantError
+        If something is no number.
+    InputError
+        If the points are no curve through zero.
+    """
+    if isinstance(value, Curve):
+        return value
+    if not isinstance(value, list | tuple | np.ndarray):
+        return exact(value, what)
+    points = list[tuple[Fraction, Fraction]]()
+    for k, pair in enumerate(value):
+        if not isinstance(pair, list | tuple | np.ndarray) or len(pair) != 2:
+            raise InputError(f"{what}: point {k + 1} must be [rate in m/s, force in N]")
+        v, F = (exact(x, f"{what}: point {k + 1}") for x in pair)
+        points.append((v, F))
+    if not any(v == 0 for v, _ in points):
+        points = sorted([*points, (Fraction(0), Fraction(0))])
+    if points[0][0] == 0:
+        points = [*((-v, -F) for v, F in points[:0:-1]), *points]
+    curve = Curve(tuple(points))
+    if len(points) > MAX_POINTS:
+        raise InputError(f"{what} has {len(points)} points; at most {MAX_POINTS} are possible")
+    if fault := curve.fault():
+        raise InputError(f"{what}: {fault}")
+    return curve

@@ -131,6 +131,19 @@ def load_dampers(path: str | Path) -> tuple[Damper, ...]:
         raise SpecError(f"{path}: {error}") from error
 
 
+def _points(value: Any, where: str) -> list[tuple[Any, Any]]:
+    """Return the points of a damper's curve."""
+    if not isinstance(value, list) or not value:
+        raise SpecError(f"{where} = {shown(value)} must be points, [[RATE, FORCE], ...]")
+    points = list[tuple[Any, Any]]()
+    for k, pair in enumerate(value):
+        said = f"{where}: point {k + 1}"
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise SpecError(f"{said} must be [RATE in m/s, FORCE in N]")
+        points.append((_finite(pair[0], said), _finite(pair[1], said)))
+    return points
+
+
 def _dampers(data: Mapping[str, Any]) -> tuple[Damper, ...]:
     tables, dampers = data.get("damper", {}), list[Damper]()
     if not isinstance(tables, dict):
@@ -139,12 +152,24 @@ def _dampers(data: Mapping[str, Any]) -> tuple[Damper, ...]:
         where = f"damper.{shown(name)}"
         if not isinstance(table, dict):
             raise SpecError(f'{where} must be a table; write [damper."FORCE"], range = [300, 3000]')
-        _known(table, {"deflection", "range"}, f"{where}: ")
-        _need(table, ("deflection", "range"), where)
-        bounds = table["range"]
-        if not isinstance(bounds, list) or len(bounds) != 2:
-            raise SpecError(f"{where}: range = {shown(bounds)} must be [LOWEST, HIGHEST] in N s/m")
-        low, high = (_finite(c, f"{where}: range") for c in bounds)
+        _known(table, {"deflection", "range", "low", "high"}, f"{where}: ")
+        _need(table, ("deflection",), where)
+        low: Any
+        high: Any
+        straight = "range" in table
+        if straight == ("low" in table) or ("low" in table) != ("high" in table):
+            raise SpecError(
+                f"{where}: write range = [300, 3000], or low and high, each [[RATE, FORCE], ...]"
+            )
+        if straight:
+            bounds = table["range"]
+            if not isinstance(bounds, list) or len(bounds) != 2:
+                raise SpecError(
+                    f"{where}: range = {shown(bounds)} must be [LOWEST, HIGHEST] in N s/m"
+                )
+            low, high = (_finite(c, f"{where}: range") for c in bounds)
+        else:
+            low, high = (_points(table[key], f"{where}: {key}") for key in ("low", "high"))
         dampers.append(Damper(name, _text(table["deflection"], f"{where}: deflection"), low, high))
     return tuple(dampers)
 

@@ -3,7 +3,9 @@
 A polynomial is a table from exponents to rationals. It is written as a sum of two forms m'G m: one
 with the odd monomials m up to half its degree, one with the even ones. Every even monomial is a
 product of two monomials of a basis. So a small change of G turns an approximate identity into an
-exact one.
+exact one. A polynomial with odd monomials too is one form, of all monomials up to half its degree.
+
+Forms and motions may have a last entry, that of the constant 1 behind the variables.
 """
 
 from __future__ import annotations
@@ -29,14 +31,22 @@ def monomials(n: int, degree: int, parity: int) -> list[Exponent]:
     ]
 
 
-def bases(n: int, degree: int) -> list[list[Exponent]]:
-    """Return the odd and the even monomials up to a degree; an empty basis is left out."""
+def known(n: int, degree: int, even: bool = True) -> list[Exponent]:
+    """Return the monomials up to an even degree, one first: the even ones, or all."""
+    whole = monomials(n, degree, 0)
+    return whole if even else whole + monomials(n, degree, 1)
+
+
+def bases(n: int, degree: int, even: bool = True) -> list[list[Exponent]]:
+    """Return the odd and the even monomials up to a degree, or all; no basis is empty."""
+    if not even:
+        return [known(n, degree, False)]
     return [basis for parity in (1, 0) if (basis := monomials(n, degree, parity))]
 
 
-def count_of(n: int, degree: int) -> int:
-    """Return the number of even monomials up to an even degree."""
-    return sum(comb(n + d - 1, d) for d in range(0, degree + 1, 2))
+def count_of(n: int, degree: int, even: bool = True) -> int:
+    """Return the number of monomials up to an even degree: the even ones, or all."""
+    return sum(comb(n + d - 1, d) for d in range(0, degree + 1, 2 if even else 1))
 
 
 def joined(e: Exponent, f: Exponent) -> Exponent:
@@ -45,9 +55,9 @@ def joined(e: Exponent, f: Exponent) -> Exponent:
 
 
 def of_form(Q: Rationals) -> Sparse:
-    """Return x'Q x."""
-    n = len(Q)
-    return of_matrix(Q, [tuple(int(i == j) for j in range(n)) for i in range(n)])
+    """Return (x, 1)'Q (x, 1)."""
+    n = len(Q) - 1
+    return of_matrix(Q, [tuple(int(i == j) for j in range(n)) for i in range(n + 1)])
 
 
 def of_matrix(G: Rationals, basis: Sequence[Exponent]) -> Sparse:
@@ -80,7 +90,7 @@ def less(f: Sparse, g: Sparse) -> Sparse:
 
 
 def drift(V: Sparse, A: Rationals, W: Rationals) -> Sparse:
-    """Return (grad V)'A x + (1/2) tr W (hess V)."""
+    """Return (grad V)'A (x, 1) + (1/2) tr W (hess V)."""
     terms: Sparse = {}
     for e, value in V.items():
         for i, row in enumerate(A):
@@ -89,7 +99,8 @@ def drift(V: Sparse, A: Rationals, W: Rationals) -> Sparse:
             once = moved(e, i, -1)
             for k, a in enumerate(row):
                 if a:
-                    _add(terms, moved(once, k, 1), value * e[i] * a)
+                    after = once if k == len(A) else moved(once, k, 1)
+                    _add(terms, after, value * e[i] * a)
             for j, w in enumerate(W[i]):
                 if w and once[j]:
                     _add(terms, moved(once, j, -1), value * e[i] * once[j] * w / 2)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, partial
 from itertools import product as cartesian
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from polefence.base.processors import small_matrices
 from polefence.base.renamed import write_in
 from polefence.certify.certificate import file_plant
 from polefence.law.laws import FixedGain
-from polefence.lmi.solve.moments import Mean, Piece, Problem, inside
+from polefence.lmi.solve.moments import Mean, Piece, Problem, Visits, inside
 from polefence.lmi.solve.quadratic_means import least_mean
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
@@ -35,7 +36,17 @@ from polefence.plant.outputs import states
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.clipped import GIVEN, Clipped, Group, Squares, groups_of, pieces_of
+from polefence.proof.claims.clipped import (
+    GIVEN,
+    MAX_PIECES,
+    Case,
+    Clipped,
+    Group,
+    Squares,
+    cases_of,
+    groups_of,
+    pieces_of,
+)
 from polefence.proof.claims.refutation import RmsLimit
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -50,9 +61,13 @@ from polefence.requirements.weights import with_weights
 
 # How near its end the search comes: what is on the very edge may not survive its rounding.
 NEAR = (1e-5, 1e-4, 1e-3)
+NEAR_BENT = (1e-2, 3e-2)  # where curves are bent; nearer the exact check mostly failed
 DEGREES = (6, 4, 2)
-OWN = 2  # matrices of a piece: of the odd monomials, and of the even ones
 FILE_NAME = "law.json"
+# Drives that say where the motion is: how many, their step by the fastest pole, how long by the
+# slowest one, what of them is taken, and the share of what is hardly ever visited.
+DRIVES, STEP, SETTLED, MAX_STEPS, RECORDS, RARE = 200, 1.0, 8.0, 20000, 150, 1e-3
+ROUNDS, ENOUGH = 30, 300  # draws of that, until there are so many points in each case
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +85,7 @@ class SemiActiveLaw(Short):
     level : float
         The rms is at most this.
     coefficients : tuple of float
-        Of the best dampers that stay as they are.
+        Of the best dampers that stay as they are; of curves that are bent, see `Unproved`.
     passive : float
         The worst rms with these, at the vertices; to compare with, not proved.
     claim : Clipped
@@ -186,9 +201,11 @@ class Unproved:
     dampers : tuple of Damper
         In the order of the inputs.
     coefficients : tuple of float
-        Of the best dampers that stay.
+        Of the best dampers that stay. With bent curves a damper that stays is a mean of both, as
+        far from the lower one as this is from the least coefficient, on the way to the largest.
     passive : float
-        The worst rms with these, at the vertices.
+        The worst rms with these, at the vertices; with bent curves that of a Gaussian motion,
+        with the line in place of the curve that is nearest to it in the mean square.
     K : (m, n) array or None
         What the law of `semi_active` demands; None where no signal has a force in it.
     """
@@ -298,11 +315,18 @@ class _Question:
         _ = self.passive  # without it there is nothing to be better than
         for j, loop in enumerate(self.loops(self.bounds[:, 0])):
             if np.linalg.eigvals(loop).real.max() >= 0:
-                lows = " and ".join(f"{d.force} = {float(d.low):g} v" for d in self.dampers)
+                ends = zip(self.dampers, self.bounds, strict=True)
+                lows = " and ".join(f"{damper.force} = {low:g} v" for damper, (low, _) in ends)
                 raise self.refusal(
                     f"with all dampers at their lower bounds, {lows}, vertex {j + 1} is not stable",
                     f"raise the lower bound of damper {self.dampers[0].force}",
                 )
+
+        if (pieces := self.pieces) > MAX_PIECES:
+            raise self.refusal(
+                f"the dampers' curves have {pieces} pieces together, of {MAX_PIECES} at most",
+                "give fewer points, or ranges",
+            )
 
     def refusal(self, why: str, remedy: str) -> NotProvedError:
         """Return that no bound is proved, why, and what to change."""
@@ -318,12 +342,23 @@ class _Question:
 
     @property
     def bounds(self) -> Array:
-        """Lower and upper bounds of the coefficients."""
-        return np.array([[float(d.low), float(d.high)] for d in self.dampers])
+        """The least and the largest coefficients."""
+        return np.array([[float(c) for c in damper.ends] for damper in self.exact])
+
+    @property
+    def even(self) -> bool:
+        """Whether the motion and its mirror image are alike."""
+        return all(damper.straight for damper in self.exact)
 
     def moments(self, degree: int) -> int:
         """Return about how many unknowns there are."""
-        return len(pieces_of(self.sizes, len(self.dampers))) * count_of(self.A.shape[1], degree)
+        return self.pieces * count_of(self.A.shape[1], degree, self.even)
+
+    @property
+    def pieces(self) -> int:
+        """Return in how many the motion is proved."""
+        cases = prod(3 * len(damper.parts) for damper in self.exact)
+        return len(groups_of(self.sizes)) * cases
 
     @property
     def sizes(self) -> Sizes:
@@ -331,12 +366,51 @@ class _Question:
         return file_plant(self.plant).sizes
 
     def stays(self, j: int, c: Array) -> Array:
-        """Return the gain of dampers with these coefficients at a vertex."""
-        return np.asarray(c[:, None] * self.rates[j])
+        """Return the gain of dampers that stay at a vertex, from coefficients.
+
+        Of bent curves it is that of the lines nearest to them in the mean square, for the Gaussian
+        motion with these lines: their slopes in the mean (Stein).
+        """
+        slopes = c
+        for _ in range(0 if self.even else 30):
+            A, _ = self.loop(j, slopes[:, None] * self.rates[j])
+            if np.linalg.eigvals(A).real.max() >= 0:
+                break
+            X = _lyapunov(A, -self.E[j] @ self.E[j].T)
+            spread = np.sqrt(np.einsum("ki,ij,kj->k", self.rates[j], X, self.rates[j]))
+            last, slopes = slopes, self.mean_slopes(c, spread)
+            if np.allclose(last, slopes, rtol=1e-6, atol=0):
+                break
+        return np.asarray(slopes[:, None] * self.rates[j])
+
+    def mean_slopes(self, c: Array, spread: Array) -> Array:
+        """Return the curves' slopes in the mean, for Gaussian rates of a spread."""
+        from scipy.special import ndtr
+
+        found = []
+        for damper, value, (least, most), sigma in zip(
+            self.exact, c, self.bounds, spread, strict=True
+        ):
+            share, total = (value - least) / (most - least), 0.0
+            for part in damper.parts:
+                low, high = (float(slope) for slope, _ in damper.lines(part))
+                a, b = (
+                    end if x is None else float(x)
+                    for x, end in zip(part, (-np.inf, np.inf), strict=True)
+                )
+                within = ndtr(b / sigma) - ndtr(a / sigma)
+                total += within * (low + share * (high - low))
+            found.append(total)
+        return np.array(found)
 
     def loops(self, c: Array) -> list[Array]:
-        """Return A of the loops with dampers of these coefficients."""
-        return [self.loop(j, self.stays(j, c))[0] for j in range(len(self.A))]
+        """Return A of the loops with forces of these coefficients times the rates."""
+        return [self.loop(j, c[:, None] * self.rates[j])[0] for j in range(len(self.A))]
+
+    @cached_property
+    def kept(self) -> list[Array]:
+        """A of the loops with the best dampers that stay."""
+        return [self.loop(j, self.stays(j, self.best))[0] for j in range(len(self.A))]
 
     def loop(self, j: int, gain: Array) -> tuple[Array, Array]:
         """Return A and C of a closed loop at a vertex."""
@@ -344,14 +418,12 @@ class _Question:
 
     def each_rms(self, c: Array) -> list[float]:
         """Return the rms with these coefficients at every vertex, infinite where not stable."""
-        from scipy.linalg import solve_continuous_lyapunov
-
         values = list[float]()
         for j in range(len(self.A)):
             A, C = self.loop(j, self.stays(j, c))
             if np.linalg.eigvals(A).real.max() >= 0:
                 return [np.inf] * len(self.A)
-            X = solve_continuous_lyapunov(A, -self.E[j] @ self.E[j].T)
+            X = _lyapunov(A, -self.E[j] @ self.E[j].T)
             values.append(float(np.sqrt(np.trace(C @ X @ C.T))))
         return values
 
@@ -420,18 +492,16 @@ class _Question:
         a law feeds none of them back. (Of three cars with Wk this is in drives within 0.2 % of the
         demand with the filter's states, or better, and proves 0.3 % to 0.7 % less.)
         """
-        from scipy.linalg import solve_continuous_lyapunov
-
         A, B, C, D = (M[self.hardest] for M in (self.A, self.B, self.C, self.D))
         u0 = self.stays(self.hardest, self.best)
         loop, out, E = A + B @ u0, C + D @ u0, self.E[self.hardest]
-        P = solve_continuous_lyapunov(loop.T, -out.T @ out)
+        P = _lyapunov(loop.T, -out.T @ out)
         R, R0 = D.T @ D, np.abs(self.shown.T @ self.shown).sum(axis=1)
         if not R0.any():
             raise self.refusal("it has no force in it", "add an acceleration, or a force")
         R0 = np.maximum(R0, 1e-3 * R0.max())
         K, n = u0 - (R @ u0 + B.T @ P + D.T @ C) / R0[:, None], self.plant.shape[0]
-        X = solve_continuous_lyapunov(loop, -E @ E.T)
+        X = _lyapunov(loop, -E @ E.T)
         return np.asarray(K[:, :n] + np.linalg.solve(X[:n, :n], X[:n, n:] @ K[:, n:].T).T)
 
     @property
@@ -448,7 +518,7 @@ class _Question:
     @cached_property
     def mean(self) -> Array:
         """A with the best dampers that stay, the mean of the vertices."""
-        return np.asarray(np.mean(self.loops(self.best), axis=0))
+        return np.asarray(np.mean(self.kept, axis=0))
 
     @cached_property
     def units(self) -> Array:
@@ -459,11 +529,11 @@ class _Question:
         NotProvedError
             If the disturbance does not reach a state.
         """
-        from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+        from scipy.linalg import matrix_balance
 
         balanced, (scale, _) = matrix_balance(self.mean, permute=False, separate=True)
         E = self.E[0] / scale[:, None]
-        X = np.diag(solve_continuous_lyapunov(balanced, -E @ E.T))
+        X = np.diag(_lyapunov(balanced, -E @ E.T))
         for state, variance in zip(states(self.larger), X, strict=True):
             if not variance > 1e-12 * X.max():
                 raise self.refusal(
@@ -477,10 +547,18 @@ class _Question:
         gains = self.rounded if given is None else np.asarray(given, np.float32).astype(float)
         # a filter's states stay out
         K = np.pad(gains, ((0, 0), (0, len(self.units) - gains.shape[1])))
-        choices = pieces_of(self.sizes, len(self.dampers))
-        pieces = [self.piece(group, choice, K) for group, choice in choices]
-        search = self.search([piece for piece, _ in pieces], degree)
-        for tolerance in NEAR:
+        pairs = zip(_rationals(K), self.exact, strict=True)
+        cases = [cases_of(row, damper) for row, damper in pairs]
+        choices = pieces_of(self.sizes, list(map(len, cases)))
+        pieces = [
+            self.piece(group, [own[k] for own, k in zip(cases, choice, strict=True)])
+            for group, choice in choices
+        ]
+        bare, visits = [piece for piece, _ in pieces], list[Visits]()
+        if not self.even and degree > DEGREES[-1]:
+            visits = self.visits(cases, degree)
+        search = self.search(bare, degree, visits)
+        for tolerance in NEAR if self.even else NEAR_BENT:
             with suppress(SolverError, FormatError, np.linalg.LinAlgError):
                 mean = search(tolerance)
                 level = passive * float(np.sqrt(mean.level)) * (1 + 1e-7)
@@ -492,10 +570,102 @@ class _Question:
                     return SemiActiveLaw(*asked, gains, level, *stays, claim, verdict.reason)
         return None
 
-    def search(self, pieces: list[Piece], degree: int) -> Callable[[float], Mean]:
+    def visits(self, cases: Sequence[Sequence[Case]], degree: int) -> list[Visits]:
+        """Return where the motion is in each piece, in units, by drives at mixed parameters.
+
+        One for each group of vertices, with the shares of all groups; and, to a small share, points
+        drawn from a wider Gaussian, for what is hardly ever visited.
+        """
+        source, groups = np.random.default_rng(0), groups_of(self.sizes)
+        counts = list(map(len, cases))
+        S, back = np.diag([*self.units, 1.0]), 1 / self.units
+        forces = [np.array([case.force for case in own], float) @ S for own in cases]
+        rates = self.rates[0] * self.units
+        bends = [np.array([start for start, _ in own.parts[1:]], float) for own in self.exact]
+        E = back[:, None] * self.E[0]
+        X = _lyapunov(back[:, None] * self.mean * self.units, -E @ E.T)
+        root = np.linalg.cholesky(X)
+
+        def acting(y: Array) -> tuple[Array, Array]:
+            """Return forces, and the number of the case."""
+            u, place = np.empty((len(y), len(cases))), np.zeros(len(y), dtype=int)
+            for k, own in enumerate(forces):
+                part = np.searchsorted(bends[k], y[:, :-1] @ rates[k], side="right")
+                three = np.stack(
+                    [np.einsum("ij,ij->i", own[3 * part + what], y) for what in range(3)]
+                )
+                u[:, k] = np.median(three, axis=0)
+                what = np.argmin(np.abs(three - u[:, k]), axis=0)
+                place = place * counts[k] + 3 * part + what
+            return u, place
+
+        poles = [np.linalg.eigvals(loop) for c in self.bounds.T for loop in self.loops(c)]
+        step = STEP / max(np.abs(own).max() for own in poles)
+        slow = min(-np.linalg.eigvals(loop).real.max() for loop in self.kept)
+        steps = min(round(SETTLED / slow / step), MAX_STEPS)
+        every = max(steps // RECORDS, 1)
+        found = [(list[Array](), list[Array]()) for _ in range(len(groups) * prod(counts))]
+        for group in groups:
+            alpha = np.zeros(len(self.A))
+            for pair in group:
+                np.add.at(alpha, list(pair), 0.5 / len(group))
+            A = back[:, None] * np.tensordot(alpha, self.A, 1) * self.units
+            B = back[:, None] * np.tensordot(alpha, self.B, 1)
+            y = np.ones((DRIVES, len(X) + 1))
+            y[:, :-1] = source.standard_normal((DRIVES, len(X))) @ root.T
+
+            def slope(y: Array, A: Array = A, B: Array = B) -> Array:
+                return y[:, :-1] @ A.T + acting(y)[0] @ B.T
+
+            for k in range(steps):
+                middle = y.copy()
+                middle[:, :-1] += step / 2 * slope(y)
+                noise = source.standard_normal((DRIVES, E.shape[1])) @ E.T
+                y[:, :-1] += step * slope(middle) + np.sqrt(step) * noise
+                if k > steps // 2 and k % every == 0:
+                    self._add(found, groups, alpha, y, acting(y)[1], np.full(len(y), 1.0))
+        even, drawn = np.full(len(self.A), 1 / len(self.A)), np.zeros(prod(counts))
+        for _ in range(ROUNDS):
+            wide = np.repeat((0.5, 1.0, 2.0, 4.0), 5 * DRIVES)
+            y = np.ones((len(wide), len(X) + 1))
+            y[:, :-1] = wide[:, None] * source.standard_normal((len(wide), len(X))) @ root.T
+            place = acting(y)[1]
+            few = drawn[place] < ENOUGH
+            self._add(found, groups, even, y[few], place[few], RARE * wide[few] ** -degree)
+            drawn += np.bincount(place[few], minlength=len(drawn))
+            if not few.any() or drawn.min() >= ENOUGH:
+                break
+        none = np.zeros((0, len(X))), np.zeros(0)
+        return [
+            Visits(np.concatenate([none[0], *points]), np.concatenate([none[1], *shares]))
+            for points, shares in found
+        ]
+
+    def _add(
+        self,
+        found: list[tuple[list[Array], list[Array]]],
+        groups: Sequence[Group],
+        alpha: Array,
+        y: Array,
+        place: Array,
+        shares: Array,
+    ) -> None:
+        """Add points at parameters to each piece that they are in."""
+        count = len(found) // len(groups)
+        for g, group in enumerate(groups):
+            j, k = group[0]
+            part = float(alpha[j] * alpha[k])
+            for case in np.unique(place).tolist() if part else ():
+                own = place == case
+                found[g * count + case][0].append(y[own, :-1])
+                found[g * count + case][1].append(part * shares[own])
+
+    def search(
+        self, pieces: list[Piece], degree: int, visits: Sequence[Visits]
+    ) -> Callable[[float], Mean]:
         """Return the search for a polynomial of a degree, by its tolerance."""
-        if degree > DEGREES[-1]:
-            return Problem(pieces, degree).solved
+        if degree > DEGREES[-1] or not self.even:
+            return Problem(pieces, degree, self.even, visits).solved
         S = np.diag(self.units)
         return partial(least_mean, pieces, [S @ X @ S for X in self.common])
 
@@ -523,29 +693,34 @@ class _Question:
             [_rationals(matrix) for matrix in X],
             tuple(map(tuple, _rationals(mean.V))),
             tuple(
-                _squares(matrices, size) for matrices, size in zip(mean.grams, sizes, strict=True)
+                _squares(matrices, size, 1 + self.even)
+                for matrices, size in zip(mean.grams, sizes, strict=True)
             ),
             tuple(map(Fraction, spec.scales(self.larger))),
             self.sizes,
         )
 
-    def piece(self, group: Group, choice: tuple[int, ...], K: Array) -> tuple[Piece, list[float]]:
+    def piece(self, group: Group, cases: Sequence[Case]) -> tuple[Piece, list[float]]:
         """Return a piece in units, its cost over the square of the passive's, its forms' sizes."""
-        S, back = np.diag(self.units), np.diag(1 / self.units)
-        gain, forms, sizes = list[Array](), list[Array](), list[float]()
-        for row, v, (low, high), what in zip(K, self.rates[0], self.bounds, choice, strict=True):
-            gain.append((row, low * v, high * v)[what])
-            above, below = row - low * v, row - high * v
-            a, b = ((-above, below), (-above, v), (below, v))[what]
-            form = S @ (np.outer(a, b) + np.outer(b, a)) @ S / 2
-            sizes.append(float(np.abs(form).max()))
-            forms.append(form / sizes[-1])
-        loops = [self.loop(j, np.array(gain)) for j in range(len(self.A))]
+        back, S = np.diag(1 / self.units), np.diag([*self.units, 1.0])
+        forms, sizes = list[Array](), list[float]()
+        for case in cases:
+            for exact in case.forms:
+                form = S @ np.array(exact, float) @ S
+                sizes.append(float(np.abs(form).max()))
+                forms.append(form / sizes[-1])
+        forces = np.array([case.force for case in cases], float)
+        loops = [
+            tuple(np.pad(M, ((0, 0), (0, 1))) + P @ forces for M, P in pairs)
+            for pairs in zip(
+                zip(self.A, self.B, strict=True), zip(self.C, self.D, strict=True), strict=True
+            )
+        ]
         outs = [out @ S / self.passive for _, out in loops]
         Q = np.sum([outs[j].T @ outs[k] for j, k in group], axis=0)
         motions = tuple((j, back @ loops[k][0] @ S) for j, k in group)
         terms = (len(group), motions, back @ self.E[0], (Q + Q.T) / 2, tuple(forms))
-        return Piece(*terms, GIVEN not in choice), sizes
+        return Piece(*terms, all(case.what != GIVEN for case in cases)), sizes
 
     @cached_property
     def common(self) -> list[Array]:
@@ -553,8 +728,6 @@ class _Question:
 
         Found from those of the loops with the best dampers that stay.
         """
-        from scipy.linalg import solve_continuous_lyapunov
-
         S, back, n, N = np.diag(self.units), np.diag(1 / self.units), len(self.units), len(self.A)
         rows, columns = np.tril_indices(n)
         basis = np.zeros((len(rows), n, n))
@@ -571,10 +744,7 @@ class _Question:
                 for j, k in group:
                     XA = basis @ loops[k]
                     F[-1][j * count : (j + 1) * count] -= XA + XA.swapaxes(1, 2)
-        x = [
-            solve_continuous_lyapunov((back @ loop @ S).T, -np.eye(n))[rows, columns]
-            for loop in self.loops(self.best)
-        ]
+        x = [_lyapunov((back @ loop @ S).T, -np.eye(n))[rows, columns] for loop in self.kept]
         trace = np.tile(np.trace(basis, axis1=1, axis2=2), N)[:, None, None]
         try:
             solution = inside(
@@ -586,6 +756,13 @@ class _Question:
             ) from error
         vectors = np.split(solution, N)
         return [back @ np.tensordot(vector, basis, 1) @ back for vector in vectors]
+
+
+def _lyapunov(A: Any, Q: Any) -> Array:
+    """Return X with A X + X A' = Q."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    return np.asarray(solve_continuous_lyapunov(A, Q), dtype=np.float64)
 
 
 def _width(parameter: Parameter) -> float:
@@ -601,12 +778,12 @@ def _rationals(matrix: Any) -> Rationals:
     return [[Fraction(float(x)) for x in row] for row in matrix]
 
 
-def _squares(grams: Sequence[Array], sizes: Sequence[float]) -> Squares:
-    """Return the matrices of a piece as a claim has them, of forms as they are."""
-    count = (len(grams) - OWN) // len(sizes)
-    starts = [OWN + k * count for k in range(len(sizes))]
+def _squares(grams: Sequence[Array], sizes: Sequence[float], own: int) -> Squares:
+    """Return a piece's matrices as a claim has them: ``own`` first, then those of its forms."""
+    count = (len(grams) - own) // len(sizes)
+    starts = [own + k * count for k in range(len(sizes))]
     H = [
         tuple(_rationals(G / size) for G in grams[start : start + count])
         for start, size in zip(starts, sizes, strict=True)
     ]
-    return Squares(tuple(map(_rationals, grams[:OWN])), tuple(H))
+    return Squares(tuple(map(_rationals, grams[:own])), tuple(H))

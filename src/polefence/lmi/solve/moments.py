@@ -1,15 +1,15 @@
 r"""Long-run means of piecewise linear motion under white noise, from above, by polynomials.
 
-In a piece x' = A x + E w, wherever quadratic forms s of x are not negative. For a polynomial V that
-the motion keeps finite on average, and g > 0,
+In a piece x' = A y + E w, y = (x, 1), wherever quadratic forms s of y are not negative. For a
+polynomial V that the motion keeps finite on average, and g > 0,
 
-    1 - x'Q x / g - (grad V)'A x - (1/2) tr E'(hess V)E = m'G m + sum s (l'H l),   G, H >= 0,
+    1 - y'Q y / g - (grad V)'A y - (1/2) tr E'(hess V)E = m'G m + sum s (l'H l),   G, H >= 0,
 
-m and l monomials of x, in every piece: the long-run mean of x'Q x is at most g. What is dual to V,
+m and l monomials of x, in every piece: the long-run mean of y'Q y is at most g. What is dual to V,
 G and H are the moments y of the times spent in each piece, up to the degree of V: the mean of V's
 derivative is zero for every V, and the matrices of y m m' and y s l l' are positive semidefinite.
 These are few unknowns, searched for; V then follows by least squares (Lasserre 2001 on moments and
-sums of squares). Only even degrees occur: the motion and its mirror image are alike.
+sums of squares). Only even degrees occur where the motion and its mirror image are alike.
 """
 
 from __future__ import annotations
@@ -29,21 +29,22 @@ from polefence.lmi.solve.interior_point import WIDE, Outcome
 from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
 from polefence.proof.polynomials import Exponent
-from polefence.proof.squares import bases, joined, monomials, moved
+from polefence.proof.squares import bases, joined, known, moved
 
 if TYPE_CHECKING:
     import scipy.sparse as sp  # imported where used: slow
 
 # Blocks that begin below zero end inside by this share of what they lacked.
 WITHIN = 0.05
+SLIGHT = 1e-9  # of a block's own moments, what it may lack where they have no rank
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """What is to hold where some forms of x are not negative.
 
-    ``weight`` - x'Q x / g less the mean derivative of each V that ``motions`` names, by its number,
-    along x' = A x + E w.
+    ``weight`` - y'Q y / g less the mean derivative of each V that ``motions`` names, by its number,
+    along x' = A y + E w.
     """
 
     weight: float
@@ -55,16 +56,35 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
+class Visits:
+    """Points where the motion is in a piece, with shares of the time."""
+
+    points: Array
+    shares: Array
+
+    def moments(self, space: Space) -> Array:
+        """Return their moments."""
+        powers = np.array(space.monomials)
+        total = np.zeros(len(powers))
+        for start in range(0, len(self.points), 2000):  # many at once take much memory
+            part = slice(start, start + 2000)
+            values = np.prod(self.points[part, None, :] ** powers, axis=2)
+            total += self.shares[part] @ values
+        return total
+
+
+@dataclass(frozen=True, eq=False)
 class Space:
-    """Even monomials of n variables up to a degree, and the bases whose products they are."""
+    """Even monomials of n variables up to a degree, or all; forms are of these and the constant."""
 
     n: int
     degree: int
+    even: bool = True
 
     @cached_property
     def monomials(self) -> list[Exponent]:
         """The monomials, one first."""
-        return monomials(self.n, self.degree, 0)
+        return known(self.n, self.degree, self.even)
 
     @cached_property
     def place(self) -> dict[Exponent, int]:
@@ -90,33 +110,39 @@ class Space:
             for i in (i for i in range(self.n) if e[i]):
                 less = moved(e, i, -1)
                 for k in np.flatnonzero(A[i]):
-                    row[self.place[moved(less, int(k), 1)]] += e[i] * A[i, k]
+                    after = less if k == self.n else moved(less, int(k), 1)
+                    row[self.place[after]] += e[i] * A[i, k]
                 for j in (j for j in range(self.n) if less[j] and W[i, j]):
                     row[self.place[moved(less, j, -1)]] += e[i] * less[j] * W[i, j]
         return rows
 
-    def gaussian(self, X: Array) -> Array:
-        """Return the moments of a Gaussian of zero mean."""
-        known: dict[Exponent, float] = {(0,) * self.n: 1.0}
-        for e in self.monomials[1:]:  # in ascending degree: E[x_i p] = sum X_ik E[dp/dx_k]
+    def gaussian(self, mean: Array, X: Array) -> Array:
+        """Return the moments of a Gaussian."""
+        found: dict[Exponent, float] = {(0,) * self.n: 1.0}
+        # in ascending degree: E[x_i p] = mean_i E[p] + sum X_ik E[dp/dx_k]
+        for e in sorted(self.monomials[1:], key=sum):
             i = next(i for i in range(self.n) if e[i])
             less = moved(e, i, -1)
-            known[e] = sum(
-                X[i, k] * less[k] * known[moved(less, k, -1)] for k in range(self.n) if less[k]
+            found[e] = sum(
+                X[i, k] * less[k] * found[moved(less, k, -1)] for k in range(self.n) if less[k]
             )
-        return np.array([known[e] for e in self.monomials])
+            if not self.even:
+                found[e] += mean[i] * found[less]
+        return np.array([found[e] for e in self.monomials])
 
     def form(self, Q: Array) -> Array:
-        """Return the mean of x'Q x by the moments."""
+        """Return the mean of y'Q y by the moments."""
         row = np.zeros(len(self.monomials))
         for e, value in self._terms(Q):
             row[self.place[e]] += value
         return row
 
     def _terms(self, Q: Array) -> list[tuple[Exponent, float]]:
-        """Return the terms of x'Q x."""
-        one, pairs = (0,) * self.n, zip(*np.nonzero(Q), strict=True)
-        return [(moved(moved(one, int(a), 1), int(b), 1), float(Q[a, b])) for a, b in pairs]
+        """Return the terms of y'Q y."""
+        one = (0,) * self.n
+        each = [*(moved(one, i, 1) for i in range(self.n)), one]
+        pairs = zip(*np.nonzero(Q), strict=True)
+        return [(joined(each[a], each[b]), float(Q[a, b])) for a, b in pairs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,11 +344,14 @@ class Mean:
 class Problem:
     """The moments of pieces."""
 
-    def __init__(self, pieces: Sequence[Piece], degree: int) -> None:
-        self.pieces, n = pieces, len(pieces[0].Q)
-        self.space = space = Space(n, degree)
+    def __init__(
+        self, pieces: Sequence[Piece], degree: int, even: bool = True, visits: Sequence[Visits] = ()
+    ) -> None:
+        self.pieces, n = pieces, len(pieces[0].E)
+        self.visits = visits
+        self.space = space = Space(n, degree, even)
         self.count = count = len(space.monomials)
-        inner, lower = bases(n, degree // 2), bases(n, degree // 2 - 1)
+        inner, lower = bases(n, degree // 2, even), bases(n, degree // 2 - 1, even)
         self.blocks = list[tuple[int, Array]]()
         own_blocks = [space.products(basis) for basis in inner]
         for p, piece in enumerate(pieces):
@@ -367,7 +396,33 @@ class Problem:
         """
         one = np.zeros((self.count, 1, 1))
         one[0] = 1.0
-        return inside(self.blocks, self._start(), one, self.generator)
+        if not self.visits:
+            return inside(self.blocks, self._start(), one, self.generator)
+        x = np.concatenate([own.moments(self.space) for own in self.visits])
+        sizes = [
+            np.tensordot(x[self._span(p)] / x[p * self.count], block, 1) for p, block in self.blocks
+        ]
+        sizes = [M + SLIGHT * np.trace(M) / len(M) * np.eye(len(M)) for M in sizes]
+        return inside(self.blocks, self._balanced(x, sizes), one, self.generator, sizes)
+
+    def _span(self, piece: int) -> slice:
+        return slice(piece * self.count, (piece + 1) * self.count)
+
+    def _balanced(self, x: Array, sizes: Sequence[Array]) -> Array:
+        """Return moments of which V's mean derivative is zero, near some.
+
+        In each block the change is small beside its own moments.
+        """
+        metric = np.zeros((len(self.pieces), self.count, self.count))
+        for (p, block), size in zip(self.blocks, sizes, strict=True):
+            root = np.linalg.inv(np.linalg.cholesky(size))
+            rows = (root @ block @ root.T).reshape(self.count, -1) / x[p * self.count]
+            metric[p] += rows @ rows.T
+        parts = [self.generator[:, self._span(p)] for p in range(len(self.pieces))]
+        moved = [np.linalg.solve(H, L.T) for H, L in zip(metric, parts, strict=True)]
+        total = np.sum([L @ M for L, M in zip(parts, moved, strict=True)], axis=0)
+        share = np.linalg.lstsq(total, self.generator @ x, rcond=None)[0]
+        return np.asarray(x - np.concatenate([M @ share for M in moved]))
 
     def _start(self) -> Array:
         """Return moments of one Gaussian in each piece, for a share of the time.
@@ -387,9 +442,12 @@ class Problem:
                 (s, A) for s, p in zip(factors, self.pieces, strict=True) for _, A in p.motions
             ]
             A = np.average([A for _, A in pairs], axis=0, weights=[s for s, _ in pairs])
+            A, always = A[:, :-1], A[:, -1]
             if np.linalg.eigvals(A).real.max() < 0:
                 X = np.asarray(solve_continuous_lyapunov(A, -W), dtype=np.float64)
-                return np.concatenate([s * self.space.gaussian(X) for s in factors]) / sum(factors)
+                mean = -np.linalg.solve(A, always)
+                moments = self.space.gaussian(mean, X)
+                return np.concatenate([s * moments for s in factors]) / sum(factors)
         raise SolverError("no mean of the pieces is stable")
 
     def _completed(self, grams: list[Array]) -> Mean:
@@ -445,7 +503,9 @@ class Problem:
         return refined
 
 
-def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array:
+def inside(
+    F: list[tuple[int, Array]], x: Array, mass: Array, L: Array, sizes: Sequence[Array] = ()
+) -> Array:
     """Return a point with L x = 0 at which all blocks, linear in it, are positive definite.
 
     Parameters
@@ -457,6 +517,8 @@ def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array
     mass : (count, 1, 1) array
         In proportion to what a block may lack on the way.
     L : (., pieces * count) array
+    sizes : sequence of arrays, optional
+        What a block may lack is so much of its own; of the identity by default.
 
     Raises
     ------
@@ -464,20 +526,27 @@ def inside(F: list[tuple[int, Array]], x: Array, mass: Array, L: Array) -> Array
         If none is found.
     """
     count, lacking = len(mass), 0.0
-    for p, f in F:
+    own = list(sizes) or [np.eye(f.shape[1]) for _, f in F]
+    for (p, f), size in zip(F, own, strict=True):
         moments = x[p * count : (p + 1) * count]
-        least = float(np.linalg.eigvalsh(np.tensordot(moments, f, 1))[0])
+        least = _least(np.tensordot(moments, f, 1), size)
         lacking = max(lacking, -least / float(moments @ mass[:, 0, 0]))
     if lacking <= 0:
         return x
     shift = WITHIN * lacking
-    D = [mass * np.eye(f.shape[1]) for _, f in F]
+    D = [mass * size for size in own]
     blocks = [Block(p, d, shift * d - f) for d, (p, f) in zip(D, F, strict=True)]
     start = (1 + WITHIN) * lacking + shift
     outcome = _run(Conditions(count, blocks, L), x, start, shift, 1e-6)  # any point inside will do
     if outcome.r >= shift:
         raise SolverError("no point was found inside")
     return outcome.x
+
+
+def _least(matrix: Array, size: Array) -> float:
+    """Return the least eigenvalue relative to another matrix, which is positive definite."""
+    root = np.linalg.inv(np.linalg.cholesky(size))
+    return float(np.linalg.eigvalsh(root @ matrix @ root.T)[0])
 
 
 def _run(conditions: Conditions, x: Array, r: float, enough: float, tolerance: float) -> Outcome:

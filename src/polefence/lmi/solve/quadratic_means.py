@@ -1,7 +1,8 @@
 r"""Long-run means of piecewise linear motion under white noise, from above, by quadratic functions.
 
 What `polefence.lmi.solve.moments` does for polynomials of any degree, here with V = x'P x, P one a
-vertex, and a number t >= 0 for each form s of each piece:
+vertex, and a number t >= 0 for each form s of each piece, where neither forms nor motions have
+constants:
 
     minimise g   subject to   -(Q + P A + A'P) - sum t s > 0 in every piece,   tr E'P E < g.
 
@@ -44,7 +45,7 @@ class _Search:
     """Unknowns are 1, P of each vertex by its entries, and t of each piece."""
 
     def __init__(self, pieces: Sequence[Piece], vertices: int) -> None:
-        n = len(pieces[0].Q)
+        n = len(pieces[0].E)
         self.pieces, self.vertices = pieces, vertices
         rows, columns = np.tril_indices(n)
         self.rows, self.columns, self.entries = rows, columns, len(rows)
@@ -55,11 +56,11 @@ class _Search:
         self.falling, start = list[Array](), 1 + vertices * len(rows)
         for piece in pieces:
             block = np.zeros((self.count, n, n))
-            block[0] = -piece.Q
+            block[0] = -piece.Q[:n, :n]
             for j, A in piece.motions:
-                PA = self.basis @ A
+                PA = self.basis @ A[:, :n]
                 block[self.of(j)] -= PA + PA.swapaxes(1, 2)
-            block[start : start + len(piece.forms)] = [-form for form in piece.forms]
+            block[start : start + len(piece.forms)] = [-form[:n, :n] for form in piece.forms]
             self.falling.append(block)
             start += len(piece.forms)
         self.positive = list[Array]()
@@ -107,7 +108,7 @@ class _Search:
             if piece.at_bounds:
                 falls = np.tensordot(x[1:], block[1:], 1)
                 with np.errstate(all="ignore"):
-                    rate = np.linalg.eigvals(np.linalg.solve(falls, piece.Q)).real.max()
+                    rate = np.linalg.eigvals(np.linalg.solve(falls, piece.Q[:-1, :-1])).real.max()
                 shares.append(float(rate))
         scale = 2.0 * max(shares)  # twice the least multiple of P that outweighs Q
         x[1:] *= scale if np.isfinite(scale) and scale > 0 else 1.0
@@ -116,7 +117,7 @@ class _Search:
 
     def _mean(self, x: Array, level: float) -> Mean:
         """Return V, the level and the matrices by pieces as `moments` has them."""
-        n = len(self.pieces[0].Q)
+        n = len(self.pieces[0].E)
         place = {
             tuple(np.add(np.eye(n, dtype=int)[i], np.eye(n, dtype=int)[k]).tolist()): (i, k)
             for i, k in zip(self.rows, self.columns, strict=True)

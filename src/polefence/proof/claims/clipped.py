@@ -1,19 +1,23 @@
 """Rms of a signal under a law of controllable dampers: a linear demand, given as far as it can be.
 
-Forces u_k = c v, v = r x, c from c1 to c2, and a demand K x: u_k is what lies in the middle of K x,
-c1 v and c2 v. Where each is, is said by a quadratic form of x:
+Forces u_k between two curves of v = r x, f1(v) and f2(v), and a demand K x: u_k is what lies in the
+middle of K x, f1 and f2. Where each is, is said by a quadratic form of x:
 
-    u_k = K x    where  -(K x - c1 v)(K x - c2 v) >= 0,
-    u_k = c1 v   where  -(K x - c1 v) v >= 0,          u_k = c2 v   where  (K x - c2 v) v >= 0.
+    u_k = K x    where  -(K x - f1)(K x - f2) >= 0,
+    u_k = f1     where  -(K x - f1) v >= 0,            u_k = f2     where  (K x - f2) v >= 0.
 
-In each piece, one of three a damper, the motion is x' = A x + E w, A a closed loop, the signal
-z = C x; W is the intensity times E E'. With a polynomial V of even degree in x, affine in alpha,
-s the forms, m and l monomials, and in every piece G > 0 and H > 0
+Lines f = c v are so for all v; curves that are bent, f = c v + d, from one bend a to the next, b,
+which (v - a)(b - v) >= 0 says, v - a >= 0 or b - v >= 0 at the ends. Forms are of (x, 1) there.
+In each piece, one of three a damper and a range of v, the motion is x' = A (x, 1) + E w, A a closed
+loop, the signal z = C (x, 1); W is the intensity times E E'. With a polynomial V in x, affine in
+alpha, s the forms, m and l monomials, and in every piece G > 0 and H > 0
 
     1 - z'z / g^2 - (grad V)'A x - (1/2) tr W (hess V) - sum s (l'H l) = m'G m,
 
-the mean derivative of V is at most 1 - z'z / g^2. A matrix X > 0 with X A + A'X < 0 for all
-dampers at either of their bounds keeps all moments of x bounded, whatever the logic; so the mean of
+the mean derivative of V is at most 1 - z'z / g^2. V, m and l have even monomials or odd ones only
+where all curves are lines: the motion and its mirror image are alike. A matrix X > 0 with
+X A + A'X < 0 for all dampers at the least or the largest coefficient u_k / v of their curves keeps
+all moments of x bounded, whatever the logic; so the mean of
 V's derivative over a long time is zero, and that of z'z at most g^2.
 
 The parameters do not move: A, z, V and X are affine in alpha, on the box of the parameters where
@@ -29,15 +33,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import product as cartesian
+from math import prod
 from typing import Any, ClassVar, Self
 
 from polefence.proof import squares
 from polefence.proof.claims.base import Claim, Place, require_work
 from polefence.proof.claims.refutation import RmsLimit, require_driven, require_limit
 from polefence.proof.claims.signal import acting_text, misnamed, outputs_text, require_shapes
-from polefence.proof.dampers import SemiActive, read_dampers
+from polefence.proof.dampers import Part, SemiActive, read_dampers
 from polefence.proof.laws import add
 from polefence.proof.matrices import (
     LONGEST,
@@ -58,15 +63,25 @@ from polefence.proof.text import digits_down, digits_up, sum_text
 from polefence.proof.work import RATIONAL, FormatError, WorkError, spend
 
 MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
-GIVEN, LOWER, UPPER = range(3)  # what a damper does in a piece: the demand, or one of its bounds
+GIVEN, LOWER, UPPER = range(3)  # what a damper does in a case: the demand, or one of its bounds
 
 Matrices = tuple[Rationals, ...]
 Group = tuple[tuple[int, int], ...]  # ordered pairs of vertices, of one monomial in alpha
 
 
 @dataclass(frozen=True)
+class Case(Short):
+    """What a damper does somewhere: its force by (x, 1), where forms of (x, 1) are not negative."""
+
+    words: str
+    what: int
+    force: list[Fraction]
+    forms: Matrices
+
+
+@dataclass(frozen=True)
 class Squares(Short):
-    """The matrices of a piece: G of its bases, and H of the bases of each damper's form."""
+    """The matrices of a piece: G of its bases, and H of the bases of each damper's forms."""
 
     grams: Matrices
     multipliers: tuple[Matrices, ...]
@@ -92,9 +107,9 @@ class Clipped(Short, Claim):
     X : list of n x n rationals
         For each vertex.
     V : tuple of tuples of Fraction
-        For each vertex, by the even monomials but one.
+        For each vertex, by the monomials but one: the even ones where all curves are lines.
     pieces : tuple of Squares
-        For each coefficient, each choice of a piece for every damper; see `pieces_of`.
+        For each coefficient, each choice of a case for every damper; see `pieces_of`.
     scales : tuple of Fraction
         How much of each disturbance acts; all of each where there are none.
     sizes : tuple of int
@@ -185,6 +200,16 @@ class Clipped(Short, Claim):
         """Corners of each simplex of alpha."""
         return self.sizes or (len(self.A),)
 
+    @property
+    def even(self) -> bool:
+        """Whether the motion and its mirror image are alike."""
+        return all(damper.straight for damper in self.dampers)
+
+    @cached_property
+    def cases(self) -> list[list[Case]]:
+        """What each damper may do."""
+        return [cases_of(row, own) for row, own in zip(self.K, self.dampers, strict=True)]
+
     # --- what may be asked ------------------------------------------------------------------------
 
     def require(self) -> None:
@@ -210,24 +235,26 @@ class Clipped(Short, Claim):
         self._require_evidence()
 
     def _require_evidence(self) -> None:
-        N, n, m = len(self.A), len(self.A[0]), len(self.B[0][0])
+        N, n = len(self.A), len(self.A[0])
         if type(self.degree) is not int or not 2 <= self.degree <= MAX_DEGREE or self.degree % 2:
             raise FormatError(f"degree must be even, 2 to {MAX_DEGREE}")
-        count = squares.count_of(n, self.degree)
-        pieces = count_of(self.alpha, (2,) * len(self.alpha)) * 3**m
+        count = squares.count_of(n, self.degree, self.even)
+        pieces = count_of(self.alpha, (2,) * len(self.alpha))
+        pieces *= prod(3 * len(damper.parts) for damper in self.dampers)
         if count > MAX_MONOMIALS or pieces > MAX_PIECES:
             raise WorkError("the monomials or pieces are too many to be checked here")
         if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
             raise FormatError(f"V must hold {count - 1} numbers, one per monomial, for each vertex")
         if len(self.pieces) != pieces:
             raise FormatError(f"pieces must be {pieces}")
-        inner, lower = (squares.bases(n, self.degree // 2 - k) for k in range(2))
+        inner, lower = (squares.bases(n, self.degree // 2 - k, self.even) for k in range(2))
         if max(map(len, inner)) > MAX_SIZE:
             raise WorkError("the monomials are too many to be checked here")
-        for piece in self.pieces:
+        choices = pieces_of(self.alpha, list(map(len, self.cases)))
+        for piece, (_, choice) in zip(self.pieces, choices, strict=True):
             _require_sizes(piece.grams, inner)
-            if len(piece.multipliers) != m:
-                raise FormatError("each piece has multipliers of every damper's form")
+            if len(piece.multipliers) != sum(len(case.forms) for case in self._chosen(choice)):
+                raise FormatError("each piece has multipliers of every damper's forms")
             for multiplier in piece.multipliers:
                 _require_sizes(multiplier, lower)
         rows = len(self.pieces) * len(inner)
@@ -256,37 +283,43 @@ class Clipped(Short, Claim):
         """Yield the matrices that are to be positive definite, with their places."""
         for j, X in enumerate(self.X):
             yield _block(f"X, vertex {j + 1}", X)
-        m, groups = len(self.dampers), groups_of(self.alpha)
-        for choice in cartesian((LOWER, UPPER), repeat=m):
-            loops = [self._loop(j, choice)[0] for j in range(len(self.A))]
+        groups = groups_of(self.alpha)
+        ends = [_ends(damper) for damper in self.dampers]
+        for cases in cartesian(*ends):
+            loops = [self._loop(j, cases)[0] for j in range(len(self.A))]
             for group in groups:
                 terms = [_decrease(self.X[j], loops[k]) for j, k in group]
-                name = f"of any logic, {_vertices(group)}{_words(choice)}"
+                name = f"of any logic, {_vertices(group)}{_words(cases)}"
                 yield _block(name, reduce(add, terms))
-        for piece, (group, choice) in zip(self.pieces, pieces_of(self.alpha, m), strict=True):
-            name = f"{_vertices(group)}{_words(choice)}"
+        choices = pieces_of(self.alpha, list(map(len, self.cases)))
+        for piece, (group, choice) in zip(self.pieces, choices, strict=True):
+            cases = self._chosen(choice)
+            name = f"{_vertices(group)}{_words(cases)}"
             for k, H in enumerate(H for multiplier in piece.multipliers for H in multiplier):
                 yield _block(f"multiplier {k + 1}, {name}", H)
-            for G in self._completed(piece, group, choice):
+            for G in self._completed(piece, group, cases):
                 yield _block(f"of squares, {name}", G)
 
-    def _loop(self, j: int, choice: Sequence[int]) -> tuple[Rationals, Rationals]:
-        """Return the closed loop at a vertex, and the rows of z."""
-        laws = zip(self.K, self.dampers, choice, strict=True)
-        gain = [_force(row, damper, what) for row, damper, what in laws]
+    def _chosen(self, choice: Sequence[int]) -> tuple[Case, ...]:
+        """Return the case of each damper."""
+        return tuple(own[k] for own, k in zip(self.cases, choice, strict=True))
+
+    def _loop(self, j: int, cases: Sequence[Case]) -> tuple[Rationals, Rationals]:
+        """Return the closed loop at a vertex, and the rows of z, by (x, 1)."""
+        gain = [case.force for case in cases]
         C, D = ([getattr(y, k)[j][0] for y in self.limit.outputs] for k in "CD")
-        return add(self.A[j], product(self.B[j], gain)), add(C, product(D, gain))
+        free = [[*row, Fraction(0)] for row in self.A[j]], [[*row, Fraction(0)] for row in C]
+        return add(free[0], product(self.B[j], gain)), add(free[1], product(D, gain))
 
     def _completed(
-        self, piece: Squares, group: Group, choice: tuple[int, ...]
+        self, piece: Squares, group: Group, cases: Sequence[Case]
     ) -> Iterator[Rationals]:
         """Return the matrices G of a piece, made exact."""
-        n, s = len(self.units), self.units
-        laws = zip(self.K, self.dampers, choice, strict=True)
-        forms = [_form(row, damper, what) for row, damper, what in laws]
+        n, s = len(self.units), (*self.units, Fraction(1))
+        forms = [form for case in cases for form in case.forms]
         numbers = dict.fromkeys(i for pair in group for i in pair)
-        loops = {i: self._scaled(self._loop(i, choice)) for i in numbers}
-        basis, noise = squares.monomials(n, self.degree, 0)[1:], self._noise()
+        loops = {i: self._scaled(self._loop(i, cases)) for i in numbers}
+        basis, noise = squares.known(n, self.degree, self.even)[1:], self._noise()
         self._spend(piece, forms, [(loops[k][0], noise) for _, k in group])
         share = 1 / self.limit.level**2
         f: squares.Sparse = {(0,) * n: Fraction(len(group))}
@@ -296,17 +329,17 @@ class Clipped(Short, Claim):
             f = squares.less(f, squares.of_form([[share * x for x in row] for row in both]))
             V = dict(zip(basis, self.V[j], strict=True))
             f = squares.less(f, squares.drift(V, A, noise))
-        lower = squares.bases(n, self.degree // 2 - 1)
+        lower = squares.bases(n, self.degree // 2 - 1, self.even)
         for matrices, form in zip(piece.multipliers, forms, strict=True):
             scaled = [[x * s[a] * s[b] for b, x in enumerate(row)] for a, row in enumerate(form)]
             for H, own_basis in zip(matrices, lower, strict=True):
                 multiple = squares.of_matrix(H, own_basis)
                 f = squares.less(f, squares.times(squares.of_form(scaled), multiple))
-        return squares.completed(f, piece.grams, squares.bases(n, self.degree // 2))
+        return squares.completed(f, piece.grams, squares.bases(n, self.degree // 2, self.even))
 
     def _scaled(self, loop: tuple[Rationals, Rationals]) -> tuple[Rationals, Rationals]:
         """Return a loop and its rows of z in the units."""
-        (A, C), s = loop, self.units
+        (A, C), s = loop, (*self.units, Fraction(1))
         scaled = [[x * s[k] / s[i] for k, x in enumerate(row)] for i, row in enumerate(A)]
         return scaled, [[x * s[k] for k, x in enumerate(row)] for row in C]
 
@@ -357,9 +390,58 @@ def groups_of(sizes: Sizes) -> list[Group]:
     return [tuple(pairs) for _, pairs in sorted(groups.items())]
 
 
-def pieces_of(sizes: Sizes, m: int) -> list[tuple[Group, tuple[int, ...]]]:
-    """Return pairs of vertices with what each damper does, in the order of a claim's pieces."""
-    return list(cartesian(groups_of(sizes), list(cartesian((GIVEN, LOWER, UPPER), repeat=m))))
+def pieces_of(sizes: Sizes, counts: Sequence[int]) -> list[tuple[Group, tuple[int, ...]]]:
+    """Return pairs of vertices with a case of each damper, in the order of a claim's pieces."""
+    return list(cartesian(groups_of(sizes), list(cartesian(*map(range, counts)))))
+
+
+def cases_of(demand: list[Fraction], damper: SemiActive) -> list[Case]:
+    """Return what a damper may do with a demand, part by part of its curves."""
+    one = Fraction(1)
+    v = [*damper.rate[0][0], Fraction(0)]
+    asked, cases = [*demand, Fraction(0)], []
+    for part in damper.parts:
+        low, high = ([*(c * x for x in v[:-1]), d] for c, d in damper.lines(part))
+        above, below = ([k - f for k, f in zip(asked, own, strict=True)] for own in (low, high))
+        start, end = part
+        from_start = None if start is None else [*v[:-1], -start]
+        to_end = None if end is None else [*(-x for x in v[:-1]), end]
+        inside = [row for row in (from_start, to_end) if row is not None]
+        if len(inside) == 1:
+            inside.append([*(Fraction(0) for _ in demand), one])
+        within = (_form(*inside),) if inside else ()
+        where = _part_text(part)
+        kinds = (
+            (GIVEN, "as demanded", asked, [-x for x in above], below),
+            (LOWER, "at its lower bound", low, [-x for x in above], v),
+            (UPPER, "at its upper bound", high, below, v),
+        )
+        for what, words, force, a, b in kinds:
+            said = f"u{damper.number + 1} {words}{where}"
+            cases.append(Case(said, what, force, (_form(a, b), *within)))
+    return cases
+
+
+def _part_text(part: Part) -> str:
+    """Say where the rate is."""
+    start, end = (None if x is None else digits_down(x) for x in part)
+    if start is not None and end is not None:
+        return f", its rate from {start} to {end}"
+    return f", its rate from {start}" if start else f", its rate to {end}" if end else ""
+
+
+def _ends(damper: SemiActive) -> list[Case]:
+    """Return the loops of the least and the largest coefficient."""
+    rate, words = damper.rate[0][0], ("lower", "upper")
+    return [
+        Case(
+            f"u{damper.number + 1} at its {name} bound",
+            what,
+            [*(c * x for x in rate), Fraction(0)],
+            (),
+        )
+        for what, name, c in zip((LOWER, UPPER), words, damper.ends, strict=True)
+    ]
 
 
 def _vertices(group: Group) -> str:
@@ -391,35 +473,12 @@ def _require_sizes(matrices: Matrices, bases: Sequence[Sequence[Any]]) -> None:
         raise FormatError(f"squares must be matrices of {' and '.join(map(str, sizes))} rows")
 
 
-def _words(choice: tuple[int, ...]) -> str:
-    said = {
-        GIVEN: "u{} as demanded",
-        LOWER: "u{} at its lower bound",
-        UPPER: "u{} at its upper bound",
-    }
-    return "".join(f", {said[what].format(k + 1)}" for k, what in enumerate(choice))
+def _words(cases: Sequence[Case]) -> str:
+    return "".join(f", {case.words}" for case in cases)
 
 
-def _force(row: list[Fraction], damper: SemiActive, what: int) -> list[Fraction]:
-    """Return the force's row by the state."""
-    if what == GIVEN:
-        return row
-    c = damper.low if what == LOWER else damper.high
-    return [c * x for x in damper.rate[0][0]]
-
-
-def _form(row: list[Fraction], damper: SemiActive, what: int) -> Rationals:
-    """Return the form that is not negative where the force is so."""
-    v = damper.rate[0][0]
-    above, below = (
-        [k - c * x for k, x in zip(row, v, strict=True)] for c in (damper.low, damper.high)
-    )
-    pairs = {
-        GIVEN: ([-x for x in above], below),
-        LOWER: ([-x for x in above], v),
-        UPPER: (below, v),
-    }
-    a, b = pairs[what]
+def _form(a: list[Fraction], b: list[Fraction]) -> Rationals:
+    """Return the form that is the product of two rows."""
     return [[(x * b[k] + a[k] * b[i]) / 2 for k in range(len(a))] for i, x in enumerate(a)]
 
 
@@ -431,8 +490,8 @@ def _form_of(C: Rationals, other: Rationals) -> Rationals:
 
 
 def _decrease(X: Rationals, A: Rationals) -> Rationals:
-    """Return -(X A + A'X)."""
-    XA = product(X, A)
+    """Return -(X A + A'X) of a loop by (x, 1), which has no constant."""
+    XA = product(X, [row[:-1] for row in A])
     return [[-(XA[i][k] + XA[k][i]) for k in range(len(X))] for i in range(len(X))]
 
 

@@ -69,14 +69,19 @@ def _hardware(model: Model) -> dict[str, Any]:
     if model.gravity and known is not None:
         load, heavy = model.first_load, known.places[2]
         weight = known.push(A, B)[:, heavy]
-    bounds = [(k, low, high) for k, _, low, high in model.dampers]
-    rates = [rate for _, rate, _, _ in model.dampers]
+    # a row for each part of a damper's curves, from the rate at which it begins
+    parts = [
+        (own.number, start, *line)
+        for own in model.dampers
+        for start, line in zip((-np.inf, *own.starts), own.lines, strict=True)
+    ]
+    rates = [own.rate for own in model.dampers]
     arrays = {
         "A": A,
         "B": B,
         "E": model.entry(corners),
         "S": S,
-        "dampers": np.array(bounds, float).reshape(-1, 3),
+        "dampers": np.array(parts, float).reshape(-1, 6),
         "damper_rates": np.array(rates, float).reshape(-1, plant.shape[0]),
         "stops": np.array(stops, float),
         "compression": model.stopped[:, : plant.shape[0]],

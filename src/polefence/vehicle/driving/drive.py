@@ -469,12 +469,12 @@ def _gains(model: Model, K: Array | None) -> Iterator[Array | None]:
         yield K
         return
     K = np.zeros((model.plant.shape[1], model.width)) if K is None else K
-    for choice in cartesian(*((None, low, high) for _, _, low, high in model.dampers)):
+    for choice in cartesian(*((None, *own.ends) for own in model.dampers)):
         gain = K.copy()
-        for (number, rate, _, _), c in zip(model.dampers, choice, strict=True):
+        for own, c in zip(model.dampers, choice, strict=True):
             if c is not None:
-                gain[..., number, :] = 0
-                gain[..., number, : len(rate)] = c * rate
+                gain[..., own.number, :] = 0
+                gain[..., own.number, : len(own.rate)] = c * own.rate
         yield gain
 
 

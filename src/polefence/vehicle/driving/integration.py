@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from polefence.law.laws import GainTable, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
 from polefence.plant.system import Array
+from polefence.proof.dampers import SemiActive
 from polefence.response.discrete import Sampling
 from polefence.vehicle.driving.parts import (
     Actuator,
@@ -41,6 +42,56 @@ Row = tuple[Array, Array, Array, Array, Array | None]
 INSIDE = 1e-8
 
 Gains = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """An input of a controllable damper: its force is between two curves of a rate.
+
+    Attributes
+    ----------
+    number : int
+        Of the input.
+    rate : (n,) array
+        By the state.
+    starts : (parts - 1,) array
+        Rates at which a part begins, but the first; both curves are lines in each.
+    lines : (parts, 4) array
+        Slope and value at zero of the lower curve, then of the upper one.
+    ends : pair of float
+        The least and the largest coefficient.
+    """
+
+    number: int
+    rate: Array
+    starts: Array
+    lines: Array
+    ends: tuple[float, float]
+
+    @classmethod
+    def of(cls, damper: SemiActive, rate: Array) -> Self:
+        """Return those of a damper."""
+        lines = np.array(
+            [[x for line in damper.lines(p) for x in line] for p in damper.parts], float
+        )
+        starts = np.array([start for start, _ in damper.parts[1:]], float)
+        low, high = map(float, damper.ends)
+        return cls(damper.number, rate, starts, lines, (low, high))
+
+    def at(self, v: Array) -> tuple[Array, Array]:
+        """Return both forces at rates."""
+        low, low_start, high, high_start = self._lines(v)
+        return low * v + low_start, high * v + high_start
+
+    def coefficients(self, v: Array) -> tuple[Array, Array]:
+        """Return both forces over the rates; at zero that of the part above it."""
+        low, low_start, high, high_start = self._lines(v)
+        over = np.divide(1.0, v, out=np.zeros(v.shape), where=v != 0)
+        return low + low_start * over, high + high_start * over
+
+    def _lines(self, v: Array) -> Iterator[Array]:
+        found = self.lines[np.searchsorted(self.starts, v, side="right")]
+        return iter(np.moveaxis(found, -1, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,8 +443,8 @@ class Model:
         return self.plant.shape[1] - own_states(self.plant)
 
     @cached_property
-    def dampers(self) -> tuple[tuple[int, Array, float, float], ...]:
-        """Inputs of controllable dampers: number, rate by the state, bounds of the coefficient.
+    def dampers(self) -> tuple[Bounds, ...]:
+        """Inputs of controllable dampers.
 
         Raises
         ------
@@ -406,35 +457,35 @@ class Model:
             if any(rate != exact.rate[0] for rate in exact.rate):
                 raise InputError(f"damper {damper.force}: its rate changes with a parameter")
             rate = np.array([float(x) for x in exact.rate[0][0]])
-            dampers.append((exact.number, rate, float(damper.low), float(damper.high)))
+            dampers.append(Bounds.of(exact, rate))
         return tuple(dampers)
 
     def limited(self, u: Array, z: Array) -> Array:
         """Return u saturated at the actuator's limit and at the dampers' bounds."""
         parts = np.split(u, [self.driven], axis=-1)
         applied = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
-        for k, rate, low, high in self.dampers:
-            v = z[..., : len(rate)] @ rate
-            first, second = low * v, high * v
-            applied[..., k] = np.clip(
-                applied[..., k], np.minimum(first, second), np.maximum(first, second)
+        for own in self.dampers:
+            first, second = own.at(z[..., : len(own.rate)] @ own.rate)
+            applied[..., own.number] = np.clip(
+                applied[..., own.number], np.minimum(first, second), np.maximum(first, second)
             )
         return applied
 
     def settings(self, u: Array, z: Array) -> Array:
         """Return u with dampers' forces replaced by the nearest coefficients."""
         settings = u.copy() if self.dampers else u
-        for k, rate, low, high in self.dampers:
-            v = z[..., : len(rate)] @ rate
-            c = np.divide(settings[..., k], v, out=np.full(v.shape, low), where=v != 0)
-            settings[..., k] = np.clip(c, low, high)
+        for own in self.dampers:
+            v = z[..., : len(own.rate)] @ own.rate
+            low, high = own.coefficients(v)
+            c = np.divide(settings[..., own.number], v, out=low.copy(), where=v != 0)
+            settings[..., own.number] = np.clip(c, low, high)
         return settings
 
     def forces(self, settings: Array, z: Array) -> Array:
         """Return the forces of `settings` at z."""
         forces = settings.copy() if self.dampers else settings
-        for k, rate, _, _ in self.dampers:
-            forces[..., k] *= z[..., : len(rate)] @ rate
+        for own in self.dampers:
+            forces[..., own.number] *= z[..., : len(own.rate)] @ own.rate
         return forces
 
     def applied(self, z: Array, demanded: Array) -> Array:

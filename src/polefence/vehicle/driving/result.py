@@ -308,7 +308,7 @@ def given(model: Model, drive: Record) -> list[str]:
     lines = list[str]()
     there = np.isfinite(drive.applied).all(axis=-1) if model.dampers else np.True_
     some: Any = ... if there.all() else there  # a mask copies; mostly all cars are there
-    for k, _, _, _ in model.dampers:
+    for k in (own.number for own in model.dampers):
         asked, gave = drive.demanded[some, k], drive.applied[some, k]
         if model.hardware.sampling is None and asked.any():
             share = float(np.mean(np.abs(asked - gave) <= TINY * np.abs(asked)))

@@ -59,7 +59,7 @@ def test_a_spec_that_differs_is_told(spec, tmp_path, capsys, old, new, differenc
     [
         (RANGE, "range = [3000, 300]", "low = 3000 and high = 300"),
         (RANGE, "range = [300]", "range = a list must be [LOWEST, HIGHEST]"),
-        (RANGE, "", "range is missing"),
+        (RANGE, "", "write range = [300, 3000], or low and high"),
         (RANGE, f"{RANGE}\ncost = 3", "unknown key 'cost'"),
         ('[damper."damper force"]', "[damper.force]", "no signal 'force'"),
         ('deflection = "suspension deflection"', "deflection = 3", "deflection must be a string"),

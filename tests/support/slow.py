@@ -21,6 +21,7 @@ SLOW = (
     "theory/test_discrete_structures.py",
     "faults/test_untrue_claims.py",
     "search/test_other_dampers.py",
+    "search/test_damper_curves.py",
     "faults/test_mutated_files.py",
     "docs/test_ride_page.py",
     "requirements/test_weights.py",

@@ -32,7 +32,7 @@ class Damper(Short):
         The input: of a car up on the body [N].
     deflection : str
         A state or an output, positive in compression where the force is up on the body [m].
-    low, high : number or sequence of pairs of numbers
+    low, high : number or sequence of pairs
         A coefficient [N s/m], or points of rate [m/s] and force [N], by ascending rates; where all
         rates are zero or more, rebound and compression are alike.
 

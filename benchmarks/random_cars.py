@@ -66,7 +66,7 @@ noise = {of_acceleration:.2g}
 class = "C"
 speed = 20
 [law]
-measured = ["suspension deflection", "sprung-mass acceleration"]
+measured = ["measured suspension deflection", "measured sprung-mass acceleration"]
 schedule = []
 order = {order}
 [[specification]]

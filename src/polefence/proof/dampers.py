@@ -97,7 +97,7 @@ class Curve(Short):
         if len(rates) < 2 or any(v >= w for v, w in pairwise(rates)):
             return "rates must ascend, of two points or more"
         if self.at(Fraction(0)):
-            return "it must be zero where the rate is"
+            return "it must be zero where the rate is; give it the point [0, 0]"
         return None
 
     @property

@@ -1,6 +1,8 @@
 """Structures of laws on the command line: options, the spec's [law], and what is refused."""
 
 import argparse
+import shlex
+from importlib import import_module
 
 import pytest
 
@@ -151,3 +153,71 @@ def test_a_law_of_another_kind_than_that_of_the_spec_is_about_it_too(tmp_path):
     spec = tmp_path / "spring.toml"
     spec.write_text(SPRING.format(damping=0.5) + PID)
     assert main(["check", str(tmp_path / "design"), "--spec", str(spec)]) == 0
+
+
+SENSORS = """
+[sensor."suspension deflection"]
+bandwidth = 100
+[sensor."sprung-mass velocity"]
+bandwidth = 100
+"""
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (
+            ["suspension deflection", "sprung-mass velocity [m/s]", "tyre deflection"],
+            "takes 'suspension deflection' and 'sprung-mass velocity [m/s]' without the sensor's "
+            "bandwidth and noise; write 'measured suspension deflection' and 'measured "
+            "sprung-mass velocity' for what the sensor says\n",
+        ),
+        (["measured suspension deflection", "measured sprung-mass velocity"], ""),
+        (["tyre deflection"], ""),
+    ],
+)
+def test_a_signal_measured_past_its_sensor_is_noted(names, said, spec, capsys):
+    spec.write_text(spec.read_text() + SENSORS)
+    asked(spec, "--measured", ", ".join(names).replace(" [m/s]", ""))
+    option = said.replace(" [m/s]", "")
+    assert capsys.readouterr().out == (option and f"note: --measured {option}")
+    spec.write_text(spec.read_text() + f"[law]\nmeasured = {names}\n")
+    asked(spec)
+    assert capsys.readouterr().out == (said and f"note: {spec}: law: measured {said}")
+    asked(spec, method="quadratic")  # of all states, the sensors' too
+    assert not capsys.readouterr().out
+
+
+PAST = "the sensor's bandwidth and noise; write 'measured suspension deflection'"
+# A command, and where its search begins.
+SEARCHES = {
+    "optimise": "polefence.cli.optimise.optimise",
+    "tradeoff --over 'rms of actuator force' --value 600": "polefence.cli.tradeoff.tradeoff",
+    "design --region half_plane(0)": "polefence.cli.design.place",
+    "tightest --of half_plane": "polefence.cli.tightest.tightest",
+    "compare": "polefence.search.optimise.optimise",
+    "observe --disk -40 36 --measured '{}'": "polefence.cli.observe.observe",
+    "concepts --measured '{}'": "polefence.vehicle.concepts.concepts",
+}
+
+
+@pytest.mark.parametrize("signal", ["suspension deflection", "measured suspension deflection"])
+@pytest.mark.parametrize(("words", "search"), SEARCHES.items())
+def test_every_search_notes_it_before_it_begins(
+    words, search, signal, tmp_path, capsys, monkeypatch
+):
+    def begun(*_, **__):
+        raise InputError("begun")
+
+    path = tmp_path / "car.toml"
+    if "concepts" in words:
+        path.write_text(spec_text("semi-active") + SENSORS)
+    else:
+        path.write_text(spec_text("van").replace('"measured suspension deflection"', f'"{signal}"'))
+    module, _, name = search.rpartition(".")
+    monkeypatch.setattr(import_module(module), name, begun)
+    command, *options = shlex.split(words.format(signal))
+    assert main([command, str(path), *options]) == 2
+    said = capsys.readouterr()
+    assert said.err == "polefence: begun\n"
+    assert said.out.count("note: ") == said.out.count(PAST) == (not signal.startswith("measured"))

@@ -7,7 +7,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from polefence.cli.options import result_arguments
+from polefence.cli.options import note_sensors, result_arguments
 from polefence.cli.output import (
     PROVED,
     check_results,
@@ -47,6 +47,7 @@ def concepts_command(options: Any) -> int:
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))
+        note_sensors(subject.plant, measured, "--measured")
     compared = concepts(subject.plant, least, subject.dampers, measured)
     if options.plot is not None:
         from polefence.show.plots import concepts_figure

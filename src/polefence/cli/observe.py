@@ -14,6 +14,7 @@ from polefence.cli.options import (
     at_samples,
     method_arguments,
     method_of,
+    note_sensors,
     region_arguments,
     required_region,
     result_arguments,
@@ -63,6 +64,7 @@ def observe_command(options: Any) -> int:
         for text in options.measured
         for name in ([text] if text in known or "," not in text else parse_names(text))
     ]
+    note_sensors(plant, measured, "--measured")
     observer = observe(plant, measured, region, method)
     label = observer.design.label
     asked, region = region, observer.region

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,11 @@ from typing import Any
 from polefence.base.errors import InputError
 from polefence.certify.checks import example_region
 from polefence.cli.output import STANDARD
+from polefence.cli.terminal import say
 from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import sensed
 from polefence.plant.tracks import own_states
 from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
@@ -408,7 +410,7 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
     """Return the structure that the spec and the options ask for, None where neither does.
 
     With --method there is none: its laws are of all states. A law measures a road's states only
-    where they are named.
+    where they are named. A note says where it measures a signal past its sensor.
 
     Raises
     ------
@@ -449,4 +451,20 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
         structure.require_fit(plant)
     except InputError as error:
         raise type(error)(f"{options.spec}: {error}") from error
+    key = "--measured" if "measured" in given else f"{options.spec}: law: measured"
+    note_sensors(plant, structure.measured or (), key)
     return structure
+
+
+def note_sensors(plant: UncertainPlant, measured: Sequence[str], key: str) -> None:
+    """Say which of the signals are measured though they have a sensor, and how to measure that."""
+    past = sensed(plant, measured)
+    if past:
+        say(
+            f"note: {key} takes {_quoted(past)} without the sensor's bandwidth and noise; write "
+            f"{_quoted(past.values())} for what the sensor says"
+        )
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return " and ".join(map(repr, names))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -187,6 +187,15 @@ def with_sensor(
 def sensors(plant: UncertainPlant) -> tuple[str, ...]:
     """Return the names of the states that are what sensors say."""
     return tuple(state.name for state in states(plant) if state.name.startswith(MEASURED))
+
+
+def sensed(plant: UncertainPlant, names: Iterable[str]) -> dict[str, str]:
+    """Return what the sensors of these signals say, by the signals' names; of those without, none.
+
+    A law that measures such a signal by its own name knows it free of lag and noise.
+    """
+    said = {name: f"{MEASURED}{split(name)[0]}" for name in names}
+    return {name: state for name, state in said.items() if state in sensors(plant)}
 
 
 def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:

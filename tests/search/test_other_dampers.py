@@ -15,14 +15,12 @@ from scipy.linalg import solve_continuous_lyapunov
 from polefence import semi_active
 from polefence.certify.refutation import lowest
 from polefence.examples import spec_text
-from polefence.lmi.solve.moments import Problem
-from polefence.lmi.solve.quadratic_means import least_mean
 from polefence.plant.dampers import Damper
 from polefence.plant.outputs import weighted_sum
 from polefence.plant.spec import loads
 from polefence.proof import squares
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.clipped import cases_of, groups_of, pieces_of
+from polefence.proof.claims.clipped import groups_of
 from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
@@ -200,23 +198,13 @@ def test_random_cars_have_bounds():
         assert law.level < law.passive
 
 
-def test_quadratic_functions_find_what_moments_of_degree_two_find():
-    question = _Question.of(*_asked(quarter(masses=(288.9, 388.9))))
-    cases = cases_of(*exact(question.rounded), *question.exact)
-    each = pieces_of(question.sizes, [len(cases)])
-    pieces = [question.piece(group, [cases[k]])[0] for group, (k,) in each]
-    S = np.diag(question.units)
-    found = least_mean(pieces, [S @ X @ S for X in question.common], 1e-6).level
-    assert found == pytest.approx(Problem(pieces, 2).solved(1e-6).level, rel=1e-5)
-
-
-def exact(matrix):
-    return [[Fraction(x) for x in row] for row in matrix.tolist()]
-
-
-def _asked(found):
-    plant, asked, dampers = found
-    return plant, asked, dampers
+def test_forms_of_each_damper_find_what_pieces_of_degree_two_find():
+    """The regions of two dampers are added up, the pieces multiplied."""
+    for asked in (quarter(masses=(288.9, 388.9)), half(aged=False)):
+        question = _Question.of(*asked)
+        K = question.rounded
+        found = question.quadratic(K)(1e-6).level
+        assert found == pytest.approx(question.polynomial(K, 2)(1e-6).level, rel=1e-5)
 
 
 def test_pairs_of_one_monomial_are_one_inequality():

@@ -26,6 +26,14 @@ degree two in every parameter. What is asked of them is asked of their coefficie
 pair of vertices, or for the pairs that have one monomial. v, K and E are the same at all. (The
 energy of a car over its sprung mass m is such an X, but for a little more, with 1/m affine in
 alpha.)
+
+Pieces are the product of what each damper may do. A quadratic V needs none of them: with u among
+the variables and for each damper a form s_k of (K x, v, u, 1) that is not negative on what it does,
+see `polefence.proof.sectors`, one inequality in (x, u, 1) for each pair of vertices is enough,
+
+    1 - z'z / g^2 - (grad V)'(A x + B u) - (1/2) tr W (hess V) - sum s_k > 0,
+
+and the regions of the dampers are added up.
 """
 
 from __future__ import annotations
@@ -42,7 +50,7 @@ from polefence.proof import squares
 from polefence.proof.claims.base import Claim, Place, require_work
 from polefence.proof.claims.refutation import RmsLimit, require_driven, require_limit
 from polefence.proof.claims.signal import acting_text, misnamed, outputs_text, require_shapes
-from polefence.proof.dampers import Part, SemiActive, read_dampers
+from polefence.proof.dampers import SemiActive, read_dampers
 from polefence.proof.laws import add
 from polefence.proof.matrices import (
     LONGEST,
@@ -58,12 +66,12 @@ from polefence.proof.motion import is_moving
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Sizes, corners_of, count_of
 from polefence.proof.reading import MAX_SIZE, MAX_VERTICES, Table, as_list, as_number, plain
+from polefence.proof.sectors import GIVEN, LOWER, UPPER, WORDS, Sector, part_text
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, sum_text
 from polefence.proof.work import RATIONAL, FormatError, WorkError, spend
 
 MAX_DEGREE, MAX_MONOMIALS, MAX_PIECES = 8, 2000, 1000
-GIVEN, LOWER, UPPER = range(3)  # what a damper does in a case: the demand, or one of its bounds
 
 Matrices = tuple[Rationals, ...]
 Group = tuple[tuple[int, int], ...]  # ordered pairs of vertices, of one monomial in alpha
@@ -110,6 +118,9 @@ class Clipped(Short, Claim):
         For each vertex, by the monomials but one: the even ones where all curves are lines.
     pieces : tuple of Squares
         For each coefficient, each choice of a case for every damper; see `pieces_of`.
+        None where there are sectors.
+    sectors : tuple of Sector
+        One for each damper, of a V of degree two without pieces.
     scales : tuple of Fraction
         How much of each disturbance acts; all of each where there are none.
     sizes : tuple of int
@@ -133,6 +144,7 @@ class Clipped(Short, Claim):
     pieces: tuple[Squares, ...]
     scales: tuple[Fraction, ...] = ()
     sizes: Sizes = ()
+    sectors: tuple[Sector, ...] = ()
 
     # --- as files have it ------------------------------------------------------------------------
 
@@ -144,7 +156,8 @@ class Clipped(Short, Claim):
             raise FormatError(f"{table.where}: needs constant parameters")
         evidence = table.table("evidence")
         degree = evidence.whole("degree", None, MAX_DEGREE, 2)
-        rows = evidence.tables("pieces", MAX_PIECES)
+        rows = evidence.tables("pieces", MAX_PIECES) if "pieces" in evidence else []
+        sectors = evidence.tables("sectors", MAX_SIZE) if "sectors" in evidence else []
         return cls(
             plant.A,
             plant.B,
@@ -159,6 +172,7 @@ class Clipped(Short, Claim):
             tuple(map(_read_squares, rows)),
             table.numbers("disturbances", plant.q) if "disturbances" in table else (),
             plant.sizes,
+            tuple(map(Sector.read, sectors)),
         )
 
     def write(self) -> dict[str, Any]:
@@ -174,8 +188,11 @@ class Clipped(Short, Claim):
             }
             for piece in self.pieces
         ]
-        evidence = {"degree": self.degree, "units": plain(self.units), "X": plain(self.X)}
-        return table | {"evidence": evidence | {"V": plain(self.V), "pieces": pieces}}
+        evidence: dict[str, Any] = {"degree": self.degree, "units": plain(self.units)}
+        evidence |= {"X": plain(self.X), "V": plain(self.V)}
+        evidence |= {"pieces": pieces} if pieces else {}
+        evidence |= {"sectors": [own.write() for own in self.sectors]} if self.sectors else {}
+        return table | {"evidence": evidence}
 
     def statement(self, plant: Plant) -> str:
         """Say what the rms is at most, and the law."""
@@ -239,12 +256,30 @@ class Clipped(Short, Claim):
         if type(self.degree) is not int or not 2 <= self.degree <= MAX_DEGREE or self.degree % 2:
             raise FormatError(f"degree must be even, 2 to {MAX_DEGREE}")
         count = squares.count_of(n, self.degree, self.even)
-        pieces = count_of(self.alpha, (2,) * len(self.alpha))
-        pieces *= prod(3 * len(damper.parts) for damper in self.dampers)
-        if count > MAX_MONOMIALS or pieces > MAX_PIECES:
-            raise WorkError("the monomials or pieces are too many to be checked here")
+        if count > MAX_MONOMIALS:
+            raise WorkError("the monomials are too many to be checked here")
         if len(self.V) != N or any(len(V) != count - 1 for V in self.V):
             raise FormatError(f"V must hold {count - 1} numbers, one per monomial, for each vertex")
+        if self.sectors:
+            self._require_sectors()
+        else:
+            self._require_pieces()
+        numbers: list[Rationals] = [self.K, *self.X, list(map(list, self.V)), [list(self.units)]]
+        numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
+        numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
+        numbers += [M for damper in self.dampers for M in damper.numbers]
+        numbers += [
+            G for piece in self.pieces for Gs in (piece.grams, *piece.multipliers) for G in Gs
+        ]
+        numbers += [M for own in self.sectors for M in own.numbers]
+        common_denominator([*numbers, *self.A, *self.B, *self.E])
+
+    def _require_pieces(self) -> None:
+        n = len(self.A[0])
+        pieces = count_of(self.alpha, (2,) * len(self.alpha))
+        pieces *= prod(3 * len(damper.parts) for damper in self.dampers)
+        if pieces > MAX_PIECES:
+            raise WorkError("the pieces are too many to be checked here")
         if len(self.pieces) != pieces:
             raise FormatError(f"pieces must be {pieces}")
         inner, lower = (squares.bases(n, self.degree // 2 - k, self.even) for k in range(2))
@@ -259,14 +294,16 @@ class Clipped(Short, Claim):
                 _require_sizes(multiplier, lower)
         rows = len(self.pieces) * len(inner)
         require_work(least_work(rows, max(map(len, inner))))
-        numbers: list[Rationals] = [self.K, *self.X, list(map(list, self.V)), [list(self.units)]]
-        numbers += [[[self.limit.level, self.limit.intensity, *self.scales]]]
-        numbers += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
-        numbers += [M for damper in self.dampers for M in damper.numbers]
-        numbers += [
-            G for piece in self.pieces for Gs in (piece.grams, *piece.multipliers) for G in Gs
-        ]
-        common_denominator([*numbers, *self.A, *self.B, *self.E])
+
+    def _require_sectors(self) -> None:
+        if self.degree != 2 or self.pieces:
+            raise FormatError("sectors prove a V of degree 2, without pieces")
+        if len(self.sectors) != len(self.dampers):
+            raise FormatError("sectors: there must be one for each damper")
+        for own, damper in zip(self.sectors, self.dampers, strict=True):
+            own.require(damper)
+        size = len(self.A[0]) + len(self.dampers) + 1
+        require_work(least_work(count_of(self.alpha, (2,) * len(self.alpha)), size))
 
     # --- the proof --------------------------------------------------------------------------------
 
@@ -278,6 +315,8 @@ class Clipped(Short, Claim):
             for matrices in (piece.grams, *piece.multipliers):
                 for G in matrices:
                     yield f"a matrix of piece {k + 1}", G
+        for k, own in enumerate(self.sectors):
+            yield f"the form of sector {k + 1}", own.form
 
     def blocks(self) -> Iterator[tuple[Place, Integers]]:
         """Yield the matrices that are to be positive definite, with their places."""
@@ -291,6 +330,81 @@ class Clipped(Short, Claim):
                 terms = [_decrease(self.X[j], loops[k]) for j, k in group]
                 name = f"of any logic, {_vertices(group)}{_words(cases)}"
                 yield _block(name, reduce(add, terms))
+        yield from self._of_sectors(groups) if self.sectors else self._of_pieces()
+
+    def _of_sectors(self, groups: Sequence[Group]) -> Iterator[tuple[Place, Integers]]:
+        """Yield what the forms are to fulfil, and the inequalities with the forces free."""
+        for own, damper in zip(self.sectors, self.dampers, strict=True):
+            for name, matrix in own.blocks(damper):
+                yield _block(name, matrix)
+        rows = [self._open(j) for j in range(len(self.A))]
+        self._spend_open(groups)
+        for group in groups:
+            yield _block(f"of forces that are free, {_vertices(group)}", self._free(group, rows))
+
+    def _open(self, j: int) -> tuple[Rationals, Rationals, Rationals]:
+        """Return the motion at a vertex, z and half the gradient of V by (x, u, 1), in the units.
+
+        The gradient has no u.
+        """
+        n, m, units, none = len(self.units), len(self.dampers), self.units, Fraction(0)
+        C, D = ([getattr(y, k)[j][0] for y in self.limit.outputs] for k in "CD")
+        moved, z = (
+            [
+                [
+                    *(x * s / own for x, s in zip(row, units, strict=True)),
+                    *(u / own for u in push),
+                    none,
+                ]
+                for row, push, own in zip(states, forces, owns, strict=True)
+            ]
+            for states, forces, owns in (
+                (self.A[j], self.B[j], units),
+                (C, D, [Fraction(1)] * len(C)),
+            )
+        )
+        H = [[none] * (n + m + 1) for _ in range(n)]
+        exponents = squares.known(n, 2, self.even)[1:]
+        for e, value in zip(exponents, self.V[j], strict=True):
+            i, *others = (k for k in range(n) for _ in range(e[k]))
+            k = others[0] if others else n + m
+            H[i][k] += value / 2
+            if others:
+                H[k][i] += value / 2
+        return moved, z, H
+
+    def _free(
+        self, group: Group, rows: Sequence[tuple[Rationals, Rationals, Rationals]]
+    ) -> Rationals:
+        """Return the matrix of the inequality at a coefficient, by (x, u, 1) in the units."""
+        n, m, noise, weight = (
+            len(self.units),
+            len(self.dampers),
+            self._noise(),
+            Fraction(len(group)),
+        )
+        forms: list[tuple[Fraction, Rationals]] = []
+        one = weight
+        for j, k in group:
+            (_, z, H), (moved, other, _) = rows[j], rows[k]
+            forms += [(Fraction(2), _form_of(H, moved))]
+            forms += [(1 / self.limit.level**2, _form_of(z, other))]
+            one -= sum((noise[a][b] * H[a][b] for a in range(n) for b in range(n)), Fraction(0))
+        for sector, asked, damper in zip(self.sectors, self.K, self.dampers, strict=True):
+            place = [[Fraction(0)] * (n + m + 1) for _ in range(4)]
+            for row, given in zip(place, (asked, damper.rate[0][0]), strict=False):
+                row[:n] = [x * s for x, s in zip(given, self.units, strict=True)]
+            place[2][n + damper.number] = place[3][-1] = Fraction(1)
+            forms += [(weight, _form_of(place, product(sector.form, place)))]
+        total = [
+            [-sum((w * M[a][b] for w, M in forms), Fraction(0)) for b in range(n + m + 1)]
+            for a in range(n + m + 1)
+        ]
+        total[-1][-1] += one
+        return total
+
+    def _of_pieces(self) -> Iterator[tuple[Place, Integers]]:
+        """Yield what each piece is to fulfil."""
         choices = pieces_of(self.alpha, list(map(len, self.cases)))
         for piece, (group, choice) in zip(self.pieces, choices, strict=True):
             cases = self._chosen(choice)
@@ -357,6 +471,18 @@ class Clipped(Short, Claim):
             for x in rows
         ]
 
+    def _spend_open(self, groups: Sequence[Group]) -> None:
+        """Count the work on the inequalities with free forces before it begins."""
+        n, size = len(self.units), len(self.units) + len(self.dampers) + 1
+        matrices = [*self.A, *self.B, *(own.form for own in self.sectors), self.K]
+        matrices += [M for y in self.limit.outputs for M in (*y.C, *y.D)]
+        numbers = tuple(x for M in matrices for row in M for x in row)
+        length = longest((numbers, *self.V, self.units))
+        pairs = sum(map(len, groups))
+        operations = pairs * size**2 * (n + len(self.limit.outputs))
+        operations += len(groups) * len(self.dampers) * size**2 * 4
+        spend(RATIONAL * operations, 2 * length, length)
+
     def _spend(
         self, piece: Squares, forms: list[Rationals], motions: list[tuple[Rationals, Rationals]]
     ) -> None:
@@ -410,24 +536,15 @@ def cases_of(demand: list[Fraction], damper: SemiActive) -> list[Case]:
         if len(inside) == 1:
             inside.append([*(Fraction(0) for _ in demand), one])
         within = (_form(*inside),) if inside else ()
-        where = _part_text(part)
         kinds = (
-            (GIVEN, "as demanded", asked, [-x for x in above], below),
-            (LOWER, "at its lower bound", low, [-x for x in above], v),
-            (UPPER, "at its upper bound", high, below, v),
+            (GIVEN, asked, [-x for x in above], below),
+            (LOWER, low, [-x for x in above], v),
+            (UPPER, high, below, v),
         )
-        for what, words, force, a, b in kinds:
-            said = f"u{damper.number + 1} {words}{where}"
+        for what, force, a, b in kinds:
+            said = f"u{damper.number + 1} {WORDS[what]}{part_text(part)}"
             cases.append(Case(said, what, force, (_form(a, b), *within)))
     return cases
-
-
-def _part_text(part: Part) -> str:
-    """Say where the rate is."""
-    start, end = (None if x is None else digits_down(x) for x in part)
-    if start is not None and end is not None:
-        return f", its rate from {start} to {end}"
-    return f", its rate from {start}" if start else f", its rate to {end}" if end else ""
 
 
 def _ends(damper: SemiActive) -> list[Case]:

@@ -45,8 +45,8 @@ PAGES = {  # with what a reader has before the first command
     "verify": [INTEGRATORS.groups()],
 }
 ELSEWHERE = {
-    "analysis", "export", "input-limits", "regions", "ride", "simulate", "structures", "tradeoff",
-    "vectors",
+    "analysis", "export", "gallery-car-to-board", "input-limits", "regions", "ride", "simulate",
+    "structures", "tradeoff", "vectors",
 }  # fmt: skip
 NOT_RUN = {"dependencies", "export-misra", "export-observer", "report"}  # installs, checks C, draws
 INSTALLED = re.compile(r"^\$ (?:python3 -m venv|polefence --version)")

@@ -13,7 +13,16 @@ from support.scripts import docs_script
 PAGES = sorted(path.stem.removeprefix("gallery-") for path in DOCS.glob("gallery-*.md"))
 # These have tests of their own: they take longer, print more than their pages show, or are looked
 # into as they run.
-OWN = {"active-suspension", "buck-converter", "cart-pole", "cortex", "fleet", "fmu", "half-car"}
+OWN = {
+    "active-suspension",
+    "buck-converter",
+    "car-to-board",
+    "cart-pole",
+    "cortex",
+    "fleet",
+    "fmu",
+    "half-car",
+}
 
 
 @pytest.mark.parametrize("name", sorted({*PAGES} - OWN))

@@ -6,6 +6,7 @@ SLOW = (
     "proof/test_what_is_saved.py",
     "theory/test_where_searches_start.py",
     "docs/test_consoles.py",
+    "docs/test_car_to_board_page.py",
     "fleet/test_studies.py",
     "cli/test_cli_cars.py",
     "theory/test_at_sample_time.py",

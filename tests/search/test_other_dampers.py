@@ -25,7 +25,7 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.work import FormatError
 from polefence.requirements.rms import Rms
-from polefence.search.semi_active import _Question, unproved
+from polefence.search.semi_active import DamperQuestion, unproved
 from polefence.vehicle import velocity_density
 
 DENSITY = velocity_density("C", 20)
@@ -201,7 +201,7 @@ def test_random_cars_have_bounds():
 def test_forms_of_each_damper_find_what_pieces_of_degree_two_find():
     """The regions of two dampers are added up, the pieces multiplied."""
     for asked in (quarter(masses=(288.9, 388.9)), half(aged=False)):
-        question = _Question.of(*asked)
+        question = DamperQuestion.of(*asked)
         K = question.rounded
         found = question.quadratic(K)(1e-6).level
         assert found == pytest.approx(question.polynomial(K, 2)(1e-6).level, rel=1e-5)

@@ -1,16 +1,20 @@
 """Bounds with a form for each damper: regions, the inequality, faults, half and full cars."""
 
+import re
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from test_damper_curves import HIGH, LOW, curve
-from test_other_dampers import half
+from test_other_dampers import DENSITY, half
 
 from polefence import NotProvedError, semi_active
 from polefence.certify.refutation import lowest
+from polefence.examples import spec_text
 from polefence.plant.dampers import Damper
+from polefence.plant.outputs import weighted_sum
+from polefence.plant.spec import loads
 from polefence.proof import squares
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import groups_of
@@ -19,6 +23,7 @@ from polefence.proof.document import check
 from polefence.proof.document import loads as read
 from polefence.proof.sectors import regions_of
 from polefence.proof.work import FormatError
+from polefence.requirements.rms import Rms
 
 SOFT, HARD = ([[str(v), 0.9 * F] for v, F in own] for own in (LOW, HIGH))
 DAMPERS = [
@@ -231,6 +236,19 @@ def test_what_does_not_fit_is_refused(law):
 def test_a_degree_that_asks_for_too_many_pieces_is_refused_before_it_begins(law):
     with pytest.raises(NotProvedError, match=r"degree 4 has 432 pieces .* take degree 2, which"):
         semi_active(law.plant, law.specification, DAMPERS, 4)
+
+
+def test_a_full_car_with_four_measured_dampers_is_bounded():
+    text = re.sub(r"\ndamper = .*", "\ndamper = 0", spec_text("full-car"))
+    text = re.sub(r"\[parameter.age\].*\nrange.*\n", "", text).replace("*(1 + age)", "")
+    plant = loads(text)
+    corners = [f"{end} {side}" for end in ("front", "rear") for side in ("left", "right")]
+    shares = [weighted_sum(k, "m", [(60.0, plant.signal(f"{k} tyre deflection"))]) for k in corners]
+    asked = Rms([plant.signal("driver acceleration"), *shares], 1.0, DENSITY)
+    dampers = [Damper(f"{k} force", f"{k} suspension deflection", SOFT, HARD) for k in corners]
+    law = semi_active(plant, asked, dampers)
+    assert check(read(law.file().dumps())).proved
+    assert law.level < 1.1 * law.passive
 
 
 def test_a_line_that_is_given_by_points_proves_what_a_range_does():

@@ -41,7 +41,8 @@ class Damper(Short):
     PlantError
         If something is no number.
     InputError
-        If a force has not the sign of the rate, or low is not below high.
+        If a force has not the sign of the rate, or low is not below high; a bent curve may be both,
+        of a damper that is not controlled.
     """
 
     force: str
@@ -56,7 +57,8 @@ class Damper(Short):
             object.__setattr__(self, key, value)
         low, high = self.curves
         whole = SemiActive(0, [], low, high)
-        if low.ratios[0] < 0 or not whole.nested or low == high:
+        # of one curve only a line has its place in the matrices
+        if low.ratios[0] < 0 or not whole.nested or (low == high and whole.straight):
             raise InputError(
                 f"damper {self.force}: low = {low.text} and high = {high.text} must be zero or "
                 "more, and low below high"

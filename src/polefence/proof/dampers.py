@@ -144,11 +144,27 @@ class SemiActive(Short):
         bends = sorted({*self.low.bends, *self.high.bends})
         return list(pairwise([None, *bends, None]))
 
+    @property
+    def case_count(self) -> int:
+        """In how many cases its force is a line: three a part, one where both curves are one."""
+        return sum(1 if low == high else 3 for low, high in map(self.lines, self.parts))
+
     def lines(self, part: Part) -> tuple[Line, Line]:
         """Return both curves in a range of the rate."""
         below = min(self.low.points[0][0], self.high.points[0][0]) - 1
         start = below if part[0] is None else part[0]
         return self.low.along(start), self.high.along(start)
+
+    def between(self, share: Fraction) -> Curve:
+        """Return the curve that is a share of the way from low to high at every rate.
+
+        >>> one, two = (Curve.line(Fraction(c)) for c in (1, 3))
+        >>> SemiActive(0, [], one, two).between(Fraction(1, 2)) == Curve.line(Fraction(2))
+        True
+        """
+        rates = sorted({v for curve in (self.low, self.high) for v, _ in curve.points})
+        pairs = ((v, self.low.at(v), self.high.at(v)) for v in rates)
+        return Curve(tuple((v, low + share * (high - low)) for v, low, high in pairs))
 
     def rows(self, vertex: int, m: int) -> tuple[list[Fraction], list[Fraction]]:
         """Return u - c1 v and u - c2 v by (x, u), of the least and the largest coefficient."""

@@ -122,11 +122,13 @@ def regions_of(damper: SemiActive) -> list[Region]:
         low, high = ([zero, c, d] for c, d in damper.lines(part))
         within = [] if start is None else [[zero, one, -start]]
         within += [] if end is None else [[zero, -one, end]]
-        cases = (
+        cases: list[tuple[int, Row, list[tuple[Row, Row]]]] = [
             (GIVEN, asked, [(asked, low), (high, asked)]),
             (LOWER, low, [(low, asked)]),
             (UPPER, high, [(asked, high)]),
-        )
+        ]
+        if low == high:  # whatever is demanded
+            cases = [(LOWER, low, [])]
         for what, force, beside in cases:
             lines = [
                 [sign * (x - y) for x, y in zip(more, less, strict=True)] for more, less in beside

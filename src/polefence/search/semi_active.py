@@ -48,11 +48,11 @@ from polefence.proof.claims.clipped import (
     pieces_of,
 )
 from polefence.proof.claims.refutation import RmsLimit
-from polefence.proof.dampers import SemiActive
+from polefence.proof.dampers import Curve, SemiActive
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals
 from polefence.proof.polynomials import Sizes
-from polefence.proof.sectors import GIVEN, Sector, regions_of
+from polefence.proof.sectors import GIVEN, LOWER, UPPER, Sector, regions_of
 from polefence.proof.short import Short
 from polefence.proof.squares import count_of, known
 from polefence.proof.work import FormatError
@@ -66,7 +66,7 @@ NEAR_BENT = (1e-2, 3e-2)  # where curves are bent; nearer the exact check mostly
 DEGREES = (6, 4, 2)
 # Unknowns of a degree above 2: what is tried by default, and what is tried at all. (Two dampers of
 # a half car, straight, have 9,909 of degree 4 and take 76 s; bent four times, 213,840.)
-QUICK, MOST = 8000, 50000
+QUICK, MOST = 8000, 30000
 FILE_NAME = "law.json"
 # Drives that say where the motion is: how many, their step by the fastest pole, how long by the
 # slowest one, what of them is taken, and the share of what is hardly ever visited.
@@ -176,26 +176,7 @@ def semi_active(
     NotProvedError
         If no bound was proved, saying why and what to change.
     """
-    problem = _Question.of(plant, specification, dampers)
-    problem.require_provable()
-    given = None if K is None else FixedGain(K).K
-    if given is not None and given.shape != plant.shape[::-1]:
-        m, n = plant.shape[::-1]
-        raise InputError(f"K is {given.shape[0]} x {given.shape[1]}, not {m} x {n}")
-    tried = list[int]()
-    for even in DEGREES if degree is None else (_even(degree),):
-        if even > DEGREES[-1]:
-            if degree is None and problem.moments(even) > QUICK:
-                continue
-            problem.require_bearable(even)
-        tried.append(even)
-        law = problem.proved(even, given)
-        if law is not None:
-            return law
-    degrees = " or ".join(map(str, tried))
-    raise problem.refusal(
-        f"no polynomial of degree {degrees} was found that does", problem.narrower
-    )
+    return DamperQuestion.of(plant, specification, dampers).law(degree, K)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,12 +195,15 @@ class Unproved:
         with the line in place of the curve that is nearest to it in the mean square.
     K : (m, n) array or None
         What the law of `semi_active` demands; None where no signal has a force in it.
+    staying : tuple of Curve
+        What the best dampers that stay give.
     """
 
     dampers: tuple[Damper, ...]
     coefficients: tuple[float, ...]
     passive: float
     K: Array | None
+    staying: tuple[Curve, ...]
 
 
 @small_matrices()
@@ -233,11 +217,7 @@ def unproved(plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper
     NotProvedError
         If no dampers keep every vertex stable.
     """
-    problem, K = _Question.of(plant, specification, dampers), None
-    passive = problem.passive
-    with suppress(NotProvedError):
-        K = problem.rounded
-    return Unproved(problem.dampers, tuple(problem.best.tolist()), passive, K)
+    return DamperQuestion.of(plant, specification, dampers).unproved
 
 
 def _even(degree: int) -> int:
@@ -257,7 +237,7 @@ class _Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class _Question:
+class DamperQuestion:
     """The plant in floats, E with the noise in it, and the law.
 
     ``larger`` is the plant with the filters of a weighted specification, ``bare`` that of the
@@ -278,7 +258,9 @@ class _Question:
     rates: Array
 
     @classmethod
-    def of(cls, plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper]) -> _Question:
+    def of(
+        cls, plant: UncertainPlant, specification: Rms, dampers: Sequence[Damper]
+    ) -> DamperQuestion:
         """Return the question.
 
         Raises
@@ -309,6 +291,51 @@ class _Question:
         rates = np.array([[_row(damper.rate[j]) for damper in exact] for j in range(N)])
         asked = (plant, specification, larger, bare, tuple(damper for _, damper in pairs))
         return cls(*asked, exact, larger.A, larger.B, E, C, D, rates)
+
+    @property
+    def unproved(self) -> Unproved:
+        """What needs no proof.
+
+        Raises
+        ------
+        NotProvedError
+            If no dampers keep every vertex stable.
+        """
+        passive, K = self.passive, None
+        with suppress(NotProvedError):
+            K = self.rounded
+        shares = (self.best - self.bounds[:, 0]) / np.ptp(self.bounds, axis=1)
+        staying = tuple(
+            damper.between(Fraction(f"{share:.4f}"))
+            for damper, share in zip(self.exact, shares, strict=True)
+        )
+        return Unproved(self.dampers, tuple(self.best.tolist()), passive, K, staying)
+
+    def law(self, degree: int | None = None, K: Any = None, quick: int = QUICK) -> SemiActiveLaw:
+        """Return the law of `semi_active`, by default of no more unknowns than are quick.
+
+        Raises
+        ------
+        InputError
+            If K does not fit.
+        NotProvedError
+            If no bound was proved, saying why and what to change.
+        """
+        self.require_provable()
+        given = None if K is None else FixedGain(K).K
+        if given is not None and given.shape != self.plant.shape[::-1]:
+            m, n = self.plant.shape[::-1]
+            raise InputError(f"K is {given.shape[0]} x {given.shape[1]}, not {m} x {n}")
+        few = [even for even in DEGREES if even == DEGREES[-1] or self.moments(even) <= quick]
+        tried = few if degree is None else [_even(degree)]
+        for even in tried:
+            if even > DEGREES[-1]:
+                self.require_bearable(even)
+            law = self.proved(even, given)
+            if law is not None:
+                return law
+        degrees = " or ".join(map(str, tried))
+        raise self.refusal(f"no polynomial of degree {degrees} was found that does", self.narrower)
 
     def require_provable(self) -> None:
         """Refuse what no bound is proved of.
@@ -366,7 +393,7 @@ class _Question:
         names = f"narrow the range of {wide.name}, or " if wide is not None else ""
         return f"{names}raise the lower bound of damper {self.dampers[0].force}"
 
-    @property
+    @cached_property
     def bounds(self) -> Array:
         """The least and the largest coefficients."""
         return np.array([[float(c) for c in damper.ends] for damper in self.exact])
@@ -383,7 +410,7 @@ class _Question:
     @property
     def pieces(self) -> int:
         """Return in how many the motion is proved."""
-        cases = prod(3 * len(damper.parts) for damper in self.exact)
+        cases = prod(damper.case_count for damper in self.exact)
         return len(groups_of(self.sizes)) * cases
 
     @property
@@ -409,25 +436,36 @@ class _Question:
                 break
         return np.asarray(slopes[:, None] * self.rates[j])
 
+    @cached_property
+    def ranges(self) -> list[tuple[Array, Array, Array]]:
+        """Each damper's ends of the ranges of its rate, and the slopes of both curves in them."""
+        found = []
+        for damper in self.exact:
+            ends = [
+                -np.inf,
+                *(float(end) for _, end in damper.parts[:-1] if end is not None),
+                np.inf,
+            ]
+            lines = [damper.lines(part) for part in damper.parts]
+            low, high = (np.array([own[k][0] for own in lines], float) for k in (0, 1))
+            found.append((np.array(ends), low, high))
+        return found
+
     def mean_slopes(self, c: Array, spread: Array) -> Array:
         """Return the curves' slopes in the mean, for Gaussian rates of a spread."""
         from scipy.special import ndtr
 
-        found = []
-        for damper, value, (least, most), sigma in zip(
-            self.exact, c, self.bounds, spread, strict=True
-        ):
-            share, total = (value - least) / (most - least), 0.0
-            for part in damper.parts:
-                low, high = (float(slope) for slope, _ in damper.lines(part))
-                a, b = (
-                    end if x is None else float(x)
-                    for x, end in zip(part, (-np.inf, np.inf), strict=True)
-                )
-                within = ndtr(b / sigma) - ndtr(a / sigma)
-                total += within * (low + share * (high - low))
-            found.append(total)
-        return np.array(found)
+        shares = (c - self.bounds[:, 0]) / (self.bounds[:, 1] - self.bounds[:, 0])
+        within = (
+            np.diff(ndtr(ends / sigma))
+            for (ends, *_), sigma in zip(self.ranges, spread, strict=True)
+        )
+        return np.array(
+            [
+                part @ (low + share * (high - low))
+                for part, (_, low, high), share in zip(within, self.ranges, shares, strict=True)
+            ]
+        )
 
     def loops(self, c: Array) -> list[Array]:
         """Return A of the loops with forces of these coefficients times the rates."""
@@ -444,14 +482,16 @@ class _Question:
 
     def each_rms(self, c: Array) -> list[float]:
         """Return the rms with these coefficients at every vertex, infinite where not stable."""
-        values = list[float]()
-        for j in range(len(self.A)):
-            A, C = self.loop(j, self.stays(j, c))
-            if np.linalg.eigvals(A).real.max() >= 0:
-                return [np.inf] * len(self.A)
-            X = _lyapunov(A, -self.E[j] @ self.E[j].T)
-            values.append(float(np.sqrt(np.trace(C @ X @ C.T))))
-        return values
+        values = [self.rms_at(j, c) for j in range(len(self.A))]
+        return values if np.all(np.isfinite(values)) else [np.inf] * len(values)
+
+    def rms_at(self, j: int, c: Array) -> float:
+        """Return the rms with these coefficients at a vertex, infinite where it is not stable."""
+        A, C = self.loop(j, self.stays(j, c))
+        if np.linalg.eigvals(A).real.max() >= 0:
+            return float(np.inf)
+        X = _lyapunov(A, -self.E[j] @ self.E[j].T)
+        return float(np.sqrt(np.trace(C @ X @ C.T)))
 
     def rms(self, c: Array) -> float:
         """Return the worst rms with these coefficients, infinite where one is not stable."""
@@ -481,11 +521,29 @@ class _Question:
                 tried = [c.copy() for _ in grid]
                 for candidate, x in zip(tried, grid, strict=True):
                     candidate[k] = min(max(x, low), high)
-                values = [round(self.rms(candidate), 12) for candidate in tried]
-                c = tried[int(np.argmin(values))]
+                c = tried[self._lowest(tried)]
             if np.array_equal(c, last):
                 break
         return c
+
+    def _lowest(self, tried: Sequence[Array]) -> int:
+        """Return the number of the first coefficients with the least of the worst rms.
+
+        Of others only as many vertices are asked as show that they have more.
+        """
+        least, best = np.inf, 0
+        order = list(range(len(self.A)))
+        for k, c in enumerate(tried):
+            worst = 0.0
+            for j in list(order):
+                worst = max(worst, round(self.rms_at(j, c), 12))
+                if worst >= least:
+                    order.remove(j)
+                    order.insert(0, j)  # likely the worst of the next ones too
+                    break
+            else:
+                least, best = worst, k
+        return best
 
     @cached_property
     def passive(self) -> float:
@@ -676,7 +734,11 @@ class _Question:
         source, groups = np.random.default_rng(0), groups_of(self.sizes)
         counts = list(map(len, cases))
         S, back = np.diag([*self.units, 1.0]), 1 / self.units
-        forces = [np.array([case.force for case in own], float) @ S for own in cases]
+        numbers = [np.array(_numbers(own)) for own in cases]
+        forces = [
+            np.array([[own[k].force for k in row] for row in rows.tolist()], float) @ S
+            for own, rows in zip(cases, numbers, strict=True)
+        ]
         rates = self.rates[0] * self.units
         bends = [np.array([start for start, _ in own.parts[1:]], float) for own in self.exact]
         E, X = back[:, None] * self.E[0], self.motion
@@ -687,12 +749,12 @@ class _Question:
             u, place = np.empty((len(y), len(cases))), np.zeros(len(y), dtype=int)
             for k, own in enumerate(forces):
                 part = np.searchsorted(bends[k], y[:, :-1] @ rates[k], side="right")
-                three = np.stack(
-                    [np.einsum("ij,ij->i", own[3 * part + what], y) for what in range(3)]
-                )
-                u[:, k] = np.median(three, axis=0)
-                what = np.argmin(np.abs(three - u[:, k]), axis=0)
-                place = place * counts[k] + 3 * part + what
+                asked, low, high = (np.einsum("ij,ij->i", own[part, what], y) for what in range(3))
+                least, most = np.minimum(low, high), np.maximum(low, high)
+                u[:, k] = np.clip(asked, least, most)
+                bound = np.where((asked < low) == (low <= high), LOWER, UPPER)
+                what = np.where((least < asked) & (asked < most), GIVEN, bound)
+                place = place * counts[k] + numbers[k][part, what]
             return u, place
 
         poles = [np.linalg.eigvals(loop) for c in self.bounds.T for loop in self.loops(c)]
@@ -847,6 +909,17 @@ def _lyapunov(A: Any, Q: Any) -> Array:
     from scipy.linalg import solve_continuous_lyapunov
 
     return np.asarray(solve_continuous_lyapunov(A, Q), dtype=np.float64)
+
+
+def _numbers(cases: Sequence[Case]) -> list[list[int]]:
+    """Return the numbers of a damper's cases in each part: three, or thrice the only one."""
+    rows = list[list[int]]()
+    for k, case in enumerate(cases):
+        if case.what == GIVEN:
+            rows.append([k, k + 1, k + 2])
+        elif not rows or k > max(rows[-1]):
+            rows.append([k] * 3)
+    return rows
 
 
 def _powers(values: Array) -> Array:

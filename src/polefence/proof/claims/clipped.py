@@ -277,7 +277,7 @@ class Clipped(Short, Claim):
     def _require_pieces(self) -> None:
         n = len(self.A[0])
         pieces = count_of(self.alpha, (2,) * len(self.alpha))
-        pieces *= prod(3 * len(damper.parts) for damper in self.dampers)
+        pieces *= prod(damper.case_count for damper in self.dampers)
         if pieces > MAX_PIECES:
             raise WorkError("the pieces are too many to be checked here")
         if len(self.pieces) != pieces:
@@ -541,9 +541,13 @@ def cases_of(demand: list[Fraction], damper: SemiActive) -> list[Case]:
             (LOWER, low, [-x for x in above], v),
             (UPPER, high, below, v),
         )
-        for what, force, a, b in kinds:
+        # of one curve, whatever is demanded
+        chosen = (
+            [(LOWER, low, ())] if low == high else [(k, f, (_form(a, b),)) for k, f, a, b in kinds]
+        )
+        for what, force, form in chosen:
             said = f"u{damper.number + 1} {WORDS[what]}{part_text(part)}"
-            cases.append(Case(said, what, force, (_form(a, b), *within)))
+            cases.append(Case(said, what, force, (*form, *within)))
     return cases
 
 

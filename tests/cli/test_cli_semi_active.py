@@ -132,3 +132,19 @@ def test_the_saved_law_is_driven_with_the_dampers_of_the_spec(spec, tmp_path, ca
     other.write_text(spec.read_text().replace("k = 10000", "k = 12000"))
     own = json.loads(ran(capsys, "simulate", other, *laws[:2], *road))["laws"][0]
     assert own["proved"] == "nothing: its proof is about another plant"
+
+
+def test_a_spec_says_what_is_measured(spec, tmp_path, capsys):
+    keys = '[law]\nmeasured = ["suspension deflection", "sprung-mass velocity"]\n\n[damper.'
+    spec.write_text(spec.read_text().replace("[damper.", keys, 1))
+    words = ["semi-active", str(spec), "--degree", "2", "--json"]
+    out = ran(capsys, *words, tmp_path / "own.json")
+    assert "of suspension deflection, sprung-mass velocity and the rates of the dampers" in out
+    found = json.loads((tmp_path / "own.json").read_text())
+    assert found["K"][0][1] == 0
+    assert found["measured"] == ["suspension deflection", "sprung-mass velocity"]
+    ran(capsys, *words, tmp_path / "own.json", "--measured", "sprung-mass velocity")
+    assert json.loads((tmp_path / "own.json").read_text())["K"][0][:2] == [0, 0]
+    spec.write_text(spec.read_text().replace("measured = [", "order = 1\nmeasured = [", 1))
+    said = refused(capsys, "semi-active", spec)
+    assert "law: of controllable dampers it is one gain of what is measured; leave out all" in said

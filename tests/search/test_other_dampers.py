@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from polefence import semi_active
+from polefence import InputError, semi_active
 from polefence.certify.refutation import lowest
 from polefence.examples import spec_text
 from polefence.plant.dampers import Damper
-from polefence.plant.outputs import weighted_sum
+from polefence.plant.outputs import states, weighted_sum
 from polefence.plant.spec import loads
 from polefence.proof import squares
 from polefence.proof.claims.base import prove
@@ -268,3 +268,36 @@ def test_a_half_car_has_a_bound_of_a_weighted_signal():
     assert prove(law.claim).proved
     own = Truth(law)
     assert min(own.slack() for _ in range(300)) > -1e-9
+
+
+@pytest.mark.parametrize(
+    ("measured", "zero", "most"),
+    [
+        (("sprung-mass velocity",), [0, 1], 1.0),
+        (("suspension deflection", "sprung-mass velocity"), [1], 1.0),
+        (("suspension deflection",), [1], 1.02),  # of the whole demand 1.43 is proved
+    ],
+)
+def test_a_law_of_a_few_signals_is_made_of_these_and_the_rate(measured, zero, most):
+    plant, asked, dampers = quarter(masses=(288.9, 388.9))
+    law = semi_active(plant, asked, dampers, 4, measured=measured)
+    assert prove(law.claim).proved
+    assert law.level < most * law.passive
+    assert not law.K[0][zero].any()
+    names = [state.name for state in states(plant)]
+    seen = np.array([*(np.eye(4)[names.index(name)] for name in measured), [0, 0, -1, 1]])
+    left = law.K[0] - np.linalg.lstsq(seen.T, law.K[0], rcond=None)[0] @ seen
+    assert np.abs(left).max() < 1e-6 * np.abs(law.K).max()
+
+
+def test_all_states_measured_are_all_states():
+    plant, asked, dampers = quarter()
+    known = [state.name for state in states(plant)]
+    found = [DamperQuestion.of(plant, asked, dampers, own).rounded for own in (None, known)]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_what_a_force_passes_into_is_not_measured():
+    plant, asked, dampers = quarter()
+    with pytest.raises(InputError, match="sprung-mass acceleration is not a fixed sum of states"):
+        semi_active(plant, asked, dampers, measured=["sprung-mass acceleration"])

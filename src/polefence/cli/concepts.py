@@ -14,7 +14,7 @@ from polefence.cli.output import (
     write_figure,
     write_json,
 )
-from polefence.cli.semi_active import add_question, question
+from polefence.cli.semi_active import add_question, question_of
 from polefence.cli.terminal import say
 from polefence.region.text import digits_down, digits_up
 from polefence.search.rows import plant_summary
@@ -43,7 +43,7 @@ def concepts_command(options: Any) -> int:
     from polefence.vehicle.concepts import concepts
 
     check_results(options)
-    subject, least = question(options)
+    subject, least = question_of(options)
     measured = None
     if options.measured is not None:
         measured = tuple(name.strip() for name in options.measured.split(","))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
@@ -19,10 +19,12 @@ from polefence.cli.options import (
     road_arguments,
     road_of,
     spec_argument,
+    structure_of,
 )
 from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
 from polefence.cli.subjects import Subject, read_spec
 from polefence.cli.terminal import say
+from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states
@@ -31,10 +33,9 @@ from polefence.requirements.rms import Rms
 from polefence.search.rows import plant_summary
 from polefence.search.semi_active import (
     DEGREES,
+    DamperQuestion,
     SemiActiveLaw,
     Unproved,
-    semi_active,
-    unproved,
 )
 from polefence.search.semi_active import (
     FILE_NAME as LAW,
@@ -53,6 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="2, 4, 6 or 8, of the polynomial that proves the bound; default: the highest up to "
         f"{max(DEGREES)} that is quick",
     )
+    parser.add_argument(
+        "--measured",
+        metavar="NAMES",
+        help="'A, B': states, or sums of states, of which the law is made, and of the rates of the "
+        "dampers; default: the spec's law.measured, else all states",
+    )
     result_arguments(parser, f"write the proofs, {LAW} and {LIMIT}")
 
 
@@ -64,7 +71,7 @@ def add_question(parser: argparse.ArgumentParser) -> None:
     road_arguments(parser)
 
 
-def question(options: Any) -> tuple[Subject, Rms]:
+def question_of(options: Any) -> tuple[Subject, Rms]:
     """Read a spec with controllable dampers, and the rms that is minimised.
 
     Raises
@@ -100,6 +107,27 @@ def question(options: Any) -> tuple[Subject, Rms]:
     return subject, least
 
 
+def measured_of(plant: UncertainPlant, options: Any) -> tuple[str, ...] | None:
+    """Return what the spec or the option says that the law measures.
+
+    Raises
+    ------
+    InputError
+        If the spec asks for a law that dampers cannot have.
+    """
+    given = argparse.Namespace(spec=options.spec, measured=options.measured)
+    structure = structure_of(plant, given)
+    if structure is None:
+        return None
+    free = replace(structure, measured=None, schedule=None, degree=1)
+    if free != Structure():
+        raise InputError(
+            f"{options.spec}: law: of controllable dampers it is one gain of what is measured; "
+            "leave out all but measured"
+        )
+    return structure.measured
+
+
 @dataclass(frozen=True)
 class Answer:
     """What was found: the law, or why no bound was proved, and what others have."""
@@ -110,21 +138,24 @@ class Answer:
     law: SemiActiveLaw | None
     reason: str
     below: Mapping[str, Lowest]
+    measured: tuple[str, ...] | None = None
 
 
 def semi_active_command(options: Any) -> int:
     """Design a law for controllable dampers; prove its rms, and a lower bound for every logic."""
-    subject, least = question(options)
+    subject, least = question_of(options)
     plant, dampers = subject.plant, subject.dampers
+    measured = measured_of(plant, options)
     check_results(options, LAW, LIMIT)
-    others, law, reason = unproved(plant, least, dampers), None, ""
+    question, law, reason = DamperQuestion.of(plant, least, dampers, measured), None, ""
+    others = question.unproved
     try:
-        law = semi_active(plant, least, dampers, options.degree)
+        law = question.law(options.degree)
     except NotProvedError as error:
         reason = str(error)
     logics = (("semi-active law", others.dampers), ("law", ()))
     below = {name: lowest(plant, least, others.passive, logic) for name, logic in logics}
-    answer = Answer(plant, least, others, law, reason, below)
+    answer = Answer(plant, least, others, law, reason, below, measured)
     if options.output is not None:
         proof = below["semi-active law"]
         files = {} if law is None else {LAW: law.file().dumps()}
@@ -151,6 +182,8 @@ def _lines(answer: Answer) -> list[str]:
             f"polynomial of degree {law.degree}",
             f"  u = K x, clipped to what the dampers give; K = {matrix_text(law.K)}",
         ]
+        if answer.measured is not None:
+            lines.append(f"  of {', '.join(answer.measured)} and the rates of the dampers alone")
     lines.append(f"  with the best fixed dampers, {fixed}: {others.passive:.6g}")
     for name, limit in answer.below.items():
         if limit is not None:
@@ -178,6 +211,7 @@ def _document(answer: Answer) -> dict[str, Any]:
             "at_most": law.level,
             "degree": law.degree,
             "K": law.K.tolist(),
+            "measured": None if answer.measured is None else list(answer.measured),
         }
     return {
         "plant": plant_summary(answer.plant),

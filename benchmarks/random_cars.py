@@ -18,6 +18,7 @@ import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -28,15 +29,12 @@ from tight import worst_of
 import polefence as pf
 from polefence.base.errors import NotProvedError
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.every_command import EQUATIONS, SIGNALS
+
 SPEC = """
 name = "car {seed}"
-states = ["suspension deflection [m]", "tyre deflection [m]", "sprung-mass velocity [m/s]",
-          "unsprung-mass velocity [m/s]"]
-inputs = ["actuator force [N]"]
-disturbances = ["road velocity [m/s]"]
-[vehicle]
-model = "quarter car"
-[constants]
+{SIGNALS}[constants]
 m2 = {m2:.3g}
 c = {c:.4g}
 [parameter.m1]
@@ -49,12 +47,7 @@ unit = "N/m"
 [parameter.kt]
 range = [{flat:.6g}, {hard:.6g}]
 unit = "N/m"
-[matrices]
-A = [[0, 0, -1, 1], [0, 0, 0, -1], ["k/m1", 0, "-c/m1", "c/m1"],
-     ["-k/m2", "kt/m2", "c/m2", "-c/m2"]]
-B = [[0], [0], ["1/m1"], ["-1/m2"]]
-E = [[0], [1], [0], [0]]
-[actuator."actuator force"]
+{EQUATIONS}[actuator."actuator force"]
 bandwidth = {actuator:.3g}
 [sensor."suspension deflection"]
 bandwidth = {sensor:.3g}
@@ -91,6 +84,8 @@ def spec_of(seed: int) -> str:
     laden = light * rng.uniform(1.2, 2.0)
     k_off, kt_off = rng.uniform(0.03, 0.15), rng.uniform(0.03, 0.1)
     return SPEC.format(
+        SIGNALS=SIGNALS,
+        EQUATIONS=EQUATIONS,
         seed=seed,
         light=light,
         laden=laden,

@@ -7,21 +7,18 @@ parameter that moves.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-CAR = """name = "city car, front corner"
-states = [
-    "suspension deflection [m]",
-    "tyre deflection [m]",
-    "sprung-mass velocity [m/s]",
-    "unsprung-mass velocity [m/s]",
-]
-inputs = ["actuator force [N]"]
-disturbances = ["road velocity [m/s]"]
-[vehicle]
-model = "quarter car"
-[constants]
+from polefence.examples import spec_text
+
+# Of the shown van, as of every quarter car: its signals, and its equations in m1, m2, k, kt and c.
+SIGNALS, EQUATIONS = re.search(
+    r"(states = .*?)\[constants\].*?(\[matrices\].*?)\[actuator", spec_text("van"), re.DOTALL
+).groups()
+CAR = f"""name = "city car, front corner"
+{SIGNALS}[constants]
 m2 = 34
 k = 17000
 c = 1150
@@ -32,16 +29,7 @@ through = "1/m1"
 [parameter.kt]
 range = [165000, 205000]
 unit = "N/m"
-[matrices]
-A = [
-    [0, 0, -1, 1],
-    [0, 0, 0, -1],
-    ["k/m1", 0, "-c/m1", "c/m1"],
-    ["-k/m2", "kt/m2", "c/m2", "-c/m2"],
-]
-B = [[0], [0], ["1/m1"], ["-1/m2"]]
-E = [[0], [1], [0], [0]]
-[road]
+{EQUATIONS}[road]
 class = "C"
 speed = 15
 [[specification]]
@@ -62,7 +50,7 @@ noise = 0.0005
 bandwidth = 90
 noise = 0.05
 [law]
-measured = ["suspension deflection", "sprung-mass acceleration"]
+measured = ["measured suspension deflection", "measured sprung-mass acceleration"]
 schedule = []
 order = 1
 """

@@ -148,3 +148,40 @@ def test_a_spec_says_what_is_measured(spec, tmp_path, capsys):
     spec.write_text(spec.read_text().replace("measured = [", "order = 1\nmeasured = [", 1))
     said = refused(capsys, "semi-active", spec)
     assert "law: of controllable dampers it is one gain of what is measured; leave out all" in said
+
+
+LOW = [[-1, -350], [-0.1, -50], [0, 0], [0.1, 80], [1, 600]]
+HIGH = [[-1, -1800], [-0.1, -600], [0, 0], [0.1, 900], [1, 3000]]
+
+
+@pytest.fixture
+def saved_law(spec, tmp_path, capsys):
+    """The folder of a law for a measured damper."""
+    spec.write_text(spec.read_text().replace(RANGE, f"low = {LOW}\nhigh = {HIGH}"))
+    ran(capsys, "semi-active", spec, "--degree", "2", "-o", tmp_path / "made")
+    return tmp_path / "made"
+
+
+def test_a_saved_law_is_driven_with_the_dampers_of_its_file(spec, saved_law, tmp_path, capsys):
+    road = ("--road", "C", "--speed", "20")
+    alone = ran(capsys, "simulate", saved_law, *road, "-o", tmp_path / "alone.csv")
+    named = ran(capsys, "simulate", spec, "--law", saved_law, *road, "-o", tmp_path / "named.csv")
+    for said in (alone, named):
+        assert "proved of this law: rms of [sprung-mass acceleration, tyre share] <= 1.08" in said
+        assert "damper force: the damper gives what is demanded" in said
+    assert (tmp_path / "alone.csv").read_text() == (tmp_path / "named.csv").read_text()
+
+
+def test_a_comparison_of_linear_laws_leaves_a_clipped_one_out(spec, saved_law, capsys):
+    said = ran(capsys, "compare", spec, "--law", saved_law, "--law", "lqr")
+    assert "made: a law of controllable dampers is clipped, and has no stationary" in said
+    assert "note: laws are forces without limits here, passive is none; polefence concepts" in said
+    assert "is clipped, and has no" in refused(capsys, "compare", spec, "--law", saved_law)
+    assert "lqr" in ran(capsys, "compare", saved_law, "--law", "lqr")
+
+
+def test_what_needs_a_region_says_what_a_law_of_dampers_is_for(saved_law, tmp_path, capsys):
+    for words in (("report", saved_law), ("service", saved_law / "law.json")):
+        said = refused(capsys, *words)
+        assert "law.json: a law of controllable dampers, about no region; simulate, export" in said
+    assert "law.c" in ran(capsys, "export", saved_law, "-o", tmp_path / "code")

@@ -31,6 +31,7 @@ from polefence.plant.vehicle import Vehicle
 from polefence.proof import laws
 from polefence.proof import plant as files
 from polefence.proof.claims.base import Claim, Verdict, prove, undecided
+from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.samples import Samples
@@ -272,6 +273,11 @@ class Certificate(Short):
             claim, observed = observer.dual, plant
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
             plant = dual_plant(plant, C, observer.measured)
+        if claim is None and document.first(Clipped) is not None:
+            raise DesignFileError(
+                "a law of controllable dampers, about no region; simulate, export and check take "
+                "it, and concepts compares it with others"
+            )
         if claim is None:
             raise DesignFileError("none of its claims is about a region; name the file of a design")
         region = region_of([(part.kind, part.numbers) for part in claim.region])

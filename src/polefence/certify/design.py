@@ -33,6 +33,7 @@ from polefence.proof.work import FormatError
 from polefence.region.regions import Region
 
 FILE_NAME = "design.json"
+OF_DAMPERS = "law.json"  # of a law of controllable dampers, which is no `Design`
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -423,6 +424,8 @@ def _design_path(path: str | Path) -> Path:
     if not where.is_dir():
         return where
     if not (where / FILE_NAME).is_file():
+        if (where / OF_DAMPERS).is_file():
+            return where / OF_DAMPERS
         others = sorted(other.name for other in where.glob("*.json"))[:3]
         has = f"; it has {', '.join(others)}" if others else ""
         raise DesignFileError(

@@ -27,6 +27,14 @@ NOTHING_ASKED = (
     "note: {} asks for no law of its own; write [[specification]] tables or a region in it, name "
     "laws by --law, or give --disk for quadratic, slack and scheduled"
 )
+OF_DAMPERS = (
+    "note: laws are forces without limits here, passive is none; polefence concepts compares what "
+    "the controllable dampers of a spec give"
+)
+CLIPPED = (
+    "a law of controllable dampers is clipped, and has no stationary covariance; polefence "
+    "concepts and simulate drive it"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def compare_command(options: Any) -> int:
     """Compare laws on a random road: comfort, tyre load, travel, force, power, over the family."""
-    from polefence.vehicle.compare import compare
+    from polefence.vehicle.compare import NoLaw, compare
     from polefence.vehicle.suspensions import require_car
 
     subject = read_subject(options.subject)
@@ -68,15 +76,20 @@ def compare_command(options: Any) -> int:
     given = _given(plant, options.law or ())
     check_results(options)
     notes = list[str]()
-    if subject.design is None:  # wheels in tracks have one speed
+    if designed is None:  # wheels in tracks have one speed
         with_wheels(RoadSpectrum(options.road, options.speed), options.subject)
     if designed is None and options.law is None:
         plant, designed = law_of_spec(plant, options.subject)
         notes = [] if designed or options.disk else ["", NOTHING_ASKED.format(options.subject)]
     first = [] if designed is None else [designed]
     laws = [*first, *(given.get(word) or _law(plant, word, options) for word in _words(options))]
+    if subject.dampers:
+        notes += ["", OF_DAMPERS]
     comparison = compare(
-        plant, {law.name: law.law for law in distinct(laws)}, options.road, options.speed
+        plant,
+        {law.name: NoLaw(CLIPPED) if law.dampers else law.law for law in distinct(laws)},
+        options.road,
+        options.speed,
     )
     if options.plot is not None:
         from polefence.show.plots import comparison_figure

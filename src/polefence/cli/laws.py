@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,16 +43,22 @@ class Named:
         Where the law is one, and proved for the very plant that is looked at.
     proved : str
         What is, in words.
+    dampers : bool
+        Whether the law demands what controllable dampers give as far as they can.
     """
 
     name: str
     law: Any
     design: Design | None = None
     proved: str = "nothing"
+    dampers: bool = False
 
 
 def law_of(subject: Subject) -> Named | None:
     """Return the law of a subject that is a design."""
+    clipped = None if subject.clipped is None else subject.clipped.first(Clipped)
+    if clipped is not None:
+        return _of_dampers(subject.plant, clipped, Path(subject.source))
     if subject.design is None:
         return None
     return of_design(subject.plant, subject.design, Path(subject.source))
@@ -127,7 +133,7 @@ def distinct(laws: Sequence[Named]) -> list[Named]:
     for law in laws:
         count = sum(other.name == law.name for other in laws[: len(named)])
         name = f"{law.name} ({count + 1})" if count else law.name
-        named.append(Named(name, law.law, law.design, law.proved))
+        named.append(replace(law, name=name))
     return named
 
 
@@ -164,7 +170,7 @@ def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
         proved = "nothing: its proof is about another plant"
     elif not prove(claim).proved:
         proved = "nothing: the proof in its file fails"
-    return Named(path.stem, K, proved=proved)
+    return Named(path.stem, K, proved=proved, dampers=True)
 
 
 def _is_within(bare: Plant, claim: Clipped) -> bool:

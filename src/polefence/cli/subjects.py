@@ -6,11 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from polefence.base.errors import InputError
-from polefence.certify.design import FILE_NAME, Design, is_proof_file
+from polefence.certify.certificate import plant_of
+from polefence.certify.design import (
+    FILE_NAME,
+    OF_DAMPERS,
+    Design,
+    is_proof_file,
+    read_document,
+)
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load, load_dampers
+from polefence.proof.claims.clipped import Clipped
+from polefence.proof.document import Document
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +34,16 @@ class Subject:
     design : Design, optional
         Proved or not, where the path names one.
     dampers : tuple of Damper
-        The controllable ones of the spec.
+        The controllable ones of the spec, or of the law that it is read from.
+    clipped : Document, optional
+        The file of a law of controllable dampers, where the path names one.
     """
 
     source: str
     plant: UncertainPlant
     design: Design | None = None
     dampers: tuple[Damper, ...] = ()
+    clipped: Document | None = None
 
     @property
     def car(self) -> Car | None:
@@ -64,9 +76,9 @@ def is_design(path: Path) -> bool:
 
 
 def claims_file(path: Path) -> Path | None:
-    """Return the file of claims that a path is, or a folder's design.json; None of others."""
-    inside = path / FILE_NAME
-    path = inside if inside.is_file() else path
+    """Return the file of claims that a path is, or a folder's design or law; None of others."""
+    inside = (path / name for name in (FILE_NAME, OF_DAMPERS))
+    path = next((own for own in inside if own.is_file()), path)
     return path if is_proof_file(path) else None
 
 
@@ -83,7 +95,7 @@ def read_spec(source: str) -> Subject:
 
 
 def read_subject(source: str) -> Subject:
-    """Read a spec, or a design with its plant; a design need not be proved.
+    """Read a spec, or a design or a law of dampers with its plant; a design need not be proved.
 
     Raises
     ------
@@ -93,5 +105,12 @@ def read_subject(source: str) -> Subject:
     path = Path(source)
     if not is_design(path) and path.suffix != ".json":
         return read_spec(source)
+    claims = claims_file(path)
+    document = None if claims is None else read_document(claims)
+    clipped = None if document is None else document.first(Clipped)
+    if document is not None and clipped is not None:
+        plant = plant_of(document.plant)
+        dampers = tuple(Damper.named(plant, own) for own in clipped.dampers)
+        return Subject(source, plant, None, dampers, document)
     design = Design.load(path, allow_unproved=True)
     return Subject(source, design.plant, design)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -64,6 +65,26 @@ class Damper(Short):
                 "more, and low below high"
                 + ("" if whole.straight else ", in size, at every rate, also beyond the points")
             )
+
+    @classmethod
+    def named(cls, plant: UncertainPlant, own: SemiActive) -> Damper:
+        """Return the damper of a plant that is the one of a claim, of the deflection by its rate.
+
+        Raises
+        ------
+        InputError
+            If the rate is that of no signal of the plant.
+        """
+        force = inputs(plant)[own.number].name
+        for signal in plant.signals:
+            with suppress(InputError):
+                found = cls(force, signal.name, own.low, own.high)
+                if found.of(plant).rate == own.rate:
+                    return found
+        raise InputError(
+            f"{plant.name}: the rate of damper {force} is that of no signal of the plant; name the "
+            "spec, and the law by --law"
+        )
 
     @property
     def curves(self) -> tuple[Curve, Curve]:

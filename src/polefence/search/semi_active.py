@@ -28,6 +28,7 @@ from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.renamed import write_in
 from polefence.certify.certificate import file_plant
+from polefence.certify.design import OF_DAMPERS
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Piece, Problem, Visits, inside
 from polefence.lmi.solve.quadratic_means import Force, Open, least_mean
@@ -67,7 +68,7 @@ DEGREES = (6, 4, 2)
 # Unknowns of a degree above 2: what is tried by default, and what is tried at all. (Two dampers of
 # a half car, straight, have 9,909 of degree 4 and take 76 s; bent four times, 213,840.)
 QUICK, MOST = 8000, 30000
-FILE_NAME = "law.json"
+FILE_NAME = OF_DAMPERS
 # Of a demand by few signals: the shares of it that are tried, and how near the least bound is good.
 SHARES, NEARLY = (1.0, 0.5, 0.25, 0.125, 0.0), 1.02
 # Drives that say where the motion is: how many, their step by the fastest pole, how long by the

@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from operator import add, mul
@@ -40,6 +41,9 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 FINE = 96  # bits after the point
 ONE = 1 << FINE
 MAX_TERMS = 120
+TERMS = (20, 40, 60, 80, 100, 120)  # of which the fewest are taken that miss next to nothing
+NEXT_TO_NOTHING = Fraction(1, 1 << 60)
+SHORT_SERIES = 22  # terms, of numbers whose rows sum to 1/2 at most: what is left is 2^-108
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,7 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     M : sequence of (n, width) rationals
         [A, B, E] T at the 2^k corners of the box; the first parameter varies slowest.
     terms : int
-        Of the series.
+        Of the series of `sample`.
 
     Raises
     ------
@@ -79,14 +83,10 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     count, length = len(M).bit_length() - 1, max(map(longest, M))
     spend(RATIONAL * len(M) * (count + 1) * len(M[0]) * len(M[0][0]), length, length)
     largest = _largest(map(_magnitudes, M))
-    size = _row_sum(largest)
-    if size > 16:  # of a row's sum of |M|: what is left of 96 bits is then 70
-        raise FormatError("the sample time is too long for these rates")
-    if not 4 * size + 2 <= terms <= MAX_TERMS:
-        raise FormatError(f"the samples need {math.ceil(4 * size) + 2} to {MAX_TERMS} terms")
+    missing = _missing(largest, terms)
     tops = [max(math.ceil(matrix[i][i] * ONE) for matrix in M) for i in range(len(largest))]
     shift = max(0, -min(tops))
-    N = _padded(largest, shift)
+    N = largest
     for i, top in enumerate(tops):
         N[i][i] = top + shift
     along, third = list[Rationals](), list[Rationals]()
@@ -94,10 +94,27 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
         half = 1 << (count - 1 - i)  # places between the two ends of parameter i
         lower = (j for j in range(len(M)) if not j // half % 2)
         slope = _largest(_magnitudes(_less(M[j + half], M[j])) for j in lower)
-        twice, thrice = _derivatives(N, _padded(slope), terms, Fraction(shift, ONE))
-        along.append(twice[: len(largest)])
-        third.append(thrice[: len(largest)])
-    return Bends(tuple(along), _missing(size, len(largest[0]), terms), tuple(third))
+        twice, thrice = _derivatives(N, slope, shift)
+        along.append(twice)
+        third.append(thrice)
+    return Bends(tuple(along), missing, tuple(third))
+
+
+def terms_needed(M: Sequence[Rationals]) -> int:
+    """Return how many terms of the series of `sample` miss next to nothing.
+
+    Raises
+    ------
+    FormatError
+        If the sample time is too long for so many as are computed.
+    """
+    largest = _largest(map(_magnitudes, M))
+    for terms in TERMS:
+        with suppress(FormatError):
+            if terms == TERMS[-1] or _missing(largest, terms) < NEXT_TO_NOTHING:
+                break
+    _missing(largest, terms)
+    return terms
 
 
 def sample(M: Rationals, terms: int) -> Integers:
@@ -120,49 +137,71 @@ def sample(M: Rationals, terms: int) -> Integers:
     return total
 
 
-def _derivatives(
-    N: Integers, slope: Integers, terms: int, shift: Fraction
-) -> tuple[Rationals, Rationals]:
-    """Return C and D of one parameter, with N = N + c I and c = shift."""
-    width = len(N)
-    spend(7 * terms * width**3, max(FINE, bits(N)), max(FINE, bits(slope)))
-    none = [[0] * width for _ in range(width)]
-    # of s^0 to s^3 in (N + s slope)^k / k!
-    t0, t1, t2, t3, second, third = N, slope, none, none, none, none
-    for k in range(2, terms + 1):
-        t3 = _raised(k, (N, t3), (slope, t2))
-        t2 = _raised(k, (N, t2), (slope, t1))
-        t1 = _raised(k, (N, t1), (slope, t0))
-        t0 = _raised(k, (N, t0))
-        second, third = _sum(second, t2), _sum(third, t3)
-    size, change = _row_sum(N), _row_sum(slope)
-    least = _at_most_exponential(shift)
+def _derivatives(N: Integers, slope: Integers, shift: int) -> tuple[Rationals, Rationals]:
+    """Return C and D of one parameter, from N + c I and |dM/dt_i|, where c is the shift.
 
-    def bound(total: Integers, d: int) -> Rationals:
+    The exponential is the square of that of half the numbers, and so on: of numbers so small that
+    a few terms of the series are enough.
+    """
+    n, width = len(N), len(N[0])
+    halvings = math.ceil(2 * _row_sum(N)).bit_length()
+    products = 7 * SHORT_SERIES + 10 * halvings
+    spend(products * n * n * width, max(FINE, bits(N)), max(FINE, bits(slope)))
+    part = 1 << halvings
+    rates = [[[-(-x // part) for x in row] for row in matrix] for matrix in (N, slope)]
+    size, change = map(_row_sum, rates)
+    below = -(-shift // part)
+    none = [[0] * width for _ in range(n)]
+    one = [[ONE * (i == j) for j in range(width)] for i in range(n)]
+    # of s^0 to s^3 in ((N + s slope) / part)^k / k!
+    term, total = [one, none, none, none], [one, none, none, none]
+    for k in range(1, SHORT_SERIES + 1):
+        term = _product(term, rates, below, k)
+        total = [_sum(*pair) for pair in zip(total, term, strict=True)]
+    for d, matrix in enumerate(total):
         # of s^d in (size + s change)^k / k!: change^d size^(k - d) / (d! (k - d)!), all k > terms
-        rest = change**d / math.factorial(d) * _tail(size, terms + 1 - d)
-        times = math.factorial(d) / least
-        return [[times * (Fraction(x, ONE) + rest) for x in row] for row in total]
+        rest = change**d / math.factorial(d) * _tail(size, SHORT_SERIES + 1 - d)
+        total[d] = [[x + math.ceil(rest * ONE) for x in row] for row in matrix]
+    below = math.ceil(exponential(Fraction(below, ONE)) * ONE)
+    for _ in range(halvings):
+        total = _product(total, total, below)
+        below = -(-(below**2) >> FINE)
+    least = _at_most_exponential(Fraction(shift, ONE)) * ONE
+    twice, thrice = (
+        [[math.factorial(d) * Fraction(x) / least for x in row] for row in total[d]] for d in (2, 3)
+    )
+    return twice, thrice
 
-    return bound(second, 2), bound(third, 3)
+
+def _product(
+    left: Sequence[Integers], right: Sequence[Integers], below: int, divisor: int = 1
+) -> list[Integers]:
+    """Return the first powers of s of a product over a divisor, rounded up.
+
+    Both are sums of powers of s times matrices (n, width) of numbers that are not negative; below
+    the right ones are [0, d I], of which d is given.
+    """
+    n, whole = len(left[0]), divisor << FINE
+    columns = [list(zip(*matrix, strict=True)) for matrix in right]
+    product = list[Integers]()
+    for r in range(len(left)):
+        pairs = [(left[r - b], columns[b]) for b in range(min(r + 1, len(right)))]
+        rows = list[list[int]]()
+        for i in range(n):
+            sides = [(matrix[i][:n], of_right) for matrix, of_right in pairs if any(matrix[i][:n])]
+            beside = [0] * n + [below * x for x in left[r][i][n:]]
+            rows.append(
+                [
+                    -(-(x + sum(sum(map(mul, row, of[j])) for row, of in sides)) // whole)
+                    for j, x in enumerate(beside)
+                ]
+            )
+        product.append(rows)
+    return product
 
 
 def _sum(one: Integers, other: Integers) -> Integers:
     return [list(map(add, *rows)) for rows in zip(one, other, strict=True)]
-
-
-def _raised(k: int, *pairs: tuple[Integers, Integers]) -> Integers:
-    """Return the sum of products over k, of numbers that are not negative, rounded up."""
-    divisor = k << FINE
-    sides = [(left, list(zip(*right, strict=True))) for left, right in pairs]
-    every = range(len(pairs[0][0]))
-    return [
-        [
-            -(-sum(sum(map(mul, left[i], columns[j])) for left, columns in sides) // divisor)
-            for j in every
-        ]
-        for i in every
-    ]
 
 
 def _tail(size: Fraction, first: int) -> Fraction:
@@ -179,10 +218,26 @@ def _at_most_exponential(x: Fraction) -> Fraction:
     return Fraction(total, ONE)
 
 
-def _missing(size: Fraction, width: int, terms: int) -> Fraction:
-    """Return what `sample` is off by: its entries' rounding, its terms' rounding, what is left."""
+def _missing(largest: Integers, terms: int) -> Fraction:
+    """Return what `sample` is off by: its entries' rounding, its terms' rounding, what is left.
+
+    Parameters
+    ----------
+    largest : (n, width) integers
+        |M| at most, times 2^96.
+
+    Raises
+    ------
+    FormatError
+        If it needs more terms.
+    """
+    size = _row_sum(largest)
+    if size > 16:  # of a row's sum of |M|: what is left of 96 bits is then 70
+        raise FormatError("the sample time is too long for these rates")
+    if not 4 * size + 2 <= terms <= MAX_TERMS:
+        raise FormatError(f"the samples need {math.ceil(4 * size) + 2} to {MAX_TERMS} terms")
     grown = exponential(size + 1)
-    return Fraction(width + 2 * terms, 2 * ONE) * grown + _tail(size, terms + 1)
+    return Fraction(len(largest[0]) + 2 * terms, 2 * ONE) * grown + _tail(size, terms + 1)
 
 
 def _magnitudes(M: Rationals) -> Integers:
@@ -197,13 +252,6 @@ def _largest(matrices: Iterable[Integers]) -> Integers:
 
 def _less(M: Rationals, N: Rationals) -> Rationals:
     return [[a - b for a, b in zip(*rows, strict=True)] for rows in zip(M, N, strict=True)]
-
-
-def _padded(M: Integers, diagonal: int = 0) -> Integers:
-    """Return the square matrix with rows of zeros below, but for their diagonal."""
-    n, width = len(M), len(M[0])
-    below = [[diagonal * (i == j) for j in range(width)] for i in range(n, width)]
-    return [list(row) for row in M] + below
 
 
 def _row_sum(M: Integers) -> Fraction:

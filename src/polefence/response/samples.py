@@ -40,7 +40,6 @@ ENOUGH = 1e-5
 # and its laws of an order have no proof there on the whole box; between nodes both take 1 s.
 LONG = 4e6
 MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
-TERMS = (20, 40, 60, 80, 100, 120)  # of the series between nodes
 
 
 @explained
@@ -184,19 +183,13 @@ def _between_nodes(
     """Return the samples with the remainder of an interpolation, which is smaller on parts."""
     (n, m), q = plant.shape, plant.disturbance_count
     exact = tuple(map(Fraction, units.tolist()))
-    for terms in TERMS:
-        origin = SamplesOf(plant, delay, terms, exact)
-        claim = claim_of_samples(replace(bare, sampling=origin))
-        try:
-            bounds = claim.bounds()
-        except FormatError as problem:
-            if terms == TERMS[-1]:
-                raise InputError(
-                    f"{plant.name}: {problem}; take a shorter sample time"
-                ) from problem
-            continue
-        if bounds.missing < 2.0**-60:
-            break
+    origin = SamplesOf(plant, delay, 1, exact)
+    try:
+        terms = claim_of_samples(replace(bare, sampling=origin)).terms_needed()
+        origin = replace(origin, terms=terms)
+        bounds = claim_of_samples(replace(bare, sampling=origin)).bounds()
+    except FormatError as problem:
+        raise InputError(f"{plant.name}: {problem}; take a shorter sample time") from problem
     scales = units[:n, None] / units
     along, third = (
         np.array([[[float(x) for x in row] for row in C] for C in derivatives]) * 1.01

@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
-from polefence.proof.interpolation import ONE, Bends, bends, sample
+from polefence.proof.interpolation import ONE, Bends, bends, sample, terms_needed
 from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, longest, mix
 from polefence.proof.plant import Node, Plant, corner_weights, corners, sizes_of
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
@@ -172,8 +172,17 @@ class Samples(Short, Claim):
         FormatError
             If the sample time is too long for so many terms.
         """
-        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
-        return bends(M, self.terms)
+        return bends(self._rates(), self.terms)
+
+    def terms_needed(self) -> int:
+        """Return how many terms of the series at a point miss next to nothing.
+
+        Raises
+        ------
+        FormatError
+            If the sample time is too long for as many as are computed.
+        """
+        return terms_needed(self._rates())
 
     def _decided_at_nodes(self) -> Verdict:
         """Compare the samples at vertices and nodes, and how much they bend between them."""
@@ -193,7 +202,7 @@ class Samples(Short, Claim):
                 x > y for rows in zip(bend, most, strict=True) for x, y in zip(*rows, strict=True)
             ):
                 return undecided("the samples bend more than the plant says")
-        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
+        M = self._rates()
         for at, matrix in self._known_samples():
             series = sample(mix(corner_weights(at), M), self.terms)
             for i, (row, terms) in enumerate(zip(self._in_units([matrix])[0], series, strict=True)):
@@ -253,8 +262,7 @@ class Samples(Short, Claim):
         length = longest((self.units, (self.plant.step,)))
         # an entry may have a thousand bits, about
         spend(RATIONAL * 2 * len(self.A) * n * width, length + 1000, 3 * length)
-        M = self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
-        series, left, rest = steps.series_by_entries(M, self.terms, self.sizes)
+        series, left, rest = steps.series_by_entries(self._rates(), self.terms, self.sizes)
         eye = [row + [ZERO] * (width - n) for row in identity(n)]
         apart = bernstein(self._in_units(self._steps()), self.sizes, 1)
         remainder = self.plant.remainder
@@ -272,6 +280,10 @@ class Samples(Short, Claim):
             ]
             for matrix in matrices
         ]
+
+    def _rates(self) -> list[Rationals]:
+        """Return [A, B, E] T in the units, at every vertex."""
+        return self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
 
     def _steps(self) -> list[Rationals]:
         """Return F, G, H side by side at every vertex, as the plant has them."""

@@ -69,7 +69,7 @@ def held(M):
 def test_no_sample_is_farther_off_than_its_bound(seed, n, count, size):
     rng = np.random.default_rng(seed)
     corners = family(rng, n, count, size)
-    terms = int(np.ceil(4 * size)) + 6
+    terms = 40
     found = bends([rationals(M) for M in corners], terms)
     along = np.array([[[float(x) for x in row] for row in C] for C in found.along])
     low = rng.random(count) * 0.9
@@ -87,7 +87,7 @@ def test_no_sample_is_farther_off_than_its_bound_with_nodes_in_the_middles(seed,
     """Against the parabolas of Lagrange, one axis after the other."""
     rng = np.random.default_rng(seed)
     corners = family(rng, n, count, size)
-    terms = int(np.ceil(4 * size)) + 6
+    terms = 40
     found = bends([rationals(M) for M in corners], terms)
     off = Fraction(1, 10**9)  # of the nodes themselves
     width = n + WIDTH

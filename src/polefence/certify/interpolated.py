@@ -6,7 +6,8 @@ A part a + 2 b Re z + e |z|^2 < 0 asks for X > 0 with
 
 At the corners of a part of the box X solves this equation, and between them it is multi-affine. S
 is the same at all corners: that of which X is the sum of v v* over the modes v in the middle, so
-that each mode is as far from the edge as its own pole is.
+that each mode is as far from the edge as its own pole is. The lengths of v are those with which the
+loops at the corners move each mode as much by the others as it moves these.
 """
 
 from __future__ import annotations
@@ -24,9 +25,16 @@ from polefence.response.discrete import balancing
 from polefence.response.modes import even
 from polefence.response.stationary import lyapunov
 
+# Of a disk the inequality holds [ X, A X ; X A', X ]: its coefficients say less than those of
+# X - A X A', the less the lower their degree. A full car's loop with eight sensors at 5 ms is
+# proved in 26 parts with the first alone, in 6 with the second too, in 5 with all.
+ELEVATIONS = (0, 1, 2)
+
 
 def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any] | None:
-    """Return evidence of degree 1 that holds at the corners and in the middle, None without.
+    """Return evidence of degree 1 whose inequality holds in floats, None where there is none.
+
+    It is multiplied by as many powers of (sum of alpha) as it needs; a remainder is left out.
 
     Parameters
     ----------
@@ -48,15 +56,18 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     d = balancing(_loops(plant, law, middle))
     units, scales = d[:, None] * d, d / d[:, None]
     loops, (centre,) = (_loops(plant, law, at) * scales for at in (corners, middle))
-    S = even(centre, e, a, b)
+    S = even(centre, e, a, b, loops - centre)
     if S is None:
         return None
     X = _solved(loops, S, a, b, e)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
         return None
-    # of law and plant that are of one degree; of others about
-    raised = 1 + plant.curve_degree * (2 if e else 1)
-    if not _holds(X, _loops(plant, law, domain.nodes(raised)) * scales, domain, raised, (a, b, e)):
+    of_law = law.degree + law.denominator_degree
+    degrees = [1 + plant.curve_degree + of_law + elevation for elevation in ELEVATIONS]
+    at = (_loops(plant, law, domain.nodes(degree)) * scales for degree in degrees)
+    held = (_holds(X, A, domain, degree, (a, b, e)) for A, degree in zip(at, degrees, strict=True))
+    elevation = next((k for k, holds in zip(ELEVATIONS, held, strict=True) if holds), None)
+    if elevation is None:
         return None
     X = X * units
     if law.W is not None:
@@ -64,7 +75,7 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
         inverse = np.linalg.inv(W)
         X = inverse @ X @ inverse.swapaxes(-1, -2)
     X = (X + X.swapaxes(-1, -2)) / 2
-    evidence: dict[str, Any] = {"X": X, "degree": 1, "elevation": 0}
+    evidence: dict[str, Any] = {"X": X, "degree": 1, "elevation": elevation}
     return evidence if law.W is None else evidence | {"multiple": np.zeros(len(X))}
 
 
@@ -81,11 +92,18 @@ def _holds(
         At the nodes of the inequality's degree.
     """
     a, b, e = numbers
+    T = np.linalg.inv(np.linalg.cholesky(X.mean(axis=0)))
+    X, A = T @ X @ T.T, T @ A @ np.linalg.inv(T)
     X = np.tensordot(domain.basis(domain.nodes(degree), 1), X, 1)
-    AX = A @ X
-    F = a * X + b * (AX + AX.swapaxes(-1, -2)) + e * AX @ A.swapaxes(-1, -2)
+    if e:
+        moved, square = _in_disk(A, numbers)
+        AX = moved @ X / np.sqrt(square)
+        F = np.block([[X, AX], [AX.swapaxes(-1, -2), X]])
+    else:
+        AX = A @ X
+        F = -a * X - b * (AX + AX.swapaxes(-1, -2))
     try:
-        np.linalg.cholesky(-domain.interpolated(F, degree))
+        np.linalg.cholesky(domain.interpolated(F, degree))
     except np.linalg.LinAlgError:
         return False
     return True
@@ -101,6 +119,11 @@ def _solved(A: Array, S: Array, a: float, b: float, e: float) -> Array:
     eye, driving = np.eye(A.shape[-1]), np.broadcast_to(S, A.shape)
     if not e:
         return lyapunov(A + a / (2 * b) * eye, driving / b)
-    square = (b / e) ** 2 - a / e  # of the radius
-    moved = (A + b / e * eye) / np.sqrt(square)
-    return lyapunov(moved - eye, driving / (e * square), 1.0)
+    moved, square = _in_disk(A, (a, b, e))
+    return lyapunov(moved / np.sqrt(square) - eye, driving / (e * square), 1.0)
+
+
+def _in_disk(A: Array, numbers: tuple[float, float, float]) -> tuple[Array, float]:
+    """Return loops less the centre of a disk, and the square of its radius."""
+    a, b, e = numbers
+    return A + b / e * np.eye(A.shape[-1]), (b / e) ** 2 - a / e

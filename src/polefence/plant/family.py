@@ -381,6 +381,11 @@ class UncertainPlant(Short):
         return tuple(signal.name not in self.noise for signal in disturbances(self))
 
     @cached_property
+    def at_nodes(self) -> dict[tuple[Fraction, ...], Any]:
+        """Matrices at points of the box: see `polefence.plant.parts.node`."""
+        return {}
+
+    @cached_property
     def on_parts(self) -> dict[tuple[tuple[Fraction, ...], ...], UncertainPlant]:
         """Families on parts of the box that were asked for, see `polefence.plant.parts`."""
         return {}

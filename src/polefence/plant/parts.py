@@ -102,6 +102,13 @@ def node(plant: UncertainPlant, at: Point) -> Node:
 
     Of samples those columns and rows that are between samples are sampled there, to doubles.
     """
+    if at not in plant.at_nodes:
+        plant.at_nodes[at] = _node(plant, at)
+    known: Node = plant.at_nodes[at]
+    return known
+
+
+def _node(plant: UncertainPlant, at: Point) -> Node:
     weights = corner_weights(at)
     A, B, E = (
         mix(weights, [list(map(list, M)) for v in plant.vertices if (M := getattr(v, key))])

@@ -292,17 +292,20 @@ def through(values: Sequence[Rationals], count: int) -> list[Rationals]:
             if known.count(known[0]) == len(known):
                 continue
             spend(RATIONAL * 3 * (count + 1) * len(values), length, length)
-            middle, corners = list(known), list(known)
+            # in whole numbers, that stay whole when they are halved so many times
+            whole = math.lcm(*(x.denominator for x in known)) << count
+            middle = [x.numerator * (whole // x.denominator) for x in known]
+            corners = list(middle)
             for axis in range(count):
                 stride = 3**axis
                 for k in every:
                     if k // stride % 3 == 1:
                         ends = (k - stride, k + stride)
                         # of a parabola through three points; of a straight line
-                        middle[k] = 2 * middle[k] - (middle[ends[0]] + middle[ends[1]]) / 2
-                        corners[k] = (corners[ends[0]] + corners[ends[1]]) / 2
+                        middle[k] = 2 * middle[k] - (middle[ends[0]] + middle[ends[1]]) // 2
+                        corners[k] = (corners[ends[0]] + corners[ends[1]]) // 2
             for k in every:
-                curve[k][i][j] = middle[k] - corners[k]
+                curve[k][i][j] = Fraction(middle[k] - corners[k], whole)
     return [
         curve[sum(3 ** (count - 1 - axis) * e[2 * axis + 1] for axis in range(count))]
         for e in monomials((2,) * count, 2)

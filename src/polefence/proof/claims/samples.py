@@ -29,7 +29,7 @@ from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, 
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
-from polefence.proof.work import RATIONAL, FormatError, spend
+from polefence.proof.work import MAX_IN_PARTS, RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 120, 64
 
@@ -81,6 +81,11 @@ class Samples(Short, Claim):
         first = f" (states 1 to {self.width})" if plant.n > self.width else ""
         on = f", on the box of {len(self.sizes)} parameters" if len(self.sizes) > 1 else ""
         return f"plant{first}: samples every {time} ms of x' = A x + B u + E w, {held}{late}{on}"
+
+    @property
+    def allowed(self) -> int | None:
+        """The most work that it may take to prove: more where samples are compared at nodes."""
+        return MAX_IN_PARTS if self.bent else None
 
     @property
     def n(self) -> int:

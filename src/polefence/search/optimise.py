@@ -361,13 +361,13 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
             structure, [structured(task, replace(structure, order=k)) for k in orders]
         )
         last = len(orders) - 1
+        known = searches.tuned(last) if last else ()
+    with bounded(MOST_WORK) as proving:  # whatever the searches of all orders took
         if last and fewer:
             best = _best_order(searches)
         else:
-            best = _best_tuned(
-                *searches.problems[-1], searches.starts(last), searches.tuned(last) if last else ()
-            )
-    cut = str(effort) if effort.ended else ""
+            best = _best_tuned(*searches.problems[-1], searches.starts(last), known)
+    cut = next((str(work) for work in (effort, proving) if work.ended), "")
     if best is not None:
         return replace(best, cut=cut)
     reason = "not proved: no law of this structure was found that is proved to keep the region"

@@ -399,7 +399,7 @@ class _Interpolation:
         domain = self.problem.domain
         closed, Y, E, _ = self.nodes
         middle = self.problem.closed(np.full((1, domain.corners), 1 / domain.corners))[0][0]
-        S = even(middle.T, self.problem.step, moved=(closed - middle).swapaxes(-1, -2))
+        S = even(middle.T, self.problem.step)
         if S is None:
             return None
         gramians = [self.modes.observed(M) for M in (Y.swapaxes(-1, -2) @ Y, 0 * closed + S)]

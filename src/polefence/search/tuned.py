@@ -113,11 +113,12 @@ class Room:
         0.1 % more, the other 1.7 % less; the van's of order 2 costs 0.3 % less.
 
         A law's own state lets a pole come as near the edge as is asked for, at one corner: the
-        nearer, the more parts of the box take the proofs of samples between nodes. The van's poles at 2 ms are proved in 244 parts where
-        they decay by 8e-4 1/s, 13 by 0.046 (the second share), 4 by 0.28 (the third), its limits in
-        16 and 5; the level is 0.7890 and 0.7885. The shown active suspension at 2 ms, whose samples
-        are of one polynomial, bears 0.9 of what float32 takes with the second share, and all of it
-        with the third; its level is 1.11731 with both.
+        nearer, the more parts of the box take the proofs of samples between nodes. The van's poles
+        at 2 ms are proved in 244 parts where they decay by 8e-4 1/s, 13 by 0.046 (the second
+        share), 4 by 0.28 (the third), its limits in 16 and 5; the level is 0.7890 and 0.7885. The
+        shown active suspension at 2 ms, whose samples are of one polynomial, bears 0.9 of what
+        float32 takes with the second share, and all of it with the third; its level is 1.11731 with
+        both.
         """
         slow = plant.period > 0 and own_states(plant) > 0
         return cls(region=2 if slow else 1, limits=0 if plant.remainder is None else 2)

@@ -8,6 +8,7 @@ from polefence.base.effort import bounded, ended, spend
 from polefence.lmi.solve import gramians
 from polefence.lmi.solve.gramians import in_parts
 from polefence.search import optimise as module
+from polefence.search import tuned
 from polefence.search.optimise import optimise
 
 ONE = Structure(schedule=())
@@ -75,3 +76,16 @@ def test_parts_of_a_box_of_many_parameters_are_not_begun(monkeypatch):
     few = UncertainPlant.from_expressions(names[:2], rows, [[0], [1]], [[1], [0]])
     assert in_parts(Rms("x1", density=1).dual(few, FixedGain(np.zeros((1, 2)))), 1e-6) is None
     assert begun
+
+
+def test_what_searches_of_orders_found_is_proved_whatever_they_took(monkeypatch):
+    one = Structure(order=1, measured=["x1"], schedule=())
+    with bounded(1e12) as effort:
+        whole = optimise(plant(), *asked(1.0), structure=one)
+    assert not whole.cut
+    monkeypatch.setattr(module, "MOST_WORK", 0.3 * effort.spent)
+    monkeypatch.setattr(tuned, "MOST_WORK", 0.3 * effort.spent)
+    some = optimise(plant(), *asked(1.0), structure=one)
+    assert "stopped at its bound of work, after" in some.cut
+    assert some.design.certificate.prove().proved
+    assert whole.bounds[0].level < some.bounds[0].level < 1.2 * whole.bounds[0].level

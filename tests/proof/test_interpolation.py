@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from polefence import Disk, FixedGain, Rms, System, UncertainPlant, analyse, at_sample_time
+from polefence.certify import interpolated
 from polefence.certify.bounds import kept_bound
 from polefence.certify.certificate import plant_of, with_nodes
 from polefence.cli.check import _against
@@ -435,3 +436,21 @@ def _proved(claim):
         return prove(claim).proved
     except FormatError:
         return False
+
+
+def test_a_wider_part_is_proved_where_the_inequality_is_multiplied(sampled, monkeypatch):
+    """Its coefficients of a higher degree say more: fewer parts, proved in exact arithmetic too."""
+    _, found = sampled
+    radius = np.abs(np.linalg.eigvals(found.at(found.domain.nodes(6))[0])).max()
+    region, law = Disk(0, radius * (1 + 1e-4)), FixedGain(np.zeros((1, 5)))
+    counts = []
+    for elevations in ((0,), (0, 1, 2)):
+        monkeypatch.setattr(interpolated, "ELEVATIONS", elevations)
+        kept = analyse(found, law, region).certificate
+        assert kept.prove().proved
+        cells = kept.claim().evidence[0].cells
+        assert {piece.evidence.elevation for piece in cells} <= set(elevations)
+        counts.append(len(cells))
+    assert counts[1] <= counts[0]
+    if found.parts_degree == 2:
+        assert counts[1] < counts[0]

@@ -367,7 +367,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
             best = _best_order(searches)
         else:
             best = _best_tuned(*searches.problems[-1], searches.starts(last), known)
-    cut = next((str(work) for work in (effort, proving) if work.ended), "")
+    cut = str(effort) if searches.cut else str(proving) if proving.ended else ""
     if best is not None:
         return replace(best, cut=cut)
     reason = "not proved: no law of this structure was found that is proved to keep the region"

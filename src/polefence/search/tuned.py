@@ -186,11 +186,17 @@ class Orders:
         With the highest order.
     problems : sequence of pairs of Task and Structure
         For each of `orders_below`: of the larger plant, and of the law's gain there.
+
+    Attributes
+    ----------
+    cut : bool
+        Whether the search of an order stopped at its share of the work.
     """
 
     def __init__(self, structure: Structure, problems: Sequence[tuple[Task, Structure]]) -> None:
         self.structure, self.problems = structure, problems
         self.orders = orders_below(structure.order)
+        self.cut = False
         self._tuned = dict[int, list[Tuned]]()
         self._starts = dict[int, list[Law]]()
 
@@ -198,8 +204,9 @@ class Orders:
         """Return what searches of the k-th order find for tighter limits, the best first."""
         if k not in self._tuned:
             starts = self.starts(k)  # of the orders below first
-            with bounded(MOST_WORK / len(self.orders)):
+            with bounded(MOST_WORK / len(self.orders)) as effort:
                 candidates = _tuned(*self.problems[k], starts)
+            self.cut = self.cut or effort.ended
             self._tuned[k] = [tuned for tuned in candidates if tuned.kept]
         return self._tuned[k]
 

@@ -540,7 +540,8 @@ def _drawn(
 ) -> tuple[float, float | None]:
     """Return how long a step response is worth drawing, and the time between samples [s].
 
-    Ten of the slowest time constants that are seen in it, in 2,000 samples at most.
+    Ten of the slowest time constants that are seen in it, in 1,000 samples at most: a figure has
+    fewer points, and a settling time of three of them is told to 0.3 %.
     """
     plant = design.plant
     slowest = slowest_seen(plant, design, alpha, signals, source)
@@ -549,7 +550,7 @@ def _drawn(
     if T:
         return duration, None
     fastest = float(np.abs(design.poles(alpha)).max())
-    return duration, max(0.1 / fastest, duration / 2000)
+    return duration, max(0.1 / fastest, duration / 1000)
 
 
 def _seconds(value: float) -> str:

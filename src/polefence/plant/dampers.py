@@ -82,8 +82,8 @@ class Damper(Short):
                 if found.of(plant).rate == own.rate:
                     return found
         raise InputError(
-            f"{plant.name}: the rate of damper {force} is that of no signal of the plant; name the "
-            "spec, and the law by --law"
+            f"{plant.name}: the rate of damper {force} is that of no signal of the plant; name its "
+            "spec beside the law"
         )
 
     @property

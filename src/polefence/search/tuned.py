@@ -109,8 +109,8 @@ class Room:
 
         A remainder costs limits 2e-4 to 2e-3 on the van at 2 ms. One polynomial of all samples has
         proofs with the second share: the shown active suspension at 2 ms costs 0.16 % more with the
-        third. Of samples between nodes proofs of limits take fewer parts with the third: of a van at
-        2 ms two thirds of the time, of a full car with eight sensors at 5 ms 4 parts for 32. Of
+        third. Of samples between nodes proofs of limits take fewer parts with the third: of a van
+        at 2 ms two thirds of the time, of a full car with eight sensors at 5 ms 4 parts for 32. Of
         their laws without states one costs 0.1 % more, the other 1.7 % less; the van's of order 2
         costs 0.3 % less.
 

@@ -14,9 +14,11 @@ from polefence.lmi.solve.gramians import (
     duals,
     has_stabilising,
     in_parts,
+    made_up,
     majorant,
     riccati,
 )
+from polefence.response.modes import of_modes
 
 
 def stable(random, count, n):
@@ -184,3 +186,22 @@ def test_parts_make_up_the_box_where_one_polynomial_is_not_enough(gain):
     assert ends[-1][1] == 1
     assert all(a[1] == b[0] for a, b in pairwise(ends))
     assert all(part.dual.level <= worst * 1.01 for part in parts)
+
+
+def test_modes_make_up_for_what_is_missed_at_about_the_least_cost():
+    """A share of each mode exceeds what is missed, and costs less than shares without costs do."""
+    random = np.random.default_rng(5)
+    n, count = 6, 4
+    half = random.normal(size=(count, n, n)) * np.geomspace(1, 30, n)
+    missed = half + half.swapaxes(1, 2)
+    V = np.linalg.eig(random.normal(size=(n, n)))[1]
+    inside, E = np.geomspace(0.1, 10, n), random.normal(size=(n, 2))
+    E *= np.geomspace(1, 1e-2, n)[:, None]
+    shares = made_up(missed, V, inside, E)
+    R = of_modes(V, inside * shares)
+    assert np.linalg.eigvalsh(R - missed).min() > -1e-9 * np.abs(missed).max()
+
+    cost = np.square(np.abs(V.conj().T @ E)).sum(axis=1)
+    P = np.linalg.inv(V).conj().T / np.sqrt(inside)
+    evenly = np.abs(P.conj().T @ missed @ P).sum(axis=-1).max(axis=0)
+    assert cost @ shares < cost @ evenly

@@ -137,6 +137,14 @@ def even(
     (n, n) array or None
         None where a pole is not in the region.
     """
+    modes = even_modes(A, e, a, b, moved)
+    return None if modes is None else of_modes(*modes)
+
+
+def even_modes(
+    A: Array, e: float, a: float = 0.0, b: float = 1.0, moved: Array | None = None
+) -> tuple[Any, Array] | None:
+    """Return the modes v, as columns, of which `even` is made, and how far inside each pole is."""
     d = balancing(A[None])
     units = d / d[:, None]
     poles, V = np.linalg.eig(A * units)
@@ -145,8 +153,13 @@ def even(
         return None
     if moved is not None:
         V = V * _even_lengths(V, moved * units)
-    S = ((V * inside) @ V.conj().T).real
-    return np.asarray((S + S.T) / 2 * (d * d[:, None]))
+    return V * d[:, None], inside
+
+
+def of_modes(V: Any, shares: Array) -> Array:
+    """Return the sum of v v* over modes, each its share times."""
+    S = ((V * shares) @ V.conj().T).real
+    return np.asarray((S + S.T) / 2)
 
 
 def _even_lengths(V: Array, moved: Array) -> Array:

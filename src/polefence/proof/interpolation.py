@@ -109,12 +109,12 @@ def terms_needed(M: Sequence[Rationals]) -> int:
         If the sample time is too long for so many as are computed.
     """
     largest = _largest(map(_magnitudes, M))
-    for terms in TERMS:
+    for terms in TERMS[:-1]:
         with suppress(FormatError):
-            if terms == TERMS[-1] or _missing(largest, terms) < NEXT_TO_NOTHING:
-                break
-    _missing(largest, terms)
-    return terms
+            if _missing(largest, terms) < NEXT_TO_NOTHING:
+                return terms
+    _missing(largest, TERMS[-1])
+    return TERMS[-1]
 
 
 def sample(M: Rationals, terms: int) -> Integers:

@@ -31,7 +31,7 @@ TIGHTER = (2e-5, 5e-4, 3e-3, 2e-2)
 # Then, where nothing is proved: proofs of limits may be that loose; and where parameters move, as
 # the search looks at loops at rest.
 FARTHER = (8e-2, 0.25)
-OWN = 2  # which share gives a law's own states room for proofs
+FOR_STATES = 2  # which share gives a law's own states room for proofs
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
@@ -125,16 +125,16 @@ class Room:
         """
         slow = plant.period > 0 and own_states(plant) > 0
         limits = 0 if plant.remainder is None else 2 if plant.bent else 1
-        return cls(OWN if slow else 1, limits)
+        return cls(FOR_STATES if slow else 1, limits)
 
     def after(self, missing: Missing | None, plant: UncertainPlant) -> Room:
         """Return more room for what the best law had no proof of; for both where it had all.
 
         Limits may have none for a slow pole of the law's own. A quarter car of five parameters with
-        two sensors, order 2, had no proof of 30 mm for a deflection of 18 mm with the first shares
-        of its region, and a law of 0.742 m/s2 with the next.
+        two sensors, order 2, had no proof of 30 mm for a deflection of 17 mm with the first shares
+        of its region, and has a law of 0.744 m/s2 with the next.
         """
-        slow = own_states(plant) > 0 and self.region < OWN
+        slow = own_states(plant) > 0 and self.region < FOR_STATES
         return Room(
             self.region + (missing is not Missing.LIMIT or slow),
             self.limits + (missing is not Missing.REGION),

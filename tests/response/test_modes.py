@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from polefence.response.discrete import balancing
-from polefence.response.modes import Modes, even
+from polefence.response.modes import Modes, even_modes, of_modes
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
@@ -34,7 +34,7 @@ def test_even_lengths_solve_the_inequality_and_even_out_what_loops_nearby_couple
     A -= (np.linalg.eigvals(A).real.max() + 1) * np.eye(5)
     A, b = A / (4 * np.abs(A).sum()), 1.0  # the disk of e holds all poles
     moved = 0.1 * random.normal(size=(4, 5, 5)) * np.abs(A).max()
-    S = even(A, e, 0.0, b, moved)
+    S = of_modes(*even_modes(A, e, 0.0, b, moved))
     assert np.linalg.eigvalsh(S).min() > 0
     X = _solved(A, S, e, b)
     assert np.linalg.eigvalsh(X).min() > 0
@@ -51,7 +51,7 @@ def test_even_lengths_solve_the_inequality_and_even_out_what_loops_nearby_couple
 
     assert uneven(V * lengths) < 2.5 < uneven(V / np.linalg.norm(V / balanced(A), axis=0))
     inside = -(2 * b * poles.real + e * np.abs(poles) ** 2)
-    assert even(A - 1.001 * poles.real.max() * np.eye(5), e, 0.0, b, moved) is None
+    assert even_modes(A - 1.001 * poles.real.max() * np.eye(5), e, 0.0, b, moved) is None
     assert inside.min() > 0
 
 

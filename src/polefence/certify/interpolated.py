@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from polefence.law.laws import Law
+from polefence.lmi.solve.loops import loop_degree
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Region
 from polefence.response.discrete import balancing
-from polefence.response.modes import even
+from polefence.response.modes import even_modes, of_modes
 from polefence.response.stationary import lyapunov
 
 # Of a disk the inequality holds [ X, A X ; X A', X ]: its coefficients say less than those of
@@ -56,14 +57,14 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     d = balancing(_loops(plant, law, middle))
     units, scales = d[:, None] * d, d / d[:, None]
     loops, (centre,) = (_loops(plant, law, at) * scales for at in (corners, middle))
-    S = even(centre, e, a, b, loops - centre)
-    if S is None:
+    modes = even_modes(centre, e, a, b, loops - centre)
+    if modes is None:
         return None
-    X = _solved(loops, S, a, b, e)
+    X = _solved(loops, of_modes(*modes), a, b, e)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
         return None
-    of_law = law.degree + law.denominator_degree
-    degrees = [1 + plant.curve_degree + of_law + elevation for elevation in ELEVATIONS]
+    lowest = 1 + loop_degree(plant, law) + law.denominator_degree
+    degrees = [lowest + elevation for elevation in ELEVATIONS]
     at = (_loops(plant, law, domain.nodes(degree)) * scales for degree in degrees)
     held = (_holds(X, A, domain, degree, (a, b, e)) for A, degree in zip(at, degrees, strict=True))
     elevation = next((k for k, holds in zip(ELEVATIONS, held, strict=True) if holds), None)

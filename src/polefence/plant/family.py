@@ -32,6 +32,7 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, floats, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.matrices import MAX_BITS, common_denominator
+from polefence.proof.plant import Node
 from polefence.proof.reading import MAX_VERTICES
 from polefence.proof.remainder import Remainder
 from polefence.proof.short import Short
@@ -381,7 +382,7 @@ class UncertainPlant(Short):
         return tuple(signal.name not in self.noise for signal in disturbances(self))
 
     @cached_property
-    def at_nodes(self) -> dict[tuple[Fraction, ...], Any]:
+    def at_nodes(self) -> dict[tuple[Fraction, ...], Node]:
         """Matrices at points of the box: see `polefence.plant.parts.node`."""
         return {}
 

@@ -104,8 +104,7 @@ def node(plant: UncertainPlant, at: Point) -> Node:
     """
     if at not in plant.at_nodes:
         plant.at_nodes[at] = _node(plant, at)
-    known: Node = plant.at_nodes[at]
-    return known
+    return plant.at_nodes[at]
 
 
 def _node(plant: UncertainPlant, at: Point) -> Node:

@@ -117,14 +117,15 @@ def _moved(A: Array) -> tuple[Any, Any, Any]:
     return poles, right, np.linalg.inv(right)
 
 
-def even(
+def even_modes(
     A: Array, e: float, a: float = 0.0, b: float = 1.0, moved: Array | None = None
-) -> Array | None:
-    """Return the S of which X is the sum of v v*, v right eigenvectors of A.
+) -> tuple[Any, Array] | None:
+    """Return right eigenvectors v of A, as columns, and how far inside a region each pole is.
 
-    In a X + b (A X + X A') + e A X A' = -S each mode is then as far from the edge of the region
-    a + 2 b Re z + e |z|^2 < 0 as its pole is. Lengths of v are one in balanced coordinates, or
-    those in which other loops nearby move each mode as much by the others as it moves these.
+    The region is a + 2 b Re z + e |z|^2 < 0. With S the sum of v v*, each times how far inside its
+    pole is, X of a X + b (A X + X A') + e A X A' = -S is the sum of v v*: see `of_modes`. Lengths
+    of v are one in balanced coordinates, or those in which other loops nearby move each mode as
+    much by the others as it moves these.
 
     Parameters
     ----------
@@ -134,17 +135,9 @@ def even(
 
     Returns
     -------
-    (n, n) array or None
+    tuple of (n, n) and (n,) arrays, or None
         None where a pole is not in the region.
     """
-    modes = even_modes(A, e, a, b, moved)
-    return None if modes is None else of_modes(*modes)
-
-
-def even_modes(
-    A: Array, e: float, a: float = 0.0, b: float = 1.0, moved: Array | None = None
-) -> tuple[Any, Array] | None:
-    """Return the modes v, as columns, of which `even` is made, and how far inside each pole is."""
     d = balancing(A[None])
     units = d / d[:, None]
     poles, V = np.linalg.eig(A * units)

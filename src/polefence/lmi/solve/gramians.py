@@ -28,6 +28,7 @@ import numpy as np
 
 from polefence.base.effort import ended, spend
 from polefence.law.laws import Law, right_divide
+from polefence.lmi.solve.loops import loop_degree
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
@@ -128,10 +129,7 @@ class DualProblem:
     @property
     def rows(self) -> int:
         """Degree of A W + B Z, and at most that of C W + D Z."""
-        of_law, of_plant, remainder = self.law.degree, self.plant.curve_degree, self.plant.remainder
-        if self.law.W is None and remainder and remainder.same_inputs(self.plant.B.tolist()):
-            return max(of_plant, of_law + 1)
-        return of_law + of_plant
+        return loop_degree(self.plant, self.law)
 
     @property
     def left(self) -> int:

@@ -20,6 +20,14 @@ def loop_of(plant: UncertainPlant, law: Law) -> Loop:
     return _loop(plant, law, np.concatenate([plant.A, plant.B], axis=2))
 
 
+def loop_degree(plant: UncertainPlant, law: Law) -> int:
+    """Return the degree of A W + B Z, or of A + B K: less where inputs are the same everywhere."""
+    remainder = plant.remainder
+    if law.W is None and remainder and remainder.same_inputs(plant.B.tolist()):
+        return max(plant.curve_degree, law.degree + 1)
+    return law.degree + plant.curve_degree
+
+
 def loop_with(plant: UncertainPlant, law: Law, C: Array, D: Array) -> Loop:
     """Return the closed loop with the rows of y = C x + D u, (N, p, n) and (N, p, m), below it."""
     rows = [np.concatenate([plant.A, C], axis=1), np.concatenate([plant.B, D], axis=1)]

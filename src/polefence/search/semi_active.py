@@ -53,13 +53,14 @@ from polefence.proof.dampers import Curve, SemiActive
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals
 from polefence.proof.polynomials import Sizes
-from polefence.proof.sectors import GIVEN, LOWER, UPPER, Sector, regions_of
+from polefence.proof.sectors import GIVEN, Sector, regions_of
 from polefence.proof.short import Short
 from polefence.proof.squares import count_of, known
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_up
 from polefence.requirements.rms import Rms
 from polefence.requirements.weights import with_weights
+from polefence.search.damper_motion import ClippedMotion
 
 # How near its end the search comes: what is on the very edge may not survive its rounding.
 NEAR = (1e-5, 1e-4, 1e-3)
@@ -71,10 +72,6 @@ QUICK, MOST = 8000, 30000
 FILE_NAME = OF_DAMPERS
 # Of a demand by few signals: the shares of it that are tried, and how near the least bound is good.
 SHARES, NEARLY = (1.0, 0.5, 0.25, 0.125, 0.0), 1.02
-# Drives that say where the motion is: how many, their step by the fastest pole, how long by the
-# slowest one, what of them is taken, and the share of what is hardly ever visited.
-DRIVES, STEP, SETTLED, MAX_STEPS, RECORDS, RARE = 200, 1.0, 8.0, 20000, 150, 1e-3
-ROUNDS, ENOUGH = 30, 300  # draws of that, until there are so many points in each case
 
 
 @dataclass(frozen=True, eq=False)
@@ -701,7 +698,7 @@ class DamperQuestion:
             self.piece(group, [own[k] for own, k in zip(cases, choice, strict=True)])
             for group, choice in choices
         ]
-        visits = list[Visits]() if self.even else self.visits(cases, degree)
+        visits = list[Visits]() if self.even else self.motion_of(cases).visits(degree)
         problem = Problem([piece for piece, _ in pieces], degree, self.even, visits)
 
         def searched(tolerance: float) -> _Evidence:
@@ -765,98 +762,23 @@ class DamperQuestion:
 
         return searched
 
-    def visits(self, cases: Sequence[Sequence[Case]], degree: int) -> list[Visits]:
-        """Return where the motion is in each piece, in units, by drives at mixed parameters.
-
-        One for each group of vertices, with the shares of all groups; and, to a small share, points
-        drawn from a wider Gaussian, for what is hardly ever visited.
-        """
-        source, groups = np.random.default_rng(0), groups_of(self.sizes)
-        counts = list(map(len, cases))
-        S, back = np.diag([*self.units, 1.0]), 1 / self.units
-        numbers = [np.array(_numbers(own)) for own in cases]
-        forces = [
-            np.array([[own[k].force for k in row] for row in rows.tolist()], float) @ S
-            for own, rows in zip(cases, numbers, strict=True)
-        ]
-        rates = self.rates[0] * self.units
-        bends = [np.array([start for start, _ in own.parts[1:]], float) for own in self.exact]
-        E, X = back[:, None] * self.E[0], self.motion
-        root = np.linalg.cholesky(X)
-
-        def acting(y: Array) -> tuple[Array, Array]:
-            """Return forces, and the number of the case."""
-            u, place = np.empty((len(y), len(cases))), np.zeros(len(y), dtype=int)
-            for k, own in enumerate(forces):
-                part = np.searchsorted(bends[k], y[:, :-1] @ rates[k], side="right")
-                asked, low, high = (np.einsum("ij,ij->i", own[part, what], y) for what in range(3))
-                least, most = np.minimum(low, high), np.maximum(low, high)
-                u[:, k] = np.clip(asked, least, most)
-                bound = np.where((asked < low) == (low <= high), LOWER, UPPER)
-                what = np.where((least < asked) & (asked < most), GIVEN, bound)
-                place = place * counts[k] + numbers[k][part, what]
-            return u, place
-
+    def motion_of(self, cases: Sequence[Sequence[Case]]) -> ClippedMotion:
+        """Return the motion with dampers cut off to their bounds, in units."""
+        back = 1 / self.units
         poles = [np.linalg.eigvals(loop) for c in self.bounds.T for loop in self.loops(c)]
-        step = STEP / max(np.abs(own).max() for own in poles)
-        slow = min(-np.linalg.eigvals(loop).real.max() for loop in self.kept)
-        steps = min(round(SETTLED / slow / step), MAX_STEPS)
-        every = max(steps // RECORDS, 1)
-        found = [(list[Array](), list[Array]()) for _ in range(len(groups) * prod(counts))]
-        for group in groups:
-            alpha = np.zeros(len(self.A))
-            for pair in group:
-                np.add.at(alpha, list(pair), 0.5 / len(group))
-            A = back[:, None] * np.tensordot(alpha, self.A, 1) * self.units
-            B = back[:, None] * np.tensordot(alpha, self.B, 1)
-            y = np.ones((DRIVES, len(X) + 1))
-            y[:, :-1] = source.standard_normal((DRIVES, len(X))) @ root.T
-
-            def slope(y: Array, A: Array = A, B: Array = B) -> Array:
-                return y[:, :-1] @ A.T + acting(y)[0] @ B.T
-
-            for k in range(steps):
-                middle = y.copy()
-                middle[:, :-1] += step / 2 * slope(y)
-                noise = source.standard_normal((DRIVES, E.shape[1])) @ E.T
-                y[:, :-1] += step * slope(middle) + np.sqrt(step) * noise
-                if k > steps // 2 and k % every == 0:
-                    self._add(found, groups, alpha, y, acting(y)[1], np.full(len(y), 1.0))
-        even, drawn = np.full(len(self.A), 1 / len(self.A)), np.zeros(prod(counts))
-        for _ in range(ROUNDS):
-            wide = np.repeat((0.5, 1.0, 2.0, 4.0), 5 * DRIVES)
-            y = np.ones((len(wide), len(X) + 1))
-            y[:, :-1] = wide[:, None] * source.standard_normal((len(wide), len(X))) @ root.T
-            place = acting(y)[1]
-            few = drawn[place] < ENOUGH
-            self._add(found, groups, even, y[few], place[few], RARE * wide[few] ** -degree)
-            drawn += np.bincount(place[few], minlength=len(drawn))
-            if not few.any() or drawn.min() >= ENOUGH:
-                break
-        none = np.zeros((0, len(X))), np.zeros(0)
-        return [
-            Visits(np.concatenate([none[0], *points]), np.concatenate([none[1], *shares]))
-            for points, shares in found
-        ]
-
-    def _add(
-        self,
-        found: list[tuple[list[Array], list[Array]]],
-        groups: Sequence[Group],
-        alpha: Array,
-        y: Array,
-        place: Array,
-        shares: Array,
-    ) -> None:
-        """Add points at parameters to each piece that they are in."""
-        count = len(found) // len(groups)
-        for g, group in enumerate(groups):
-            j, k = group[0]
-            part = float(alpha[j] * alpha[k])
-            for case in np.unique(place).tolist() if part else ():
-                own = place == case
-                found[g * count + case][0].append(y[own, :-1])
-                found[g * count + case][1].append(part * shares[own])
+        return ClippedMotion(
+            back[:, None] * self.A * self.units,
+            back[:, None] * self.B,
+            back[:, None] * self.E[0],
+            self.motion,
+            self.rates[0] * self.units,
+            self.exact,
+            cases,
+            self.units,
+            groups_of(self.sizes),
+            max(float(np.abs(own).max()) for own in poles),
+            min(float(-np.linalg.eigvals(loop).real.max()) for loop in self.kept),
+        )
 
     def claim(
         self,
@@ -949,17 +871,6 @@ def _lyapunov(A: Any, Q: Any) -> Array:
     from scipy.linalg import solve_continuous_lyapunov
 
     return np.asarray(solve_continuous_lyapunov(A, Q), dtype=np.float64)
-
-
-def _numbers(cases: Sequence[Case]) -> list[list[int]]:
-    """Return the numbers of a damper's cases in each part: three, or thrice the only one."""
-    rows = list[list[int]]()
-    for k, case in enumerate(cases):
-        if case.what == GIVEN:
-            rows.append([k, k + 1, k + 2])
-        elif not rows or k > max(rows[-1]):
-            rows.append([k] * 3)
-    return rows
 
 
 def _in_32_bits(K: Array) -> Array:

@@ -348,8 +348,11 @@ def test_a_trade_off_writes_its_question_in_numbers(mass, tmp_path):
     assert "Fraction" not in text
     data = json.loads(text)["question"]
     assert data["minimise"]["weight"] == "Wd"
-    assert data["over"]["signal"]["C"] == [[0, "1/3"]]
+    assert data["over"]["signal"] == "speed"
     assert front.rows[0]["bounds"][0]["proved"] <= 0.2
     assert "with weight Wd" in front.labels[1]
     again = tradeoff(mass, least, over, [0.2], structure=structure, path=path, resume=True)
     assert again.rows == front.rows
+    other = replace(over, signal=replace(own, C=[0, Fraction(1, 4)]))
+    with pytest.raises(InputError, match="remove the file to start anew"):
+        tradeoff(mass, least, other, [0.2], structure=structure, path=path, resume=True)

@@ -46,6 +46,7 @@ from polefence.proof.short import Short
 from polefence.region.regions import Region, stable
 from polefence.region.text import digits_up
 from polefence.region.z_plane import delta_plane
+from polefence.requirements.named import by_name
 from polefence.requirements.specification import Specification
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
@@ -212,6 +213,13 @@ def _optimised(
         raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
     if minimise is not None:
         require_type(minimise, Specification, "minimise", "for example Rms('force')")
+    for limit in subject_to:
+        require_type(limit, Specification, "subject_to", "for example Rms('force', at_most=700)")
+        if limit.at_most is None:
+            raise InputError(f"the limit of {limit.name!r} is missing; give at_most")
+    plant, limits = by_name(plant, subject_to)
+    if minimise is not None:
+        plant, (minimise,) = by_name(plant, (minimise,))
     if structure is not None and method is not None:
         raise InputError("a method and a structure exclude each other; leave one out")
     measurable = states_of_a_car(plant)
@@ -224,10 +232,6 @@ def _optimised(
         method = "quadratic"
     asked = stable_region(plant) if region is None else in_time_of(plant, region)
     require_region(plant, asked)
-    for limit in subject_to:
-        require_type(limit, Specification, "subject_to", "for example Rms('force', at_most=700)")
-        if limit.at_most is None:
-            raise InputError(f"the limit of {limit.name!r} is missing; give at_most")
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
@@ -235,8 +239,8 @@ def _optimised(
             raise InputError(
                 f"{minimise.title}: with a structure, minimise it for one input; limit the others"
             )
-    deadline, count = Deadline(budget), len(subject_to) + (minimise is not None)
-    limits, words = tuple(subject_to), _in_words(plant, region, asked)
+    deadline, count = Deadline(budget), len(limits) + (minimise is not None)
+    words = _in_words(plant, region, asked)
     # what is searched is in differences where the plant is in discrete time
     T, inside, plant = plant.sample_time, asked, delta_form(plant)
     if T is not None:

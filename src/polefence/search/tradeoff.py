@@ -44,6 +44,7 @@ from polefence.proof.document import Document, from_plain
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import digits_up
+from polefence.requirements.named import by_name
 from polefence.requirements.specification import Specification, claim_of
 from polefence.search.limits import LABEL
 from polefence.search.optimise import Optimised, method_for, optimise, structured
@@ -112,7 +113,7 @@ def tradeoff(
         for specification, name in ((minimise, "minimise"), (over, "over"))
     )
     others = tuple(_checked(specification, "subject_to") for specification in subject_to)
-    asked_for = (swept, *others, least)
+    plant, asked_for = by_name(plant, (swept, *others, least))
     region = stable_region(plant) if region is None else in_time_of(plant, region)
     asked = _asked(plant, asked_for, region, structure)
     named = _named(plant, methods, structure)

@@ -29,6 +29,7 @@ from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.region.regions import Disk
+from polefence.requirements.named import by_name
 from polefence.requirements.rms import Rms
 from polefence.response.closed import close
 from polefence.response.weighting import Weighting
@@ -182,10 +183,11 @@ def concepts(
     NotProvedError
         If no dampers that stay keep every vertex stable.
     """
+    plant, (asked,) = by_name(plant, (specification,))
     known = suspensions(plant)
     plant, body = _with_velocities(plant, known)
     sensed = tuple(measured or sensors(plant) or (*(y.name for y in known.travel), *body))
-    task = _Task(plant, specification, tuple(dampers), known, sensed, body)
+    task = _Task(plant, asked, tuple(dampers), known, sensed, body)
     active, others = task.below(()), task.below(task.dampers)
     if active is not None:  # what no law has, no semi-active one has
         others = active if others is None else max(active, others)

@@ -137,15 +137,21 @@ class Search:
 
     ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
     whether a deadline ended it; ``alpha``, where there is one, refutes the region. ``parts`` is of
-    how many the region is made.
+    how many the region is made, ``most`` how many of the box are tried.
     """
 
     def __init__(
-        self, plant: UncertainPlant, law: Law, part: Region, deadline: Deadline, parts: int = 1
+        self,
+        plant: UncertainPlant,
+        law: Law,
+        part: Region,
+        deadline: Deadline,
+        parts: int = 1,
+        most: int = MOST_BENT,
     ) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
         # the rest of what is checked in a file is for what else it claims
-        self.most, self.share = _most_parts(plant, law, parts), 0.8 / parts
+        self.most, self.share = min(most, _most_parts(plant, law, parts)), 0.8 / parts
         self.last, self.halved, self.cut = LADDER[0], False, False
         self.alpha: list[Fraction] | None = None
 

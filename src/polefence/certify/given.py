@@ -20,6 +20,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.checks import in_time_of, require_continuous, require_region
 from polefence.certify.counterexample import counterexample, first_worst, worst_points
 from polefence.certify.design import Design
+from polefence.certify.evaluation import lyapunovs
 from polefence.certify.evidence import (
     Search,
     certificate_of,
@@ -40,6 +41,7 @@ from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
 from polefence.lmi.solve.smallest import typical_rate
+from polefence.plant.boxes import MOST_BENT
 from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
@@ -272,9 +274,25 @@ def verify(
     return analyse(plant, law, region, budget, limits=limits, lyapunov=lyapunov)
 
 
-def analysed(plant: UncertainPlant, law: Law, region: Region, deadline: Deadline) -> Analysis:
-    """Return what is proved of one law."""
+def analysed(
+    plant: UncertainPlant,
+    law: Law,
+    region: Region,
+    deadline: Deadline,
+    like: Certificate | None = None,
+) -> Analysis:
+    """Return what is proved of one law.
+
+    With ``like``, a certificate of the law, as little is tried as proved that one: no higher form,
+    at most twice the parts of the box.
+    """
     ladder = list(forms(plant, law, len(region.parts)))
+    most = MOST_BENT
+    if like is not None:
+        proofs = [proof for _, proof in lyapunovs(like)]
+        form = max((proof.degree, proof.elevation or 0) for proof in proofs)
+        ladder = [*ladder[:1], *(higher for higher in ladder[1:] if higher <= form)]
+        most = 2 * len(proofs) if like.in_parts else 1
     claim = certificate_of(plant, law, region, [placeholder(plant, law)] * len(region.parts))
     parts = list[dict[str, Any]]()
     # of the lowest degree first: most laws that keep a region need no other
@@ -284,7 +302,7 @@ def analysed(plant: UncertainPlant, law: Law, region: Region, deadline: Deadline
         if alpha is not None:
             return _refuted(plant, law, region, alpha)
     for part, evidence in zip(region.parts, pieces, strict=True):
-        search = Search(plant, law, part, deadline, len(region.parts))
+        search = Search(plant, law, part, deadline, len(region.parts), most)
         proof = evidence or search.proof(ladder[1:])
         if search.alpha is not None:
             return _refuted(plant, law, region, search.alpha)

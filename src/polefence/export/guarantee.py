@@ -15,8 +15,9 @@ from polefence.base.progress import stage
 from polefence.certify.certificate import Check
 from polefence.certify.design import Design
 from polefence.certify.margins.bordered import GainQuestion
+from polefence.certify.margins.breaks import breaks
 from polefence.certify.margins.claims import Reached, above, claimed_design, firmer, subject_of
-from polefence.certify.margins.gain_scales import gain_claim, gain_question
+from polefence.certify.margins.gain_scales import Scales, gain_claim, gain_question
 from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
 from polefence.export.program import Memory as Kept
 from polefence.law.coordinates import Coordinates
@@ -114,7 +115,7 @@ def guarantee(design: Design, program: Program) -> Guarantee:
     direct = best_guarantee(errors, claimed)
     others = (
         ()
-        if direct.proved
+        if direct.proved or all(error.breaks(claimed) for error in errors)
         else (best_guarantee(errors, other) for other in firmer(claimed, claimed.region))
     )
     return next((other for other in others if other.proved), direct)
@@ -171,11 +172,20 @@ class Rounding(Short):
             raise TypeError(f"{type(gain).__name__} is no claim about the gain as a whole")
         return self._decided(design, gain, reached.value)
 
+    def breaks(self, design: Design) -> bool:
+        """Whether an error of its size is found that leaves the region: then nothing proves it."""
+        scales = Scales(self.rows, np.array(self.columns, dtype=float))
+        with suppress(np.linalg.LinAlgError):
+            return breaks(design, design.region, scales.rows, scales.right, self.needed)
+        return False
+
     @stage("rounding of the code")
     def guarantee(self, design: Design) -> Guarantee:
         """Prove that a design's region holds with it, by the design's own matrices."""
         needed, columns = self.needed, np.array(self.columns, dtype=float)
-        tolerated, gain = gain_claim(design, self.rows, columns, needed)
+        # where it breaks, what is tolerated is said at once: no finer proof can have enough
+        finest = 1 if self.breaks(design) else 4
+        tolerated, gain = gain_claim(design, self.rows, columns, needed, finest)
         if gain is None:
             reason = _refusal(self.blank, needed, tolerated, design.method == "lyapunov")
             return Guarantee(design, needed, tolerated, None, reason)

@@ -315,14 +315,34 @@ def _outward(closed: Array, B: Array, C: Array, sizes: Array, region: Region) ->
 
     A pole with eigenvectors y' and x, y' x = 1, moves by y' B D C x.
     """
+    return np.where(_slopes(closed, B, C, region) < 0, -1.0, 1.0) * (sizes > 0)
+
+
+def _slopes(closed: Array, B: Array, C: Array, region: Region) -> Array:
+    """Return for each pole, (count, n, m, r), how fast each entry of D moves it outwards."""
     poles, X = np.linalg.eig(closed)
     Y = np.linalg.pinv(X)
     step = 1e-6 * region.size
     here = region.distance(poles)
     slope = region.distance(poles + step) - here - 1j * (region.distance(poles + 1j * step) - here)
     rows, columns = Y @ B, (C @ X).swapaxes(-1, -2)
-    G = np.real(slope[..., None, None] * rows[..., :, None] * columns[..., None, :])
-    return np.where(G < 0, -1.0, 1.0) * (sizes > 0)
+    return np.asarray(np.real(slope[..., None, None] * rows[..., :, None] * columns[..., None, :]))
+
+
+def breaks(design: Design, region: Region, rows: Array, right: Array, error: float) -> bool:
+    """Whether the gain, off by error S D T with |D| = 1, leaves the region, as floats say.
+
+    S has ``rows`` on its diagonal, T is the transpose of ``right``. D are those that move each pole
+    outwards fastest, to first order, at points of the family. Where one breaks, no matrices prove
+    that none does.
+    """
+    points = np.array(_places(design), dtype=float)
+    A, B = design.plant.at(points)
+    closed = A + B @ design.law.gain(points)
+    left, C = B * rows, np.broadcast_to(right.T, (len(points), *right.T.shape))
+    U, _, V = np.linalg.svd(_slopes(closed, left, C, region), full_matrices=False)
+    off = closed[:, None] + error * (left[:, None] @ (U @ V) @ C[:, None])
+    return bool(region.distance(np.linalg.eigvals(off)).max() > 0)
 
 
 def _off(

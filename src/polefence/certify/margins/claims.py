@@ -14,10 +14,11 @@ from fractions import Fraction
 from typing import Protocol
 
 from polefence.base.explained import explained
-from polefence.certify.candidates import first, rising
+from polefence.base.processors import small_matrices
+from polefence.certify.candidates import Deadline, first, rising
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import Design
-from polefence.certify.given import analyse
+from polefence.certify.given import analyse, analysed
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import ranges_of
@@ -184,9 +185,11 @@ def claimed_design(design: Design, region: Region | None = None) -> Design | Non
 def firmer(design: Design, region: Region) -> Iterator[Design]:
     """Yield designs of the same law and of a region, whose matrices are those of smaller regions.
 
-    Those of a region that a law keeps with much room may leave none for errors.
+    Those of a region that a law keeps with much room may leave none for errors. Of a smaller region
+    as little is tried as proved the region itself: where there is no such proof, of a law near its
+    edge, `analyse` would try every degree, and hundreds of parts of the box, three times.
     """
-    plant = design.plant.at_rest
+    plant, like = design.plant.at_rest, design.certificate
     edge: Region = HalfPlane(0)
     rate = typical_rate(plant.A)
     if plant.sample_time is not None:
@@ -196,7 +199,8 @@ def firmer(design: Design, region: Region) -> Iterator[Design]:
         smaller, least = (region.tighter(part, edge, rate) for part in (share, 2 * share))
         if len(smaller.parts) != len(region.parts) or not least.contains(poles):
             continue
-        certificate = analyse(plant, design.law, smaller).certificate
+        with small_matrices():
+            certificate = analysed(plant, design.law, smaller, Deadline(), like).certificate
         if certificate is not None:
             yield at_rest(replace(certificate, region=region), design.plant)
 

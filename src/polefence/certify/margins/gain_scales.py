@@ -67,7 +67,7 @@ class Scales:
 
 @explained
 def gain_claim(
-    design: Design, rows: Array, columns: Array, needed: float
+    design: Design, rows: Array, columns: Array, needed: float, finest: int = 4
 ) -> tuple[float, GainError | None]:
     """Return how far the gain may be off for these rows and columns, and a proof of so much.
 
@@ -82,6 +82,8 @@ def gain_claim(
         Positive; or T itself, any matrix.
     needed : float
         The error that must be proved, zero or more.
+    finest : int
+        The number of finenesses that are tried.
 
     Returns
     -------
@@ -102,7 +104,7 @@ def gain_claim(
     claimed = claimed_design(design)
     if claimed is None:
         return 0.0, None
-    question = gain_question(claimed, rows, columns)
+    question = gain_question(claimed, rows, columns, finest)
     finer = [reached for reached in climb(question) if reached.value > 0]
     largest = finer[-1].value if finer else 0.0
     for reached in finer:
@@ -117,11 +119,11 @@ def gain_claim(
     return largest, None
 
 
-def gain_question(design: Design, rows: Array, columns: Array) -> GainQuestion:
+def gain_question(design: Design, rows: Array, columns: Array, finest: int = 4) -> GainQuestion:
     """Return the search for the largest error in these rows and columns, see `gain_claim`."""
     n, m = design.plant.shape
     scales = Scales(_positive(rows, m, "rows"), _columns(columns, n))
-    return GainQuestion(balanced(design, design.region), scales, 4)
+    return GainQuestion(balanced(design, design.region), scales, finest)
 
 
 def _positive(values: Any, count: int, what: str) -> Array:

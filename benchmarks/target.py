@@ -6,9 +6,10 @@ Needs arm-none-eabi-gcc with newlib, and qemu-system-arm. Laws of the quarter ca
 by 20 %: five states, one input, four vertices; "polynomial" is affine in the parameters, of three
 signals. An update is counted from its first instruction to
 its return, for random inputs inside the set: by the emulator's clock of 1 ns an instruction, with
-what the compiler's library executes for float64. Instructions are not cycles. "stated" is the sum
-of what the compiler says of all functions of the law's file, "used" what an update leaves of a
-pattern on the stack, with the library's part. The largest error is over 100,000 random inputs,
+what the compiler's library executes for float64. Instructions are not cycles: "cycles at most" adds
+up what is published of each instruction that was executed (`tests/support/cycles.py`). "stated" is
+the sum of what the compiler says of all functions of the law's file, "used" what an update leaves
+of a pattern on the stack, with the library's part. The largest error is over 100,000 random inputs,
 relative to sum |K| |x|, of the code on the target; "law" is that against `gain` in doubles,
 "corrected" against the gain corrected by its residual in longer numbers. Prints Markdown.
 """
@@ -46,7 +47,8 @@ def cost(made: Export, level: str, inputs: int) -> list[str]:
     counts, used = made.counted(level, inputs)
     low, high = counts.min(), counts.max()
     span = f"{low:,}" if low == high else f"{low:,} to {high:,}"
-    return [level, span, f"{made.size(level):,}", str(made.stack(level)), str(used)]
+    cycles = f"{made.cycles(level, inputs):,}" if made.program.number.bits == 32 else ""
+    return [level, span, cycles, f"{made.size(level):,}", str(made.stack(level)), str(used)]
 
 
 def errors(made: Export, count: int) -> list[str]:
@@ -87,7 +89,13 @@ def main() -> None:
             costs += [[*label, *cost(made, level, options.inputs)] for level in LEVELS]
             accuracy.append([*label, *errors(made, options.errors)])
     head = ["law", "given", "format"]
-    numbers = ["instructions", "code and constants [B]", "stack stated [B]", "stack used [B]"]
+    numbers = [
+        "instructions",
+        "cycles at most",
+        "code and constants [B]",
+        "stack stated [B]",
+        "stack used [B]",
+    ]
     print_table([*head, "", *numbers], costs, 4)
     print_table([*head, "error, law", "error, corrected", "bits as on host"], accuracy, 3)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polefence.export.board import start_sources
 from polefence.response.discrete import zero_order_hold
 
 # What has to be there, and the Debian packages that have it.
@@ -23,8 +24,8 @@ TOOLS = {
 }
 STRICT = ["-std=c99", "-ffp-contract=off", "-Wall", "-Wextra"]
 CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
-# newlib starts the program, reads and writes, by the emulator's semihosting
-BOARD = ["--specs=rdimon.specs", "-Wl,--section-start=.vectors=0,-Ttext=0x100,-Tdata=0x20000000"]
+# newlib reads and writes by the emulator's semihosting
+BOARD = ["--specs=rdimon.specs", "-nostartfiles", "-T", "law_start.ld"]
 # an instruction is a nanosecond of the emulator's clock
 EMULATOR = [
     *("qemu-system-arm", "-M", "mps2-an386", "-cpu", "cortex-m4", "-icount", "shift=0"),
@@ -69,18 +70,6 @@ uint32_t nothing();
 __asm__(".syntax unified\n.thumb_func\nnothing: bx lr\n");
 TICKS(of_law, law_update)
 TICKS(of_nothing, nothing)
-
-extern void _start(void);
-
-static void reset(void)
-{
-    *(volatile uint32_t *)0xE000ED88 |= 0xF << 20; /* the floating-point unit */
-    __asm__ volatile("dsb\nisb");
-    _start();
-}
-
-struct table { uint32_t stack; void (*start)(void); };
-__attribute__((section(".vectors"), used)) static const struct table vectors = {0x20400000, reset};
 #endif
 
 int main(void)
@@ -128,11 +117,14 @@ def run(*words, cwd):
 def built(folder, name, level="-O2"):
     """Compile a folder's law.c for "target" or "host"; return the command that runs it."""
     Path(folder, "main.c").write_text(MAIN)
-    tool, link = ["cc"], []
+    tool, link, sources = ["cc"], [], ["law.c", "main.c"]
     if name == "target":
+        for file, text in start_sources("law").items():
+            Path(folder, file).write_text(text)
         tool, link = ["arm-none-eabi-gcc", *CORTEX, "-DTARGET"], BOARD
-    parts = [f"{name}{level}-{part}.o" for part in ("law", "main")]
-    for source, part in zip(("law.c", "main.c"), parts, strict=True):
+        sources.append("law_start.c")
+    parts = [f"{name}{level}-{Path(source).stem}.o" for source in sources]
+    for source, part in zip(sources, parts, strict=True):
         run(*tool, *STRICT, level, "-c", source, "-o", part, cwd=folder)
     run(*tool, *parts, *link, "-o", f"{name}{level}", cwd=folder)
     return [*(EMULATOR if name == "target" else []), str(Path(folder, f"{name}{level}"))]

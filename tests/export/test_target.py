@@ -5,6 +5,7 @@ import pytest
 
 from polefence.export.vectors import ALLOWED
 from support.cortex import CORTEX, emulated, run
+from support.cycles import most
 
 COUNT = {32: 100_000, 64: 20_000}  # the target has doubles in software alone
 # Of the main case: quarter car, Theorem 1, five states, four vertices, float32.
@@ -62,6 +63,8 @@ def test_cost_of_the_main_case(emulator, exported, level):
     assert np.ptp(counts) <= 8
     # another means, for the first input: the list of what was executed
     assert made.traced(level) == counts[0]
+    cycles = made.cycles(level)
+    assert counts.max() < cycles < 4 * counts.max()
     assert made.size(level) < BYTES
     assert stack <= made.stack(level) < 256
 
@@ -75,3 +78,27 @@ def test_the_makefile_says_the_sizes(emulator, exported):
     said = run("make", "-s", "size", *words, cwd=made.folder)
     assert f"\n{made.size('-O3'):7d}\t" in said
     assert f"law_update\t{made.stack('-O3')}\tstatic" in said
+
+
+def test_cycles_are_those_that_are_published():
+    cases = {
+        ("vadd.f32", "s15, s15, s14"): 2,
+        ("vdiv.f32", "s1, s2, s3"): 15,
+        ("vmla.f32", "s1, s2, s3"): 4,
+        ("vldr", "s14, [r2, #4]"): 2,
+        ("vldr", "d8, [r2, #8]"): 3,
+        ("vpush", "{d8-d10}"): 7,
+        ("push", "{r4, r5, r6, lr}"): 5,
+        ("pop", "{r4, r5, r6, pc}"): 8,
+        ("ldmia.w", "sp!, {r4-r9, pc}"): 11,
+        ("ldr.w", "r3, [r0, r1, lsl #2]"): 2,
+        ("bne.n", "12c <law_update+0x40>"): 4,
+        ("movgt", "r3, #1"): 1,
+        ("ite", "lt"): 1,
+        ("vmrs", "APSR_nzcv, fpscr"): 1,
+        ("udiv", "r1, r2, r3"): 12,
+    }
+    for (name, operands), cycles in cases.items():
+        assert most(name, operands) == cycles, name
+    with pytest.raises(KeyError):  # no instruction is taken for free
+        most("wfi", "")

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from polefence import Design
+from polefence.export.board import start_sources
 from polefence.export.program import Fixed, Program, amid, number, program
 from polefence.export.sources import Texts, sources
 from polefence.export.vectors import harness, makefile
 from polefence.law.laws import Law, PolynomialGain, right_divide
+from support.cycles import most
 from support.paths import ROOT
 
 HERE = ROOT / "tests" / "export" / "target"
@@ -63,8 +65,10 @@ class Export:
     def target(self, source: str, *defines: str, level: str = "-O2") -> Path:
         """Compile law.c and a program for the Cortex-M4F."""
         compiler = ["arm-none-eabi-gcc", *STRICT, *CORTEX, level]
-        board = ["--specs=rdimon.specs", "-nostartfiles", "-T", HERE / "memory.ld"]
-        self._object(compiler, HERE / "start.c", "start", ())
+        for name, text in start_sources("law").items():
+            (self.folder / name).write_text(text)
+        board = ["--specs=rdimon.specs", "-nostartfiles", "-T", "law_start.ld"]
+        self._object(compiler, Path("law_start.c"), "start", ())
         return self._compiled(compiler, [*board, "start.o"], source, "target", defines)
 
     def _object(self, compiler: list[str], source: Path, name: str, defines: tuple) -> str:
@@ -198,7 +202,34 @@ class Export:
 
         Those of law.c alone: with float64 also the library executes some.
         """
-        built = self.target("many.c", "-DCOUNT=1U", level=level)
+        return len(self._executed(level, 1)[1])
+
+    def cycles(self, level: str, inputs: int = 20) -> int:
+        """Return a bound on the cycles of an update: of the largest of some, with random inputs.
+
+        Of the instructions that were executed, each with the most cycles that are published of it,
+        from a memory without wait states. Of law.c alone: use it with float32.
+        """
+        built, executed = self._executed(level, inputs)
+        listing = run("arm-none-eabi-objdump", "-d", "--no-show-raw-insn", built)
+        pattern = r"^ *([0-9a-f]+):\t(\S+)(?:\t([^;@\n]*))?"
+        costs = {
+            int(at, 16): most(*rest)
+            for at, *rest in re.findall(pattern, listing, re.M)
+            if int(at, 16) in set(executed)
+        }
+        entry = re.search(r"^([0-9a-f]+) <law_update>", listing, re.M)
+        begins = [k for k, at in enumerate(executed) if at == int(entry[1], 16)]
+        assert len(begins) == inputs
+        ends = [*begins[1:], len(executed)]
+        return max(
+            sum(costs[at] for at in executed[begin:end])
+            for begin, end in zip(begins, ends, strict=True)
+        )
+
+    def _executed(self, level: str, inputs: int) -> tuple[Path, list[int]]:
+        """Return a program with so many updates, and where the instructions of law.c were."""
+        built = self.target("many.c", f"-DCOUNT={inputs}U", level=level)
         found = run("arm-none-eabi-nm", "--print-size", built)
         pattern = r"^(\w+) (\w+) [tT] (\w+)$"
         sizes = {name: f"0x{at}+0x{size}" for at, size, name in re.findall(pattern, found, re.M)}
@@ -208,7 +239,8 @@ class Export:
         trace = [*_one_by_one(), "-d", "exec,nochain", "-D", log]
         ranges = ["-dfilter", ",".join(sizes[name] for name in names)]
         run(*emulated(built), *trace, *ranges, cwd=self.folder)
-        return sum(line.startswith("Trace") for line in log.read_text().splitlines())
+        places = re.findall(r"^Trace.*?\[[0-9a-f]+/([0-9a-f]+)/", log.read_text(), re.M)
+        return built, [int(at, 16) for at in places]
 
 
 def emulated(built: Path, counting: bool = False) -> list[object]:

@@ -13,7 +13,8 @@ from polefence.cli.options import design_argument
 from polefence.cli.output import NOT_PROVED, PROVED, saved
 from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
-from polefence.export import export_c99, with_fmus
+from polefence.export import export_c99, with_board, with_fmus
+from polefence.export.board import require_drivable
 from polefence.export.damper import damper_sources
 from polefence.export.exported import Exported, check_folder, marks, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
@@ -26,7 +27,7 @@ from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
 BITS = 64
-OF_CODE = ("given", "limit", "sample_time", "observer")
+OF_CODE = ("given", "limit", "sample_time", "observer", "board")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,6 +84,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="design.json of `observe`, or its folder: adds its code; needs --sample-time",
     )
     parser.add_argument(
+        "--board",
+        action="store_true",
+        help="add a program that drives the law over random roads, on an emulated processor",
+    )
+    parser.add_argument(
         "--allow-unproved", action="store_true", help="export even where nothing is proved"
     )
 
@@ -97,11 +103,15 @@ def export_command(options: Any) -> int:
     if options.lang == "mat":
         return _matlab(options)
     check_folder(options.output, marks(options.name))
-    claims = claims_file(options.design)
-    document = None if claims is None else read_document(claims)
+    path = claims_file(options.design)
+    document = None if path is None else read_document(path)
     if document is not None and document.first(Clipped) is not None:
         return _dampers(document, options)
     design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    claims = () if document is None else document.claims
+    if options.board:
+        timed = design.plant.sample_time is not None or options.sample_time is not None
+        require_drivable(claims, timed, options.observer is not None)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
     exported = export_c99(
         design,
@@ -115,6 +125,8 @@ def export_command(options: Any) -> int:
     )
     if options.lang == "fmu":
         exported = with_fmus(exported, compiler=os.environ.get("CC") or "cc")
+    if options.board:
+        exported = with_board(exported, claims)
     paths = exported.save(options.output)
     _print(exported)
     saved(*paths)

@@ -2,7 +2,7 @@
 
 from polefence.export.decay import SampledProof
 from polefence.export.documents import check_guarantee
-from polefence.export.exported import Exported, export_c99, with_fmus
+from polefence.export.exported import Exported, export_c99, with_board, with_fmus
 from polefence.export.guarantee import Guarantee
 from polefence.export.observer import SampledLoop
 from polefence.export.program import Program
@@ -24,5 +24,6 @@ __all__ = [
     "Timing",
     "check_guarantee",
     "export_c99",
+    "with_board",
     "with_fmus",
 ]

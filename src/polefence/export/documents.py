@@ -51,6 +51,7 @@ from polefence.region.text import digits_down, digits_up, short_text
 from polefence.search.observer import Observer
 
 FILE_NAME = "guarantee.json"
+BOARD = ("board", "start")  # endings of the names of what drives the law: see `with_board`
 SAMPLED = "sampled.json"  # beside it, where there is a sample time: see `timing`
 
 NO_BREAK = "\u00a0"
@@ -186,9 +187,11 @@ def _other(path: Path, document: Document, held: Document | None) -> str:
     if not isinstance(files, dict) or (beside and not beside <= files.keys()):
         raise InputError("files must be a table of names and digests, the observer's among them")
     units = {f"{texts.name}_fmi{version}.fmu" for version in "23"}
-    for name in files.keys() - beside - units:
+    board = {f"{texts.name}_{file}.c" for file in BOARD}
+    for name in files.keys() - beside - units - board:
         raise InputError(f"files: {str(name)[:100]!r} is not a file of this export")
-    readme = own_readme(program, texts, certificate, observer is not None)
+    driven = board <= files.keys()
+    readme = own_readme(program, texts, certificate, observer is not None, driven=driven)
     if (path.parent / README).exists():
         written |= {README: readme}
     digests = {name: _digest(text.encode()) for name, text in written.items()}
@@ -533,6 +536,7 @@ def own_readme(
     design: Design | Certificate,
     observed: bool,
     proved: bool = True,
+    driven: bool = False,
 ) -> str:
     """Return the page's text."""
     facts = {
@@ -540,6 +544,7 @@ def own_readme(
         "discrete": design.plant.sample_time is not None,
         "bytes": local_bytes(made),
         "observer": observed,
+        "board": driven,
     }
     template = environment().get_template("README.md.j2")
     return template.render(context(made, texts) | facts)

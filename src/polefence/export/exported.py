@@ -11,8 +11,10 @@ from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.certify.design import Design, check
+from polefence.export.board import board_sources, require_drivable
 from polefence.export.decay import code_law
 from polefence.export.documents import (
+    BOARD,
     FILE_NAME,
     README,
     SAMPLED,
@@ -35,6 +37,7 @@ from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
 from polefence.law.control import GIVEN
 from polefence.plant.parameters import Parameter
+from polefence.proof.claims.base import Claim
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
 from polefence.response.discrete import Sampling
@@ -266,6 +269,34 @@ def with_fmus(
     return replace(exported, files=_sealed(exported, files))
 
 
+@explained
+def with_board(exported: Exported, claims: Sequence[Claim]) -> Exported:
+    """Return an export with a program beside it that drives the law over random roads.
+
+    It runs on this machine, and on a microprocessor in QEMU: see its Makefile.
+
+    Parameters
+    ----------
+    claims : sequence of Claim
+        What is proved of the design, such as those of `polefence.proof.document`; each bound on an
+        rms, under the noise of the first, is printed beside what is measured.
+
+    Raises
+    ------
+    InputError
+        If no rms is bounded, the code has no sample time, or there is an observer.
+    """
+    timed = exported.texts.sample_time is not None
+    require_drivable(claims, timed, exported.observer is not None)
+    more = board_sources(exported.design, exported.program, exported.texts, claims)
+    files = dict(exported.files) | {name: text.encode() for name, text in more.items()}
+    files["Makefile"] = makefile(exported.texts, board=True).encode()
+    page = own_readme(
+        exported.program, exported.texts, exported.design, False, exported.proved, driven=True
+    )
+    return replace(exported, files=_sealed(exported, files | {README: page.encode()}))
+
+
 def _fmu_name(name: str, version: str) -> str:
     return f"{name}_fmi{version[0]}.fmu"
 
@@ -302,7 +333,7 @@ def _sealed(exported: Exported, files: dict[str, bytes]) -> dict[str, bytes]:
 def marks(name: str) -> dict[str, bytes]:
     """Return the names of an export's files, and what marks each as one."""
     texts = [f"{name}{end}" for end in (".c", ".h", "_test.c", "_observer.c", "_observer.h")]
-    texts += ["Makefile", "README.md"]
+    texts += [*(f"{name}_{file}.c" for file in BOARD), f"{name}_start.ld", "Makefile", "README.md"]
     units = [_fmu_name(name, version) for version in ("2.0", "3.0")]
     text_marks = dict.fromkeys(texts, MARKER.encode()) | dict.fromkeys(
         (FILE_NAME, SAMPLED), FORMAT.encode()

@@ -294,10 +294,10 @@ def _odd(table: Vectors) -> list[str]:
     return lines
 
 
-def makefile(texts: Texts, observer: bool = False) -> str:
-    """Return the text of the Makefile that builds and runs the test."""
+def makefile(texts: Texts, observer: bool = False, board: bool = False) -> str:
+    """Return the text of the Makefile that builds and runs the test, and drives on a board."""
     template = environment().get_template("Makefile.j2")
-    return template.render(marker=MARKER, name=texts.name, observer=observer)
+    return template.render(marker=MARKER, name=texts.name, observer=observer, board=board)
 
 
 def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array, Array]:

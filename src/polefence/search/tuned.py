@@ -20,7 +20,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
 from polefence.region.regions import HalfPlane, Region, stable
 from polefence.requirements.specification import Specification
-from polefence.search.task import Candidate, Missing, Task, candidate
+from polefence.search.task import Candidate, Missing, Task, candidate, withstands_rounding
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
 from polefence.search.tune.tuner import Tuned, rough, tune
 from polefence.search.tune.worth import NEAR
@@ -63,7 +63,7 @@ def tuned_candidates(
     cut_off = any(specification.cut_off(task.plant) for specification in asked_for)
     some, shares = False, (*TIGHTER, *FARTHER)
     for times in BEYOND if cut_off else (1.0,):
-        room, lost = Room.first(task.plant), 0
+        room, lost, fragile = Room.first(task.plant), 0, list[tuple[Tuned, float]]()
         while room.region < len(shares) and room.limits < len(shares):
             if ended() and not known:  # what is found is looked at whatever it took to find
                 return
@@ -84,6 +84,10 @@ def tuned_candidates(
                     if number or cut_off:
                         break
                     return  # nor is one for tighter limits
+                if not withstands_rounding(task, tuned.law):
+                    fragile.append((tuned, candidates[0].level))
+                    missing = missing or Missing.REGION
+                    continue
                 law = candidate(task, tuned.law)
                 if isinstance(law, Missing):
                     missing = missing or law
@@ -92,6 +96,11 @@ def tuned_candidates(
                 yield law, tuned, candidates[0].level
             room = room.after(missing, task.plant)
             starts = (*starts, *(tuned.law for tuned in candidates[:1]))
+        for tuned, level in () if some else fragile:
+            law = candidate(task, tuned.law)
+            if not isinstance(law, Missing):
+                some = True
+                yield law, tuned, level
 
 
 @dataclass(frozen=True)

@@ -330,19 +330,21 @@ class _Task:
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
         seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
-        noise = np.diag([NOISE[signal.unit] ** 2 * 1e-3 for signal in signals])
+        noise = np.array([NOISE[signal.unit] ** 2 * 1e-3 for signal in signals])
         # a force costs one: sensors' states spoil the equation where it costs little
         C, D = (M / (np.linalg.norm(D, 2) or 1.0) for M in (C, D))
         R = _at_least(D.T @ D, LEAST)
         try:
             P = _regulator(A, B, C, D, R)
-            X = solve_continuous_are(A.T, seen.T, E @ E.T, noise)
+            # of noise of one the equation is solved where other units spoil it
+            even = (seen / np.sqrt(noise)[:, None]).T
+            X = solve_continuous_are(A.T, even, E @ E.T, np.eye(len(noise)))
         except (np.linalg.LinAlgError, ValueError) as error:
             raise InputError(
                 f"{plant.name}: no LQG by {' and '.join(self.measured)}: {error}"
             ) from error
         K = -np.linalg.solve(R, B.T @ P + D.T @ C)
-        filtered = X @ seen.T @ np.linalg.inv(noise)
+        filtered = X @ seen.T / noise
         both = np.block([[np.zeros(K.shape), K], [filtered @ seen, A + B @ K - filtered @ seen]])
         return with_states(plant, len(A)), FixedGain(both)
 
@@ -426,9 +428,12 @@ def _regulator(A: Array, B: Array, C: Array, D: Array, R: Array) -> Array:
     from scipy.linalg import solve_continuous_are
 
     slight = SLIGHT * np.linalg.norm(C, 2) ** 2 * np.eye(len(A))
-    for Q in (C.T @ C, C.T @ C + slight):
-        with suppress(np.linalg.LinAlgError):
-            P: Array = np.asarray(solve_continuous_are(A, B, Q, R, s=C.T @ D), dtype=float)
+    # without the cross term, which spoils it: u = v - R^-1 D'C x
+    shift = np.linalg.solve(R, D.T @ C)
+    moved, cost = A - B @ shift, C.T @ C - C.T @ D @ shift
+    for Q in (cost, cost + slight):
+        with suppress(np.linalg.LinAlgError, ValueError):
+            P: Array = np.asarray(solve_continuous_are(moved, B, (Q + Q.T) / 2, R), dtype=float)
             closed = A - B @ np.linalg.solve(R, B.T @ P + D.T @ C)
             if np.linalg.eigvals(closed).real.max() < 0:
                 return P

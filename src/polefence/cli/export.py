@@ -27,7 +27,7 @@ from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
 BITS = 64
-OF_CODE = ("given", "limit", "sample_time", "observer", "board")
+OF_CODE = ("given", "limit", "sample_time", "observer", "board", "fixed", "ranges")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,13 +39,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="c99",
         help="c99; fmu: C with FMUs of FMI 2.0 and 3.0; mat: the numbers for MATLAB; default: c99",
     )
-    parser.add_argument(
+    numbers = parser.add_mutually_exclusive_group()
+    numbers.add_argument(
         "--float",
         type=int,
         choices=(32, 64),
         default=BITS,
         dest="bits",
         help="numbers of the code; default: 64",
+    )
+    numbers.add_argument(
+        "--fixed",
+        type=int,
+        choices=(16, 32),
+        help="integers of so many bits in their place, no floats; needs the signals' ranges",
+    )
+    parser.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        dest="ranges",
+        metavar="TEXT",
+        help="'suspension deflection = 0.1': for --fixed the signal's largest absolute value, in "
+        "its unit; repeat for each",
     )
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="OUT", help="folder to write"
@@ -122,6 +138,8 @@ def export_command(options: Any) -> int:
         sampling=_sampling(options),
         observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
+        fixed=options.fixed,
+        ranges=_ranges(options.ranges),
     )
     if options.lang == "fmu":
         exported = with_fmus(exported, compiler=os.environ.get("CC") or "cc")
@@ -135,7 +153,7 @@ def export_command(options: Any) -> int:
 
 def _dampers(document: Document, options: Any) -> int:
     """Write a law of controllable dampers."""
-    unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
+    unused = _unused(options)
     if options.lang != "c99" or unused:
         raise InputError(
             f"{', '.join(unused) or f'--lang {options.lang}'}: a law of controllable dampers is "
@@ -146,6 +164,22 @@ def _dampers(document: Document, options: Any) -> int:
     say(f"{document.plant.name}: coefficients of controllable dampers, {options.bits} bits")
     saved(*paths)
     return PROVED
+
+
+def _ranges(texts: list[str]) -> dict[str, float]:
+    """Return signals' ranges by their names."""
+    ranges = dict[str, float]()
+    for text in texts:
+        name, equals, value = text.rpartition("=")
+        try:
+            ranges[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals or not name.strip():
+            raise InputError(
+                f"--range {text!r} must be a name and a number, such as --range 'SIGNAL = 0.1'"
+            )
+    return ranges
 
 
 def _sampling(options: Any) -> Sampling | None:
@@ -163,9 +197,15 @@ def _observer(design: Design, options: Any) -> Observer | None:
         raise InputError(f"{options.observer}: {error}") from error
 
 
+def _unused(options: Any) -> list[str]:
+    """Return options of code that are given."""
+    given = (key for key in OF_CODE if getattr(options, key))
+    return ["--range" if key == "ranges" else f"--{key.replace('_', '-')}" for key in given]
+
+
 def _matlab(options: Any) -> int:
     """Write the design's own numbers: no code, so no rounding to prove."""
-    unused = [f"--{key.replace('_', '-')}" for key in OF_CODE if getattr(options, key)]
+    unused = _unused(options)
     if options.bits != BITS or unused:
         told = ", ".join(unused) or "--float"
         raise InputError(f"{told}: applies to code, which --lang mat does not write; leave it out")
@@ -179,7 +219,7 @@ def _matlab(options: Any) -> int:
 
 def _print(exported: Exported) -> None:
     made = exported.guarantee
-    say(f"{exported.texts.title}: {exported.program.number.c_type} code")
+    say(f"{exported.texts.title}: {exported.program.number.kind}")
     for line in exported.texts.statement:
         say(f"  {line}")
     if made.tolerated > 0:

@@ -50,6 +50,7 @@ from polefence.export.program import (
 )
 from polefence.export.program import program as program_of
 from polefence.export.sampled import require_usable, sampling_effect
+from polefence.export.words import with_late
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.loops import loop_of
@@ -333,6 +334,7 @@ def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
         return program
     if isinstance(program, Fixed | Polynomial) and program.measured:
         return program
+    program = with_late(program, n, late)
     if isinstance(program, Fixed):
         return replace(program, K=np.insert(program.K, [n] * late, 0.0, axis=1))
     if isinstance(program, Polynomial):

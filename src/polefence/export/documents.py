@@ -24,6 +24,7 @@ from polefence.certify.measured import DUAL
 from polefence.export.memory import kept
 from polefence.export.observer import observer_sources
 from polefence.export.program import (
+    WORDS,
     Fixed,
     Memory,
     Polynomial,
@@ -40,7 +41,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
-from polefence.proof.claims.rounding import Code, Rounded, rounding_error
+from polefence.proof.claims.rounding import Code, Rounded, answer_errors, rounding_error
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
@@ -270,19 +271,21 @@ def names(
 
 def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     """Return the program that has these constants."""
-    form, law = number(code.bits), certificate.law
+    form = number(code.bits) if code.scales is None else WORDS[code.bits]
+    law = certificate.law
     measured = bool(law.measured)
     held = code.memory
     memory = None
     if held is not None:
         memory = Memory(held.states, float(held.step), float(held.sample_time))
     if code.K is not None or law.K is not None:
-        return Fixed(form, _floats(code.K), measured, memory)
+        return Fixed(form, _floats(code.K), measured, memory, code.scales)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
     shares = tuple(Share(p, float(s.low), float(s.high), float(s.scale)) for p, s in pairs)
     if law.W is None:
         gains = np.array([_floats(term) for term in code.terms])
-        return Polynomial(form, shares, law.domain, law.powers, gains, measured, memory)
+        of_law = law.domain, law.powers
+        return Polynomial(form, shares, *of_law, gains, measured, memory, code.scales)
     W, Z = (np.array([_floats(row) for row in table]) for table in (code.W, code.Z))
     L = None if code.L is None else _floats(code.L)
     return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z, L)
@@ -484,6 +487,22 @@ def _rounding(facts: Facts) -> str:
         f"Proved in exact arithmetic: all poles of A + B K lie in {region}, whatever the "
         f"parameters, with the gain as this code computes it{steps}; its rounding is at most "
         f"{digits_up(100 * share, 2)} % of what is proved to leave them there."
+        + _absolute(facts.rounded)
+    )
+
+
+def _absolute(claim: Rounded) -> str:
+    """Say what fixed-point code is off by whatever its signals are."""
+    errors, memory = answer_errors(claim.code), claim.code.memory
+    if not errors:
+        return ""
+    m = len(errors) - (memory.states if memory else 0)
+    told = ", ".join(digits_up(error, 3) for error in errors[:m])
+    steps = ", ".join(digits_up(error, 3) for error in errors[m:])
+    step = f", and each step of its own states by at most {steps}" if steps else ""
+    return (
+        f" Besides, u is off by at most {told}, in the units of the inputs, whatever the signals "
+        f"are{step}: an absolute error, which leaves poles where they are and does not die out."
     )
 
 
@@ -525,7 +544,9 @@ def _of_observer(facts: Facts, observer: Observer) -> Iterator[str]:
 
 def _outside(facts: Facts) -> str:
     sampled = facts.loop is not None or facts.sample_time is not None
-    missing = ["underflow"] if sampled else ["sampling", "delay", "underflow"]
+    fixed = facts.rounded is not None and facts.rounded.code.scales is not None
+    last = "saturation" if fixed else "underflow"
+    missing = [last] if sampled else ["sampling", "delay", last]
     without = ", ".join(missing) + (" or limits" if facts.limited else "")
     return f"At constant parameters, without {without}."
 
@@ -553,6 +574,10 @@ def own_readme(
 def local_bytes(made: Program) -> int:
     """Return the bytes of the arrays that an update keeps on the stack."""
     n, m = made.shape
+    if not isinstance(made, Scheduled) and made.scales is not None:
+        # answers and weights in wide numbers, signals in words
+        weights = 0 if isinstance(made, Fixed) else 2 * len(made.shares) + len(made.powers)
+        return (2 * m + n + 2 * weights) * made.number.bits // 8
     if memory_of(made):
         m += n
     if isinstance(made, Fixed):

@@ -28,18 +28,30 @@ from polefence.export.documents import (
     statement,
 )
 from polefence.export.fmu import fmu
-from polefence.export.guarantee import Guarantee, guarantee
+from polefence.export.guarantee import Guarantee, guarantee, roundings
 from polefence.export.memory import kept, with_rates
 from polefence.export.observer import observer_sources
-from polefence.export.program import Program, amid, number, program, with_memory
+from polefence.export.program import (
+    Memory,
+    Program,
+    amid,
+    number,
+    program,
+    scales_of,
+    with_memory,
+)
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
+from polefence.export.word_vectors import word_harness
+from polefence.export.words import in_words
 from polefence.law.control import GIVEN
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import Claim
+from polefence.proof.claims.rounding import rounding_error
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
+from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
@@ -107,6 +119,8 @@ def export_c99(
     sampling: Sampling | None = None,
     observer: Observer | None = None,
     allow_unproved: bool = False,
+    fixed: int | None = None,
+    ranges: Mapping[str, float] | None = None,
 ) -> Exported:
     """Return a law as C99 for a microprocessor, proved with the rounding of its own arithmetic.
 
@@ -132,6 +146,10 @@ def export_c99(
     allow_unproved : bool
         Export even where the region is not proved for the code, or no decay rate of the sampled
         loop; the code and its folder then say so.
+    fixed : int, optional
+        16 or 32: the code computes in integers of so many bits, in place of floats.
+    ranges : mapping, optional
+        For ``fixed`` the largest absolute value of each signal, by its name, in its unit.
 
     Returns
     -------
@@ -149,16 +167,27 @@ def export_c99(
     check_c_name(name)
     require_law(design)
     design = of_signals(with_rates(design)) if observer is None else design
-    made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
     order = kept(design)
-    made = with_memory(amid(made, code_law(design.law)), order, _period(design, order, sampling))
     cuts = _limits(limits, design.plant.shape[1] - order)
     _require_observer(design, observer, sampling, allow_unproved)
+    period = _period(design, order, sampling)
+    if fixed is None:
+        if ranges:
+            raise InputError("ranges of signals are for fixed-point code; give --fixed too")
+        made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
+        made = with_memory(amid(made, code_law(design.law)), order, period)
+    else:
+        if observer is not None:
+            raise InputError("--fixed: an observer is exported in floats; use --float")
+        words = _Words(design, _scheduled_on(design, given), cuts, ranges or {}, order, period)
+        made = words.program(fixed)
     answer = check(design)
     if not answer.proved and not allow_unproved:
         raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
     proof = guarantee(design, made)
     if not proof.proved and not allow_unproved:
+        if fixed is not None:
+            words.require_room(fixed, proof)
         raise NotProvedError(f"not exported: {proof.reason}")
     timed = None if sampling is None else timing(design, sampling, made, observer)
     if timed is not None and not timed.proved and not allow_unproved:
@@ -183,6 +212,42 @@ def export_c99(
         files |= {key: text.encode() for key, text in code.items()}
         whole = replace(whole, by_parameters=given != "alpha")
     return replace(whole, files=_sealed(whole, files))
+
+
+@dataclass(frozen=True, eq=False)
+class _Words:
+    """A law for code in fixed point, and what its scales are found from."""
+
+    design: Design
+    parameters: tuple[Parameter, ...]
+    cuts: tuple[float, ...]
+    ranges: Mapping[str, float]
+    order: int
+    period: float
+
+    def program(self, bits: int) -> Program:
+        """Return it in integers of so many bits."""
+        memory = Memory(self.order, self.period, self.period) if self.order else None
+        signals, _ = names(self.design)
+        law = code_law(self.design.law)
+        return in_words(law, self.parameters, bits, signals, self.ranges, self.cuts, memory)
+
+    def require_room(self, bits: int, proof: Guarantee) -> None:
+        """Refuse a word length where a longer one has room for the gains."""
+        if bits != 16 or not proof.tolerated > 0:
+            return
+        (longer,), (asked,) = (
+            roundings(proof.design, self.program(length)) for length in (32, bits)
+        )
+        # in the scales of the shorter one
+        needed = rounding_error(replace(asked.blank, code=longer.blank.code))
+        if needed < proof.tolerated:
+            raise InputError(
+                f"--fixed {bits} cannot hold the gains: rounding may change them by "
+                f"{digits_up(asked.needed, 2)}, and {digits_down(proof.tolerated, 2)} is proved to "
+                f"leave the poles in the region; take --fixed 32, by which it is "
+                f"{digits_up(needed, 2)}, or --float 32"
+            )
 
 
 def _period(design: Design, order: int, sampling: Sampling | None) -> float:
@@ -261,6 +326,8 @@ def with_fmus(
     """
     if exported.observer is not None:
         raise InputError("an FMU holds only the law; leave out the observer (--observer)")
+    if scales_of(exported.program) is not None:
+        raise InputError("an FMU holds a law in floats; leave out --fixed")
     step = exported.texts.sample_time if step is None else step
     files = dict(exported.files)
     for version in versions:
@@ -288,6 +355,8 @@ def with_board(exported: Exported, claims: Sequence[Claim]) -> Exported:
     """
     timed = exported.texts.sample_time is not None
     require_drivable(claims, timed, exported.observer is not None)
+    if scales_of(exported.program) is not None:
+        raise InputError("--board drives a law in floats; leave out --fixed")
     more = board_sources(exported.design, exported.program, exported.texts, claims)
     files = dict(exported.files) | {name: text.encode() for name, text in more.items()}
     files["Makefile"] = makefile(exported.texts, board=True).encode()
@@ -367,9 +436,13 @@ def _files(exported: Exported) -> dict[str, bytes]:
     made, texts = exported.program, exported.texts
     bound = exported.guarantee.bound if exported.guarantee.proved else None
     files = {key: text.encode() for key, text in sources(made, texts).items()}
-    files[f"{texts.name}_test.c"] = harness(
-        made, texts, code_law(exported.design.law), bound
-    ).encode()
+    law = code_law(exported.design.law)
+    if scales_of(made) is None:
+        test = harness(made, texts, law, bound)
+    else:
+        (rounding,) = roundings(exported.guarantee.design, made)
+        test = word_harness(made, texts, law, rounding.blank)
+    files[f"{texts.name}_test.c"] = test.encode()
     files["Makefile"] = makefile(texts, exported.observer is not None).encode()
     page = own_readme(made, texts, exported.design, exported.observer is not None, exported.proved)
     files[README] = page.encode()

@@ -18,7 +18,7 @@ from polefence.certify.margins.bordered import GainQuestion
 from polefence.certify.margins.breaks import breaks
 from polefence.certify.margins.claims import Reached, above, claimed_design, firmer, subject_of
 from polefence.certify.margins.gain_scales import Scales, gain_claim, gain_question
-from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of
+from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of, scales_of
 from polefence.export.program import Memory as Kept
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law
@@ -214,6 +214,9 @@ def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:
         If rounding may make the code fail.
     """
     measures, memory = [scales(program, design.law)], memory_of(program)
+    if scales_of(program) is not None:
+        # errors are of the sizes of units, not of entries
+        return (_in_words(design, program),)
     if memory is not None and not isinstance(program, Scheduled):
         measures.append(scales(program, design.law, balanced(program.sizes, memory)))
     code, errors = code_of(program, design.plant), list[Rounding]()
@@ -223,16 +226,31 @@ def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:
     return tuple(errors)
 
 
+def _in_words(design: Design, program: Program) -> Rounding:
+    """Return the error in fixed point, in the scales of its own entries."""
+    rows, columns = scales(program, design.law)
+    first = Rounded(_blank(design, rows, columns), code_of(program, design.plant))
+    sizes = np.array(gain_errors(first), dtype=float)
+    rows, columns = scales(
+        program, design.law, balanced_to(np.maximum(sizes, max(sizes.max() * 2.0**-20, TINY)))
+    )
+    blank = replace(first, gain=_blank(design, rows, columns))
+    return Rounding(blank, rows, columns, float(rounding_error(blank)))
+
+
 def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> str:
     bits = claim.code.bits
-    wider = "export with --float 64, or " if bits == 32 else ""
-    if claim.code.memory:
+    fixed = claim.code.scales is not None
+    wider = "export with --float 64, or " if bits == 32 and not fixed else ""
+    wider = "export with --float 32, or " if fixed else wider
+    wider = "export with --fixed 32, or " if fixed and bits == 16 else wider
+    if claim.code.memory and not fixed:
         # what it would be if its own states were kept exactly
         gain = rounding_error(replace(claim, code=replace(claim.code, memory=None)))
         wider += "with a longer --sample-time, or " if float(gain) < tolerated else ""
     allowed = digits_down(tolerated, 2) if tolerated > 0 else "none"
     return (
-        f"rounding in float{bits} may change the gain by {digits_up(needed, 2)}, and "
+        f"rounding in {claim.code.numbers} may change the gain by {digits_up(needed, 2)}, and "
         f"{allowed} is proved to leave the poles in the region; {wider}design for a slightly "
         f"larger region{'' if given else ', or by the method quadratic'}"
     )
@@ -247,14 +265,15 @@ def code_of(program: Program, plant: UncertainPlant) -> Code:
         T = plant.sample_time
         time = Fraction(held.sample_time) if T is None else T
         memory = Memory(held.states, Fraction(held.step), time, T is not None)
+    scales = scales_of(program)
     if isinstance(program, Fixed):
-        return Code(bits, K=exactly(program.K), memory=memory)
+        return Code(bits, K=exactly(program.K), memory=memory, scales=scales)
     shares = tuple(
         Share(Fraction(s.low), Fraction(s.high), Fraction(s.scale)) for s in program.shares
     )
     if not isinstance(program, Scheduled):
         terms = tuple(map(exactly, program.gains))
-        return Code(bits, shares=shares, terms=terms, memory=memory)
+        return Code(bits, shares=shares, terms=terms, memory=memory, scales=scales)
     W, Z = (tuple(map(exactly, rows)) for rows in (program.W, program.Z))
     L = None if program.L is None else exactly(program.L)
     return Code(bits, None, exactly(program.T), W, Z, shares, L=L)
@@ -265,10 +284,15 @@ def balanced(sizes: Array, memory: Kept) -> Array:
 
     Relative to the unit of rounding, times an entry's operations.
     """
-    sizes, (_, r) = np.maximum(sizes, TINY), sizes.shape
+    sizes, r = np.maximum(sizes, TINY), sizes.shape[1]
     steps = np.arange(-memory.states, 0)
     sizes[steps, steps] += 1 / (r * memory.sample_time)
-    columns = np.ones(r)
+    return balanced_to(sizes)
+
+
+def balanced_to(sizes: Array) -> Array:
+    """Return products s_i t_j that are no smaller than positive sizes, and near to them."""
+    columns = np.ones(sizes.shape[1])
     for _ in range(30):  # steps towards products of rows' and columns' sizes
         rows = (sizes / columns).max(axis=1)
         columns = (sizes / rows[:, None]).max(axis=0)

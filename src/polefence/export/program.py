@@ -25,6 +25,7 @@ from polefence.law.laws import Law
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
+from polefence.proof.claims.words import Scales
 from polefence.proof.short import Short
 
 Exact = list[list[Fraction]]
@@ -83,12 +84,15 @@ class Fixed(Short):
         Whether it is given y.
     memory : Memory, optional
         Of a law with states of its own.
+    scales : Scales, optional
+        In fixed point.
     """
 
     number: Number
     K: Array
     measured: bool = False
     memory: Memory | None = None
+    scales: Scales | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -121,6 +125,8 @@ class Polynomial(Short):
         Whether it is given y.
     memory : Memory, optional
         Of a law with states of its own.
+    scales : Scales, optional
+        In fixed point.
     """
 
     number: Number
@@ -130,6 +136,7 @@ class Polynomial(Short):
     gains: Array
     measured: bool = False
     memory: Memory | None = None
+    scales: Scales | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -248,6 +255,11 @@ def amid(program: Program, law: Law) -> Program:
     return replace(program, L=L, Z=_held(nearest(Z), "Z"))
 
 
+def scales_of(program: Program) -> Scales | None:
+    """Return the exponents of fixed-point code, None of floats."""
+    return None if isinstance(program, Scheduled) else program.scales
+
+
 def memory_of(program: Program) -> Memory | None:
     """Return the states that the code keeps, where it does."""
     return None if isinstance(program, Scheduled) else program.memory
@@ -307,7 +319,7 @@ def _held(values: Array, what: str) -> Array:
 
 @dataclass(frozen=True)
 class Number(Short):
-    """One of the two formats.
+    """One of the two formats of floats.
 
     Attributes
     ----------
@@ -319,6 +331,11 @@ class Number(Short):
 
     bits: int
     unit: Fraction
+
+    @property
+    def kind(self) -> str:
+        """What code of it is called."""
+        return f"{self.c_type} code"
 
     @property
     def c_type(self) -> str:
@@ -356,6 +373,21 @@ class Number(Short):
         return digits + ("F" if self.bits == 32 else "")
 
 
+class Word(Number):
+    """Integers of so many bits, scaled by powers of two: fixed point."""
+
+    @property
+    def kind(self) -> str:
+        """What code of it is called."""
+        return f"fixed-point code, {self.bits} bits"
+
+    @property
+    def c_type(self) -> str:
+        """The type in C."""
+        return f"int{self.bits}_t"
+
+
+WORDS = {bits: Word(bits, Fraction(1, 2**bits)) for bits in (16, 32)}
 NUMBERS = {32: Number(32, Fraction(1, 2**24)), 64: Number(64, Fraction(1, 2**53))}
 
 

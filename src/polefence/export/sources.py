@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.export import words
 from polefence.export.program import (
     LEAST,
     MOST,
@@ -25,8 +26,10 @@ from polefence.export.program import (
     Scheduled,
     Share,
     memory_of,
+    scales_of,
 )
 from polefence.plant.polynomial import Exponent
+from polefence.proof.claims.words import Scales, largest, two
 from polefence.proof.short import Short
 from polefence.region.text import digits_down, digits_up
 
@@ -104,6 +107,8 @@ def environment() -> Environment:
 
 def context(program: Program, texts: Texts) -> dict[str, Any]:
     """Return the context of every template."""
+    if isinstance(program, Fixed | Polynomial) and program.scales is not None:
+        return _of_words(program, program.scales, texts)
     number, name = program.number, texts.name
     measured = not isinstance(program, Scheduled) and program.measured
     vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
@@ -124,6 +129,7 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "WIDTH": width,
         "signals": "measured signals" if measured else "states",
         "inputs": texts.inputs,
+        "fixed": False,
         "number": number,
         "prefix": number.largest[:3],
         "digits": 24 if number.bits == 32 else 53,
@@ -157,6 +163,79 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     return common | {"arguments": arguments, "signature": ", ".join(arguments)}
 
 
+def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict[str, Any]:
+    """Return the context of the templates in fixed point."""
+    name, memory, bits = texts.name, program.memory, program.number.bits
+    vector, width = ("y", "MEASURED") if program.measured else ("x", "STATES")
+    word, states = f"{name}_word", memory.states if memory else 0
+    arguments = [
+        f"const {word} {vector}[{name.upper()}_{width}]",
+        f"{word} u[{name.upper()}_INPUTS]",
+    ]
+    gain, of = ("K", "") if isinstance(program, Fixed) else ("K(c)", ", K a polynomial")
+    form = f"u = {gain} {vector}{of}."
+    if memory:
+        form = f"(u, T v) = {gain} ({vector}, z), z its own states and v their rates{of}."
+    time = memory.sample_time if memory else texts.sample_time
+    microseconds = None if time is None else 10**6 * Fraction(time)
+    values: dict[str, Any] = {
+        "marker": MARKER,
+        "name": name,
+        "NAME": name.upper(),
+        "title": texts.title,
+        "statement": texts.statement,
+        "states": texts.states,
+        "inputs": texts.inputs,
+        "vector": vector,
+        "WIDTH": width,
+        "signals": "measured signals" if program.measured else "states",
+        "formula": form,
+        "sample_time_us": None if microseconds is None else round(microseconds),
+        "rounded_time": microseconds is not None and microseconds != round(microseconds),
+        "delay": texts.delay,
+        "order": states,
+        "limits": [f"{limit:g}" for limit in texts.limits],
+        "plain_limits": [f"{limit:g}" for limit in texts.limits],
+        "given": [],
+        "GIVEN": "",
+        "letter": "",
+        "by_parameters": False,
+        "divides": False,
+        "fixed": True,
+    }
+    values |= words.constants(program, texts.limits)
+    top = largest(bits)
+    cuts = zip(values["cuts"], scales.answers, strict=False)
+    reach = [digits_down(top * two(-s), 3) for s in scales.signals]
+    values |= {
+        "top": top,
+        "one": 1 << (bits - 2),
+        "wide_type": values["wide"],
+        "reach": reach,
+        "answers": [digits_down(cut * two(-t), 3) for cut, t in cuts],
+        "exponents": {"u": scales.answers, "vector": scales.signals, "given": scales.given},
+    }
+    if isinstance(program, Polynomial):
+        common = _given(program)
+        lines = words.weighing(program, f"{name.upper()}_OK")
+        powers = words.powers(program)
+        array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
+        arguments.insert(0, f"const {word} {array}")
+        values |= common | {
+            "table": [entry for row in values["table"] for entry in row],
+            "terms": len(program.powers),
+            "weighing": lines,
+            "powers": powers,
+            "multiplies": any("times(" in line for line in (*lines, *powers)),
+            "divides": not program.shares or any(s.parameter.inverted for s in program.shares),
+        }
+    else:
+        values["table"] = [[entry[0] for entry in row] for row in values["table"]]
+    if memory:
+        arguments.insert(0, f"{name}_memory *memory")
+    return values | {"arguments": arguments}
+
+
 def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
     """Return the formula of a law that varies, and its constants."""
     number, (n, _) = program.number, program.shape
@@ -184,18 +263,26 @@ def _tables(program: Polynomial | Scheduled, vector: str) -> dict[str, Any]:
 def _varying(program: Polynomial | Scheduled, name: str) -> dict[str, Any]:
     """Return the context about the parameters, or alpha."""
     number = program.number
-    by_parameters = bool(program.shares)
-    given = [_interval_text(share) for share in program.shares] or [
-        f"weight of vertex {j + 1}" for j in range(program.domain.corners)
-    ]
-    return {
-        "given": given,
-        "by_parameters": by_parameters,
+    return _given(program) | {
         "loose": number.text(1e-4 if number.bits == 32 else 1e-9),
         "least": number.text(1e-30),
         "most": number.text(1e30),
         "bounds": [_bounds(number, share) for share in program.shares],
         "equal": number.text(1 / program.domain.corners),
+        "weighing": weighing(program, f"{name}_real"),
+        "weights": []
+        if _straight(program)
+        else [_term(number, weight, e) for weight, e in program.weights()],
+    }
+
+
+def _given(program: Polynomial | Scheduled) -> dict[str, Any]:
+    """Return the words about the parameters, or alpha."""
+    by_parameters = bool(program.shares)
+    return {
+        "given": [_interval_text(share) for share in program.shares]
+        or [f"weight of vertex {j + 1}" for j in range(program.domain.corners)],
+        "by_parameters": by_parameters,
         "GIVEN": "PARAMETERS" if by_parameters else "VERTICES",
         "letter": "p" if by_parameters else "alpha",
         "given_what": "the parameters p" if by_parameters else "the weights alpha of the vertices",
@@ -205,10 +292,6 @@ def _varying(program: Polynomial | Scheduled, name: str) -> dict[str, Any]:
         "not_a_number": "a parameter was NaN: the middle of its interval was taken"
         if by_parameters
         else "alpha had NaN, infinity or no weight: equal weights were taken",
-        "weighing": weighing(program, f"{name}_real"),
-        "weights": []
-        if _straight(program)
-        else [_term(number, weight, e) for weight, e in program.weights()],
     }
 
 
@@ -321,9 +404,10 @@ def sources(program: Program, texts: Texts) -> dict[str, str]:
     """
     check_c_name(texts.name)
     _check(program, texts)
+    kind = "law" if scales_of(program) is None else "fixed"
     templates, given = environment(), context(program, texts)
     return {
-        f"{texts.name}.{ending}": templates.get_template(f"law.{ending}.j2").render(given)
+        f"{texts.name}.{ending}": templates.get_template(f"{kind}.{ending}.j2").render(given)
         for ending in "hc"
     }
 

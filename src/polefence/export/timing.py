@@ -20,7 +20,7 @@ from polefence.export.sampled import (
     largest_sample_time,
     sampling_effect,
 )
-from polefence.proof.claims.rounding import Rounded
+from polefence.proof.claims.rounding import Code, Rounded
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals
@@ -70,7 +70,7 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     laws = [rounded.gain.subject.design.law for rounded in (held, claim)]
     sizes = [rounded.gain.subject.design.sizes for rounded in (held, claim)]
     told = [(law.degree, law.powers, law.measured) for law in laws]
-    if (code.bits, code.shares) != (plain.bits, plain.shares):
+    if (code.bits, code.shares, _scales(code)) != (plain.bits, plain.shares, _scales(plain)):
         return False
     # at products of the parameters' weights a law of degree one is the same on box and simplex
     alike = plain.K is not None or (plain.T is not None and told[0][0] == 1)
@@ -80,12 +80,16 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     time = samples.plant.step if plain.memory is None else plain.memory.sample_time
     if kept[0] != kept[1] or float(time) != float(samples.plant.step):
         return False
+    signals = [() if one.scales is None else one.scales.signals for one in (code, plain)]
     if laws[1].C:  # of signals that are measured
+        if signals[0] != signals[1]:
+            return False
         same = len(laws[0].C) == len(laws[1].C)
         pairs = zip(laws[0].C, laws[1].C, strict=False)
         same = same and all(list(C) == _spread(D, n, late) for C, D in pairs)
         return same and (code.K, code.terms) == (plain.K, plain.terms)
-    if laws[0].C:
+    spread = (*signals[1][:n], *[0] * late, *signals[1][n:]) if signals[1] else ()
+    if laws[0].C or signals[0] != spread:
         return False
     if plain.T is None:
         K = None if plain.K is None else _spread(plain.K, n, late)
@@ -94,6 +98,12 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     apart = all(_is_apart(wide, narrow) for wide, narrow in squares)
     L = None if plain.L is None else _spread(plain.L, n, late)
     return apart and code.L == L and list(code.Z) == [_spread(z, n, late) for z in plain.Z]
+
+
+def _scales(code: Code) -> tuple[tuple[int, ...], ...]:
+    """Return the exponents of fixed-point code, of signals those that its gains do not have."""
+    fixed = code.scales
+    return () if fixed is None else (fixed.given, fixed.rows, fixed.answers)
 
 
 def _spread(matrix: Sequence[Sequence[Fraction]], n: int, late: int) -> Rationals:

@@ -323,7 +323,7 @@ def expected(program: Program, law: Law, given: Array, x: Array) -> tuple[Array,
     if not _is_of(program, law):
         raise InputError(f"{law!r} is not the law of this code, which is {program.shape[::-1]}")
     if isinstance(program, Fixed) or law.W is None:
-        gains = _gains(program, law, given)
+        gains = exact_gains(program, law, given)
         pairs = ((K, _rationals(v)) for K, v in zip(gains, x, strict=True))
         answers = [(_float(K @ v), _float(np.abs(K) @ np.abs(v))) for K, v in pairs]
     else:
@@ -340,7 +340,7 @@ def _is_of(program: Program, law: Law) -> bool:
     return isinstance(program, kind) and shape == program.shape[::-1]
 
 
-def _gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
+def exact_gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]:
     """Yield the exact gains at the code's inputs."""
     if isinstance(program, Polynomial) and law.gains is not None:
         K = _rationals(law.gains)

@@ -1,4 +1,4 @@
-"""Poles in a region with the gain as code computes it, in float32 or float64.
+"""Poles in a region with the gain as code computes it, in float32, float64 or fixed point.
 
 The design tolerates an error of the gain (kind "gain error"); the rounding of the code, for every
 parameter value and every state, stays below it.
@@ -18,6 +18,9 @@ constant h for the time T between updates, x+ = fl(x + fl(h v)) = x + T v' with
     v' = r v + (d / T) x,    |d| <= u,    |r - 1| <= e = |h / T - 1| + (h / T) ((1 + u)^2 - 1),
 
 so that a row of E grows by e (|K| + E), and by u / T in the column of its own state.
+
+In fixed point errors of entries are those of `words`; what is not an error of the gain is an
+absolute error of u, which no pole depends on, and is bounded there.
 
 A scheduled one, where C = T (and S is left out here): with W' = T W T', Z' = Z T', K' = Z' W'^-1,
 so that K = K' T, the code computes
@@ -45,8 +48,10 @@ from fractions import Fraction
 from math import prod
 from typing import Any, ClassVar, Self
 
+from polefence.proof.claims import words
 from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
+from polefence.proof.claims.margins import Subject
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Law, Point, is_alpha
 from polefence.proof.matrices import (
@@ -111,7 +116,8 @@ class Code(Short):
 
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
     where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
-    ``terms`` has the gains. ``memory`` is of a law of gains with states of its own.
+    ``terms`` has the gains. ``memory`` is of a law of gains with states of its own. ``scales`` are
+    of a law of gains in fixed point; rows of such states then hold the gains times the sample time.
     """
 
     bits: int
@@ -123,6 +129,17 @@ class Code(Short):
     terms: tuple[Rationals, ...] = ()
     memory: Memory | None = None
     L: Rationals | None = None
+    scales: words.Scales | None = None
+
+    @property
+    def numbers(self) -> str:
+        """What it computes with, in a word."""
+        return f"float{self.bits}" if self.scales is None else f"fixed{self.bits}"
+
+    @property
+    def gains(self) -> list[Rationals]:
+        """The gains of a law of gains, one or one a term."""
+        return list(self.terms) if self.K is None else [self.K]
 
 
 @dataclass(frozen=True)
@@ -164,7 +181,10 @@ class Rounded(Short, Claim):
             tuple(code_table.matrices(key, None, None)) if key in code_table else () for key in keys
         )
         memory = _read_memory(code_table.table("memory"), plant) if "memory" in code_table else None
-        code = Code(code_table.at("bits"), K, T, W, Z, _read_shares(code_table), terms, memory, L)
+        fixed = code_table.table("scales") if "scales" in code_table else None
+        scales = None if fixed is None else words.Scales.read(fixed)
+        shares = _read_shares(code_table)
+        code = Code(code_table.at("bits"), K, T, W, Z, shares, terms, memory, L, scales)
         smallest, size = (code_table.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, code_table.whole("elevation", 0))
 
@@ -180,6 +200,8 @@ class Rounded(Short, Claim):
         if code.memory:
             keys = ("states", "step", "sample_time")
             table["memory"] = {key: plain(getattr(code.memory, key)) for key in keys}
+        if code.scales is not None:
+            table["scales"] = code.scales.write()
         if code.T is not None:
             table |= {} if code.L is None else {"L": plain(code.L)}
             table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
@@ -189,15 +211,19 @@ class Rounded(Short, Claim):
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say where the poles are, of which code."""
         region = region_text(self.gain.subject.design.region)
-        return f"poles in {region} with the gain as the float{self.code.bits} code computes it"
+        return f"poles in {region} with the gain as the {self.code.numbers} code computes it"
 
     def require(self) -> None:
         """Refuse constants that do not fit, or lead out of the numbers' range."""
         self.gain.require()
         code, law = self.code, self.gain.subject.design.law
-        if type(code.bits) is not int or code.bits not in DIGITS:
-            raise FormatError("code.bits must be 32 or 64")
-        _require_numbers(code)
+        fixed = code.scales is not None
+        if type(code.bits) is not int or code.bits not in (words.BITS if fixed else DIGITS):
+            raise FormatError("code.bits must be 32 or 64, in fixed point 16 or 32")
+        if not fixed:
+            _require_numbers(code)
+        elif code.K is None and not code.terms:
+            raise FormatError("code.scales is of a law of gains")
         if code.K is not None or code.terms:
             self._require_gains()
             return
@@ -223,6 +249,8 @@ class Rounded(Short, Claim):
         _signal_scales(self)
         if code.memory:
             _require_memory(code.memory, gain.subject.design)
+        if code.scales is not None:
+            _require_words(code, code.scales, gain.subject)
 
     def _require_scheduled(self) -> None:
         code, gain = self.code, self.gain
@@ -316,6 +344,18 @@ def _require_memory(memory: Memory, design: Poles) -> None:
             raise FormatError("code.memory: the last signals must be the last states alone")
 
 
+def _require_words(code: Code, scales: words.Scales, subject: Subject) -> None:
+    """Refuse constants that are no integers of the code, or may lead to others it cannot hold."""
+    states = code.memory.states if code.memory else 0
+    words.require(code.bits, code.gains, scales, states, len(code.shares))
+    # of one gain there are no shares, whatever parameters the plant has
+    for share, given, exponent in zip(code.shares, subject.ranges, scales.given, strict=False):
+        ends = share.low, share.high, share.scale
+        words.require_share(code.bits, *ends, exponent, given.inverted)
+    if not code.shares and code.terms and not is_alpha(subject.design.law, subject.design.sizes):
+        raise FormatError("code.shares: in fixed point a law of parameters is given these")
+
+
 def _require_numbers(code: Code) -> None:
     """Refuse constants that the code cannot hold, or that lead out of its numbers' range."""
     others = [[s.low, s.high, s.scale] for s in code.shares]
@@ -366,6 +406,8 @@ def gain_errors(claim: Rounded) -> Rationals:
     code, law = claim.code, claim.gain.subject.design.law
     gains = [code.K] if code.K is not None else list(code.terms)
     exact = [_gain(claim)] if code.K is not None else law.K or []
+    if code.scales is not None:
+        return _in_words(claim, code.scales, exact)
     off = [Fraction(0)] if code.K is not None else power_errors(claim)
     gamma = in_a_row(code, len(gains[0][0]) + len(code.terms))
     total = [[Fraction(0)] * len(row) for row in gains[0]]
@@ -375,6 +417,42 @@ def gain_errors(claim: Rounded) -> Rationals:
             for j in range(len(row)):
                 row[j] += abs(a[i][j] - b[i][j]) + part * abs(b[i][j])
     return total if code.memory is None else _with_steps(total, exact, code.memory, code.bits)
+
+
+def _in_words(claim: Rounded, scales: words.Scales, exact: Sequence[Rationals]) -> Rationals:
+    """Return them in fixed point: the rows of own states are those of a step."""
+    code, m = claim.code, len(scales.rows)
+    first = m - (code.memory.states if code.memory else 0)
+    time = code.memory.sample_time if code.memory else Fraction(1)
+    times = [time if i >= first else Fraction(1) for i in range(m)]
+    steps = [scaled(K, tuple(1 / t for t in times)) for K in exact]
+    off = [Fraction(0)] if code.K is not None else word_errors(claim)
+    errors = words.gain_errors(steps, code.gains, off, scales, code.K is None)
+    return scaled(errors, tuple(times))
+
+
+def word_errors(claim: Rounded) -> list[Fraction]:
+    """Return bounds on the errors of c^e of each term, in fixed point."""
+    code, subject = claim.code, claim.gain.subject
+    law, half = subject.design.law, words.half(code.bits)
+    pairs = zip(code.shares, subject.ranges, strict=False)  # none of alpha
+    ends = [constants_error(share, given) + half for share, given in pairs]
+    if is_alpha(law, subject.design.sizes):  # of parameters the products of their weights
+        alpha = sum(ends, (len(ends) - 1) * half) if ends else half
+        bases = [alpha] * len(law.powers[0])
+    else:
+        bases = [2 * end for end in ends]
+    return [
+        sum((k * off for k, off in zip(e, bases, strict=True)), max(sum(e) - 1, 0) * half)
+        for e in law.powers
+    ]
+
+
+def answer_errors(code: Code) -> list[Fraction]:
+    """Return bounds on the absolute errors of u in fixed point, and of a step of the states."""
+    if code.scales is None:
+        return []
+    return words.answer_errors(code.gains, code.scales, code.memory.states if code.memory else 0)
 
 
 def _with_steps(E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: int) -> Rationals:
@@ -538,6 +616,13 @@ def weight_error(claim: Rounded) -> Fraction:
 
 def share_error(code: Code, share: Share, given: Range) -> Fraction:
     """Return how far the share of one parameter may be off."""
+    least = min(abs(share.low), abs(share.high)) if given.inverted else Fraction(1)
+    rounded = in_a_row(code, 3) * abs(share.scale) * (share.high - share.low)
+    return constants_error(share, given) + rounded / least
+
+
+def constants_error(share: Share, given: Range) -> Fraction:
+    """Return how far it may be off by its constants alone."""
     width = given.high - given.low
     scale = given.high / width if given.inverted else 1 / width
     if not (share.low <= given.low < given.high <= share.high):
@@ -546,8 +631,7 @@ def share_error(code: Code, share: Share, given: Range) -> Fraction:
         raise FormatError("a parameter's bounds in the code touch zero")
     least = min(abs(share.low), abs(share.high)) if given.inverted else Fraction(1)
     clamped = share.high - share.low
-    constants = abs(share.scale - scale) * clamped + abs(scale) * (given.low - share.low)
-    return (constants + in_a_row(code, 3) * abs(share.scale) * clamped) / least
+    return (abs(share.scale - scale) * clamped + abs(scale) * (given.low - share.low)) / least
 
 
 # --- matrices ------------------------------------------------------------------------------------

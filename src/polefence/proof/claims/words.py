@@ -1,0 +1,173 @@
+"""Errors of code in fixed point: integers of 16 or 32 bits, products of twice as many.
+
+A number is an integer times 2^-s, its exponent s a constant. A signal has s_j bits behind the
+point, a sum of products of one row of the gain r_i, the answer t_i <= r_i. A gain is an integer
+times 2^(s_j - r_i), so that all products of a row add up as they are; sums are exact, for bounds on
+the integers leave room for them (`require`). Rounding is to nearest, after each of these:
+
+- a share of a parameter's interval, of Q = bits - 2 bits behind the point: h = 2^-(Q + 1), and the
+  errors of the constants; alpha that is given, over its sum: h;
+- a product of two numbers of size one at most: the errors of both, and h;
+- a polynomial entry of the gain, Sum K_e c^e: 2^(s_j - r_i - 1), and of each term |K_e| times the
+  error of c^e;
+- the answer: 2^-(t_i + 1).
+
+All but the last are errors of the gain, as those of floats are. The last is an absolute one, at
+most half a unit of the answer whatever the signals are. States that the code keeps have t_i > s_j
+bits, of which it multiplies the s_j nearest: an absolute error of each answer too. Rows of such
+states hold the gain times the time T between updates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+
+from polefence.proof.matrices import Rationals
+from polefence.proof.reading import Table, plain
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError
+
+BITS = (16, 32)
+MOST = 400  # an exponent's size
+
+
+@dataclass(frozen=True)
+class Scales(Short):
+    """Bits behind the point: of signals, of what is given, of rows' sums and of answers.
+
+    ``signals`` are those that are measured and, last, the code's own states as they are multiplied;
+    ``given`` the parameters, none for alpha; ``answers`` the inputs and, last, the states as they
+    are kept.
+    """
+
+    signals: tuple[int, ...]
+    given: tuple[int, ...]
+    rows: tuple[int, ...]
+    answers: tuple[int, ...]
+
+    @classmethod
+    def read(cls, table: Table) -> Scales:
+        """Read the exponents."""
+        lists = []
+        for field in fields(cls):
+            numbers = table.numbers(field.name) if field.name in table else ()
+            if any(x.denominator != 1 or abs(x) > MOST for x in numbers):
+                raise FormatError(f"{table.path(field.name)} must be whole numbers up to {MOST}")
+            lists.append(tuple(map(int, numbers)))
+        return cls(*lists)
+
+    def write(self) -> dict[str, list[int]]:
+        """Return what `read` reads."""
+        lists = {field.name: list(getattr(self, field.name)) for field in fields(self)}
+        return {key: plain(values) for key, values in lists.items() if values}
+
+
+def two(exponent: int) -> Fraction:
+    """Return a power of two."""
+    return Fraction(2) ** exponent
+
+
+def largest(bits: int) -> int:
+    """Return the largest integer of so many bits."""
+    return (1 << (bits - 1)) - 1
+
+
+def half(bits: int) -> Fraction:
+    """Return the error of a number of size one that is rounded."""
+    return two(1 - bits)
+
+
+def sizes(terms: Sequence[Rationals]) -> Rationals:
+    """Return the largest sizes of a gain's entries."""
+    by_rows = zip(*terms, strict=True)
+    return [[sum(map(abs, k), Fraction(0)) for k in zip(*rows, strict=True)] for rows in by_rows]
+
+
+def gain_errors(
+    exact: Sequence[Rationals],
+    code: Sequence[Rationals],
+    off: Sequence[Fraction],
+    scales: Scales,
+    varies: bool,
+) -> Rationals:
+    """Return bounds on the errors of the entries of the gain.
+
+    Parameters
+    ----------
+    exact, code
+        The terms of the law, its last rows times T, and the code's.
+    off
+        Errors of c^e.
+    varies
+        Whether entries are found from several terms, and rounded.
+    """
+    pairs = [(r, s) for r in scales.rows for s in scales.signals]
+    units = [two(s - r - 1) if varies else Fraction(0) for r, s in pairs]
+    width = len(scales.signals)
+    total = [units[k : k + width] for k in range(0, len(units), width)]
+    for a, b, t in zip(exact, code, off, strict=True):
+        for i, row in enumerate(total):
+            for j in range(width):
+                row[j] += abs(a[i][j] - b[i][j]) + t * abs(b[i][j])
+    return total
+
+
+def answer_errors(code: Sequence[Rationals], scales: Scales, states: int) -> list[Fraction]:
+    """Return bounds on the absolute errors of the answers; of states that of one step."""
+    first = len(scales.rows) - states
+    kept = zip(scales.signals[len(scales.signals) - states :], scales.answers[first:], strict=True)
+    read = [two(-s - 1) if t > s else Fraction(0) for s, t in kept]
+    errors = []
+    for row, r, t in zip(sizes(code), scales.rows, scales.answers, strict=True):
+        rounded = two(-t - 1) if r > t else Fraction(0)
+        own = row[len(row) - states :]
+        errors.append(rounded + sum((k * e for k, e in zip(own, read, strict=True)), Fraction(0)))
+    return errors
+
+
+def require(bits: int, code: Sequence[Rationals], scales: Scales, states: int, given: int) -> None:
+    """Refuse constants that are no integers of so many bits, or sums that may leave no room."""
+    top, wide, (m, n) = largest(bits), largest(2 * bits), (len(code[0]), len(code[0][0]))
+    counts = [len(scales.signals), len(scales.given), len(scales.rows), len(scales.answers)]
+    if counts != [n, given, m, m]:
+        raise FormatError("code.scales must hold one exponent a signal, a parameter and a row")
+    for row, r, t in zip(sizes(code), scales.rows, scales.answers, strict=True):
+        whole = [k * two(r - s) for k, s in zip(row, scales.signals, strict=True)]
+        rest = 1 << (r - t - 1) if r > t else 0
+        if not 0 <= r - t <= 2 * bits - 2 or max(whole) > top:
+            raise FormatError(f"code: a gain is no integer of {bits} bits")
+        if sum(whole) * (top + 1) + rest > wide:
+            raise FormatError(f"code: a sum may take more than {2 * bits} bits")
+    for entries in code:
+        for row, r in zip(entries, scales.rows, strict=True):
+            for k, s in zip(row, scales.signals, strict=True):
+                if (k * two(r - s)).denominator != 1:
+                    raise FormatError(f"code: a gain is no integer of {bits} bits")
+    for s, t in zip(scales.signals[n - states :], scales.answers[m - states :], strict=True):
+        if not 0 <= t - s <= bits:
+            raise FormatError("code.scales: a state is kept with more bits than there are")
+
+
+def require_whole(values: Sequence[Fraction], what: str, most: int) -> None:
+    """Refuse what is no integer, or a larger one."""
+    for value in values:
+        if value.denominator != 1 or abs(value) > most:
+            raise FormatError(f"{what} is no integer of the code")
+
+
+def require_share(
+    bits: int, low: Fraction, high: Fraction, scale: Fraction, exponent: int, inverted: bool
+) -> None:
+    """Refuse a parameter's constants that are no integers, or whose products leave no room."""
+    top, wide, one = largest(bits), largest(2 * bits), two(exponent)
+    ends = [low * one, high * one]
+    factor = scale * two(bits - 2) if inverted else scale * two(2 * bits - 2 - exponent)
+    require_whole(ends, "code.shares: an end", top)
+    require_whole([factor], "code.shares: a scale", wide)
+    product = (ends[1] - ends[0]) * abs(factor)
+    if inverted:
+        product = 2 * product + 2 * max(map(abs, ends))
+    if product + two(bits - 1) > wide:
+        raise FormatError(f"code.shares: a product may take more than {2 * bits} bits")

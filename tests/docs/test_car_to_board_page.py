@@ -16,7 +16,7 @@ from polefence.certify.bounds import kept_bound
 from polefence.examples import spec_text
 from polefence.vehicle.compare import compare, points
 from support.console import COMMAND, alike, answer, blocks, follow
-from support.cortex import missing_tools
+from support.cortex import missing_tools, run
 from support.gallery import page
 from support.needed import require
 from support.once import proved_once  # noqa: F401  (a fixture)
@@ -24,7 +24,7 @@ from support.scripts import docs_script
 
 PAGE = page("car-to-board")
 PROSE = re.sub(r"\s+", " ", PAGE)
-SAMPLED, DRIVEN, WITHIN = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+SAMPLED, BOARD, DRIVEN, WITHIN = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
 ROW = re.compile(r"  rms of (.+) \[.*?\] +(\S+) +(\S+) +\S+ +(\S+)  (\w+)")
 TABLE = {
     name: [float(x) for x in numbers.split("|")]
@@ -101,6 +101,24 @@ def test_the_code_drives_as_the_page_says(ran, folder):
     costs = re.compile(r"gcc [0-9.]+|\d+ instructions an update, \d+ bytes")
     alike(costs.sub("...", DRIVEN), ran[0])
     assert (folder / "car-to-board.png").stat().st_size > 20_000
+
+
+def test_the_board_prints_what_the_page_says(folder):
+    """Drives are shorter here, and scatter more: digits of what is measured are left out."""
+    require(missing_tools())
+    assert "--board -o code" in PAGE
+    said = run("make", "-s", "board", "SAMPLES=2000", cwd=folder / "code")
+    shown = re.sub(r"(\] +\S+) .*", r"\1 ...", BOARD)
+    alike(*(re.sub(" +", " ", text) for text in (shown, said)))
+    rows = re.findall(r"\] +(\S+) +(\S+) +(\S+)  m1 = ", said)
+    assert len(rows) == 6
+    assert rows[:3] == rows[3:]
+    assert [float(row[0]) for row in rows[1:3]] == [0.03, 660]
+    for proved, measured, _ in rows:  # of two seconds each
+        assert float(measured) < 1.2 * float(proved)
+    small, large = (float(n) for n in re.findall(r"(\d+) instructions an update", said))
+    assert small == pytest.approx(180, rel=0.3)
+    assert large == pytest.approx(1700, rel=0.3)
 
 
 def test_what_is_sent_is_the_law_to_float32(script, ran, folder):

@@ -57,9 +57,9 @@ def in_words(
     gains = law.own_gain(None)[None] if law.K is not None else law.gains
     if gains is None:
         raise InputError(
-            "--fixed: this law Z W^-1 solves equations, which fixed-point code does not; design a "
-            "law that is polynomial in the parameters (polefence design --structure, or optimise), "
-            "or one gain (--method quadratic), or export with --float"
+            "--fixed: this law Z W^-1 solves equations, which fixed-point code does not; find one "
+            "that is polynomial in parameters by polefence optimise --schedule NAMES, or one gain "
+            "by its --method quadratic, or export with --float"
         )
     if not parameters and law.K is None and not law.fixed and law.parameters:
         raise InputError(

@@ -66,7 +66,7 @@ def tuned_candidates(
         room, lost, fragile = Room.first(task.plant), 0, list[tuple[Tuned, float]]()
         while room.region < len(shares) and room.limits < len(shares):
             if ended() and not known:  # what is found is looked at whatever it took to find
-                return
+                break
             if max(room.region, room.limits) >= len(TIGHTER) and some and not task.plant.moving:
                 break
             candidates = [] if cut_off else list(known)
@@ -78,7 +78,7 @@ def tuned_candidates(
             missing: Missing | None = None
             for number, tuned in enumerate(_promising(candidates)):
                 if number and ended():
-                    return
+                    break
                 # descents end so near one another
                 if task.minimise is not None and tuned.level >= proved() * (1 - 1e-5):
                     if number or cut_off:

@@ -43,6 +43,8 @@ class Law(Short):
         Those that alpha comes from, where the law knows them.
     measured : tuple of Output
         The signals that it is given; all states where there are none.
+    anti_windup : (n, m) array, optional
+        What sat(u) - u adds to the rates of its own states, of a kind that has some.
     """
 
     K: Array | None
@@ -51,6 +53,7 @@ class Law(Short):
     W: Array | None
     parameters: tuple[Parameter, ...] = ()
     measured: tuple[Output, ...] = ()
+    anti_windup: Array | None = None
 
     # --- what it is ------------------------------------------------------------------------------
 

@@ -78,7 +78,8 @@ def law_of(exact: proof.Law, plant: UncertainPlant, sizes: tuple[int, ...]) -> L
     K, W, Z = (_floats(matrices or []) for matrices in (exact.K, exact.W, exact.Z))
     if exact.polynomial:
         measured = tuple(plant.signal(name) for name in exact.measured)
-        return PolynomialGain(exact.powers, K, measured, plant.parameters)
+        gain = None if exact.anti_windup is None else _floats([exact.anti_windup])[0]
+        return PolynomialGain(exact.powers, K, measured, plant.parameters, gain)
     if exact.K is None:
         return ScheduledGain(W, Z, plant.parameters, exact.degree, sizes)
     return FixedGain(K[0])

@@ -40,6 +40,9 @@ class PolynomialGain(Law):
         The signals y; all states by default.
     parameters : tuple of Parameter
         The plant's.
+    anti_windup : (n, m) array, optional
+        Times sat(u) - u it is added to the rates of the law's own states, while inputs saturate.
+        Zero in the rows of other states, and in the columns of the rates of its own.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class PolynomialGain(Law):
     gains: Array
     measured: tuple[Output, ...] = ()
     parameters: tuple[Parameter, ...] = ()
+    anti_windup: Array | None = None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -74,6 +78,12 @@ class PolynomialGain(Law):
             raise InputError(
                 f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
             )
+        if self.anti_windup is not None:
+            gain = frozen(self.anti_windup, 2, "anti_windup")
+            object.__setattr__(self, "anti_windup", gain)
+            if gain.shape != self.shape[::-1]:
+                m, n = self.shape
+                raise InputError(f"anti_windup must be {n} x {m}: states, and inputs")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -129,14 +139,18 @@ class PolynomialGain(Law):
         C = tuple([list(row[k]) for row in rows] for k in range(N)) if rows else ()
         names, degree = tuple(y.name for y in measured), proof.total_degree(self.powers)
         K = [rationals(gain) for gain in self.gains]
-        return proof.Law(K, degree=degree, powers=self.powers, measured=names, C=C)
+        more = None if self.anti_windup is None else rationals(self.anti_windup)
+        return proof.Law(
+            K, degree=degree, powers=self.powers, measured=names, C=C, anti_windup=more
+        )
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data, as a proof file has it."""
         pairs = zip(self.powers, self.gains.tolist(), strict=True)
         terms = [{"powers": list(e), "K": K} for e, K in pairs]
         measured = {"measured": [signal.name for signal in self.measured]} if self.measured else {}
-        return {"kind": "polynomial", "on": self.domain.on, "terms": terms} | measured
+        more = {} if self.anti_windup is None else {"anti_windup": self.anti_windup.tolist()}
+        return {"kind": "polynomial", "on": self.domain.on, "terms": terms} | measured | more
 
     @cached_property
     def form(self) -> Array:
@@ -202,25 +216,40 @@ class PolynomialGain(Law):
         part = self.exact.inside(low, high)
         measured = tuple(plant.signal(y.name) for y in self.measured)
         gains = np.array(part.K, dtype=float)
-        return PolynomialGain(part.powers, gains, measured, plant.parameters)
+        powers, parameters = part.powers, plant.parameters
+        return PolynomialGain(powers, gains, measured, parameters, self.anti_windup)
 
     def negated(self) -> PolynomialGain:
         """Return it with the other sign."""
         return replace(self, gains=-self.gains)
 
+    def with_anti_windup(self, gain: Array | None) -> PolynomialGain:
+        """Return it with another anti-windup gain, or with none."""
+        return replace(self, anti_windup=gain)
+
     def with_states(self, more: int) -> PolynomialGain:
         """Return it for a plant with more states behind its n, which are not fed back."""
+        gain = self._more_states(self.shape[1], more)
         if not self.measured:
-            return replace(self, gains=more_columns(self.gains, more))
-        return replace(self, measured=tuple(padded(y, more) for y in self.measured))
+            gains = more_columns(self.gains, more)
+            return replace(self, gains=gains, anti_windup=gain)
+        measured = tuple(padded(y, more) for y in self.measured)
+        return replace(self, measured=measured, anti_windup=gain)
+
+    def _more_states(self, n: int, more: int) -> Array | None:
+        """Return the anti-windup gain with rows of zeros behind n states."""
+        gain = self.anti_windup
+        return None if gain is None else np.insert(gain, [n] * more, 0.0, axis=0)
 
     def late(self, n: int, more: int) -> PolynomialGain:
         """Return the law with zeros for delayed inputs, in the measured rows if there are any."""
+        gain = self._more_states(n, more)
         if not self.measured:
-            return replace(self, gains=np.insert(self.gains, [n] * more, 0.0, axis=2))
+            gains = np.insert(self.gains, [n] * more, 0.0, axis=2)
+            return replace(self, gains=gains, anti_windup=gain)
         none = (0,) * more
         wider = (replace(y, C=[(*row[:n], *none, *row[n:]) for row in y.C]) for y in self.measured)
-        return replace(self, measured=tuple(wider))
+        return replace(self, measured=tuple(wider), anti_windup=gain)
 
     def with_filters(
         self,

@@ -14,11 +14,12 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
+from polefence.proof.laws import OWN
 from polefence.proof.matrices import ONE, ZERO
 
 MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
-LAW, INTEGRAL, FILTER = "law state ", "pid integral of ", "pid filter of "
+LAW, INTEGRAL, FILTER = OWN
 DERIVATIVE = "pid derivative of "
 DEMAND, MEASURED = "demand of ", "measured "  # of an actuator's input; of a sensor's state
 
@@ -303,7 +304,7 @@ def own_states(plant: UncertainPlant) -> int:
     names = [state.name for state in states(plant)], [u.name for u in inputs(plant)]
     count = 0
     for state, rate in zip(*map(reversed, names), strict=False):
-        if not state.startswith((LAW, INTEGRAL, FILTER)) or rate != f"rate of {state}":
+        if not state.startswith(OWN) or rate != f"rate of {state}":
             break
         count += 1
     n, m = plant.shape

@@ -18,7 +18,7 @@ from itertools import product as cartesian
 from typing import Any
 
 from polefence.proof.matrices import Rationals, beside, identity, longest, mix, product
-from polefence.proof.plant import Node, Plant, corner_weights, corners, lattice
+from polefence.proof.plant import Node, Plant, corner_weights, corners, lattice, split
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -39,6 +39,8 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
 MAX_MEASURED = 200  # of a polynomial law
+# How the names of states begin that a law keeps itself: of a dynamic one, and of a PID.
+OWN = "law state ", "pid integral of ", "pid filter of "
 MAX_CELLS = 1000
 NO_NODE = "cells: the plant has no node where a part of the box needs one"
 
@@ -52,7 +54,8 @@ class Law(Short):
     Coefficients of W and Z are those of Bernstein polynomials: of ``degree`` in each simplex, in
     the order of `monomials`. With ``powers``, one exponent a K, it is a polynomial, of signals that
     are ``measured``: their names, and their rows C at every vertex; of all states where there are
-    none.
+    none. ``anti_windup`` (n x m) times sat(u) - u is added to the rates of the law's own states
+    while inputs saturate.
     """
 
     K: list[Rationals] | None = None
@@ -62,6 +65,7 @@ class Law(Short):
     powers: tuple[Exponent, ...] = ()
     measured: tuple[str, ...] = ()
     C: tuple[Rationals, ...] = ()
+    anti_windup: Rationals | None = None
 
     @property
     def fixed(self) -> bool:
@@ -161,7 +165,9 @@ class Law(Short):
             pairs = zip(self.powers, self.K or [], strict=True)
             terms = [{"powers": list(e), "K": plain(K)} for e, K in pairs]
             law: dict[str, Any] = {"kind": "polynomial", "on": on, "terms": terms}
-            return law | ({"measured": list(self.measured)} if self.measured else {})
+            law |= {"measured": list(self.measured)} if self.measured else {}
+            gain = self.anti_windup
+            return law | ({} if gain is None else {"anti_windup": plain(gain)})
         if self.K is not None:
             return {"kind": "fixed", "K": plain(self.K[0])}
         table: dict[str, Any] = {"kind": "scheduled", "W": plain(self.W), "Z": plain(self.Z)}
@@ -205,7 +211,28 @@ def _read_polynomial(table: Table, plant: Plant) -> Law:
             f"{table.path('terms')}: powers must be one per parameter, or one per vertex"
         )
     stacked = tuple([row for (row,) in matrices] for matrices in zip(*C, strict=True))
-    return Law(K, degree=total_degree(powers), powers=powers, measured=measured, C=stacked)
+    degree, more = total_degree(powers), _read_anti_windup(table, plant)
+    return Law(K, degree=degree, powers=powers, measured=measured, C=stacked, anti_windup=more)
+
+
+def _read_anti_windup(table: Table, plant: Plant) -> Rationals | None:
+    """Read what acts on the law's own states while inputs saturate, and on no other state."""
+    if "anti_windup" not in table:
+        return None
+    gain = table.matrix("anti_windup", plant.n, plant.m)
+    for k, row in enumerate(gain):
+        name = split(plant.states[k])[0] if k < len(plant.states) else ""
+        if any(row) and not name.startswith(OWN):
+            raise FormatError(
+                f"{table.path('anti_windup')}: row {k + 1} is of {shown(name)}, which is not a "
+                "state of the law itself"
+            )
+        if any(row) and any(any(E[k]) for E in plant.E):
+            raise FormatError(
+                f"{table.path('anti_windup')}: a disturbance acts on {shown(name)}, which is thus "
+                "not a state of the law itself"
+            )
+    return gain
 
 
 def total_degree(powers: tuple[Exponent, ...]) -> int:

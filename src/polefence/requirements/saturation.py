@@ -150,7 +150,8 @@ class Saturation(InitialPeak):
         at = np.unique(np.linspace(0, len(alpha) - 1, 300).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
-        limits[at] = _least_limits(loops, starts, list(self.cut_off(plant)), step)
+        chosen, gain = list(self.cut_off(plant)), getattr(law, "anti_windup", None)
+        limits[at] = _least_limits(loops, starts, chosen, step, gain)
         return limits
 
     def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
@@ -165,8 +166,16 @@ class Saturation(InitialPeak):
         )
 
 
-def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: float) -> Array:
-    """Return for each loop the largest limit at which its simulation does not settle."""
+def _least_limits(
+    loops: Closed, starts: list[Array], chosen: list[int], step: float, gain: Array | None
+) -> Array:
+    """Return for each loop the largest limit at which its simulation does not settle.
+
+    Parameters
+    ----------
+    gain : (n, m) array, optional
+        Of the law's anti-windup.
+    """
     A, B, K, poles = loops.A, loops.B, loops.K, loops.poles()
     fastest = np.abs(np.concatenate([poles, np.linalg.eigvals(A)], axis=-1)).max()
     # how fast it comes to rest, or is lost where nothing acts
@@ -177,6 +186,7 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
     A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
     size = np.linalg.norm(x0, axis=-1)
+    back = None if gain is None else gain.T[chosen]
 
     def run(limit: Array) -> tuple[Array, Array]:
         """Return whether loops diverge at limits (..., starts, loops), and their largest demand."""
@@ -187,8 +197,10 @@ def _least_limits(loops: Closed, starts: list[Array], chosen: list[int], step: f
             u = x @ K
             asked = u[..., chosen]
             most = np.maximum(most, np.abs(asked).max(axis=(-1, -2)))
-            u[..., chosen] = np.clip(asked, -cut, cut)
-            slope = x @ A + u @ B
+            cut_off = np.clip(asked, -cut, cut)
+            more = 0.0 if back is None else (cut_off - asked) @ back
+            u[..., chosen] = cut_off
+            slope = x @ A + u @ B + more
             if not step:  # the input held within a step
                 slope = slope + dt / 2 * slope @ A
             x = np.clip(x + dt * slope, -1e100, 1e100)

@@ -38,7 +38,8 @@ def with_inputs(plant: UncertainPlant, law: Law, loop: Loop) -> Loop:
     """Return the loop with its input matrix and its law, for saturated inputs."""
     n, domain = plant.shape[0], loop.domain
     K = bernstein(domain, law.form[:, n:], law.degree)
-    return replace(loop, B=polynomial_of(plant, domain, plant.B, n), K=K)
+    B = plant.B if law.anti_windup is None else plant.B + law.anti_windup
+    return replace(loop, B=polynomial_of(plant, domain, B, n), K=K)
 
 
 def _loop(plant: UncertainPlant, law: Law, rows: Array) -> Loop:

@@ -7,6 +7,9 @@ among them, and [ g^2, Y_i ; Y_i', X ] > 0 for each i. If all of them fall, the 
 and left by no motion in it: -(N + N') > 0 and [ 1, x0' ; x0, X ] > 0, or X - X0 > 0, from initial
 states; -(N + N' + E s^2 E') > 0, s = diag(norms), from rest for all w = diag(norms) v, v of unit
 norm in L2. A remainder of the plant asks for an Omega that is enough for every part.
+
+A law with an anti-windup gain G adds G (sat(u) - u) to the rates of its own states: the columns of
+B_S are then those of B + G, in N that of S alone.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from typing import Any, ClassVar, Self
 from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.signal import Rows, Subject, moving, outputs_text
 from polefence.proof.laws import degree_of
+from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Output, Plant
 from polefence.proof.polynomials import (
     MAX_DEGREE,
@@ -32,7 +36,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.reading import Table, plain
 from polefence.proof.remainder import Spread
-from polefence.proof.text import digits_down, digits_up, milliseconds_text
+from polefence.proof.text import digits_down, digits_up, milliseconds_text, number_text
 from polefence.proof.work import FormatError
 
 MAX_INPUTS = 6  # of those that are cut off
@@ -133,6 +137,8 @@ class Saturation(InitialPeak):
         subject, sizes = self.subject, X.sizes
         driven = moving(subject, self.norms, sizes) if self.norms else None
         B, KX = subject.entering(sizes), subject.lifted.part(slice(subject.n, None))
+        if subject.law.anti_windup is not None:
+            B = B + constant(subject.law.anti_windup, sizes)
         held = dict(zip(self._inputs, self._held, strict=True))
         rows: Rows = {"of X": [[X]]}
         for part in _parts(self._inputs):
@@ -166,6 +172,8 @@ class Saturation(InitialPeak):
         if self.subject.step:
             on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
         cut = f"{what} saturated at +-{digits_up(self.level)}"
+        if self.subject.law.anti_windup is not None:
+            cut += f", {self._anti_windup_text(self.subject.law.anti_windup)}"
         if not self.norms:
             return f"{cut}: the loop comes to rest{self.under}{on}"
         norms = ", ".join(digits_down(x, 4) for x in self.norms)
@@ -173,6 +181,16 @@ class Saturation(InitialPeak):
             f"{cut}: from rest the loop stays bounded, and comes to rest after w = diag({norms}) v "
             f"with v of L2 norm 1 at most{on}"
         )
+
+    def _anti_windup_text(self, gain: Rationals) -> str:
+        """Say what saturation adds to the rates of the law's own states."""
+        said = []
+        for k, row in enumerate(gain):
+            acting = [(row[i], f"u{i + 1}") for i in self._inputs if row[i]]
+            if acting:
+                sums = " + ".join(f"{number_text(x)} (sat({u}) - {u})" for x, u in acting)
+                said.append(f"{sums} added to the rate of x{k + 1}")
+        return ", ".join(said) or "nothing added to the rates of the law's own states"
 
 
 def cut_off(

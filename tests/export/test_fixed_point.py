@@ -8,6 +8,7 @@ import pytest
 from polefence import Design, Disk, InputError, analyse, place
 from polefence.certify.given import worst_case
 from polefence.export import check_guarantee, export_c99
+from polefence.export.guarantee import roundings
 from polefence.law.laws import PolynomialGain
 from polefence.plant.outputs import states
 from polefence.proof.claims import rounding, words
@@ -117,6 +118,15 @@ def test_the_bound_is_the_sum_of_its_terms(kind, bits):
     E, off = stated(claim)
     assert rounding.gain_errors(claim) == E
     assert rounding.answer_errors(claim.code) == off
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_proof_must_bear_is_no_less_than_the_bound(kind, bits):
+    """The nearest float may be: then no proof of the loop at samples has enough."""
+    made = exported(kind, bits)
+    for one in roundings(made.guarantee.design, made.program):
+        assert one.needed >= rounding.rounding_error(one.blank)
 
 
 FAULTS = {

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import inf
+from math import inf, nextafter
 
 import numpy as np
 
@@ -222,7 +222,7 @@ def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:
     code, errors = code_of(program, design.plant), list[Rounding]()
     for rows, columns in measures:
         blank = _with_bounds(design, program, Rounded(_blank(design, rows, columns), code))
-        errors.append(Rounding(blank, rows, columns, float(rounding_error(blank))))
+        errors.append(Rounding(blank, rows, columns, _needed(blank)))
     return tuple(errors)
 
 
@@ -235,7 +235,14 @@ def _in_words(design: Design, program: Program) -> Rounding:
         program, design.law, balanced_to(np.maximum(sizes, max(sizes.max() * 2.0**-20, TINY)))
     )
     blank = replace(first, gain=_blank(design, rows, columns))
-    return Rounding(blank, rows, columns, float(rounding_error(blank)))
+    return Rounding(blank, rows, columns, _needed(blank))
+
+
+def _needed(blank: Rounded) -> float:
+    """Return a bound on the error, not below it: the nearest float may be."""
+    error = rounding_error(blank)
+    nearest = float(error)
+    return nextafter(nearest, inf) if Fraction(nearest) < error else nearest
 
 
 def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> str:

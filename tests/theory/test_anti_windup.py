@@ -5,9 +5,21 @@ import json
 import numpy as np
 import pytest
 
-from polefence import PolynomialGain, Saturation, UncertainPlant, at_sample_time
+from polefence import (
+    Design,
+    FixedGain,
+    HalfPlane,
+    PolynomialGain,
+    Rms,
+    Saturation,
+    Structure,
+    UncertainPlant,
+    at_sample_time,
+    optimise,
+)
 from polefence.base.errors import InputError
-from polefence.certify.bounds import best_bound
+from polefence.certify.anti_windup import with_anti_windup
+from polefence.certify.bounds import best_bound, save
 from polefence.certify.certificate import file_plant
 from polefence.plant.delta import delta_form
 from polefence.plant.larger import with_states
@@ -147,3 +159,63 @@ def test_a_bound_is_not_that_of_another_limit():
     assert all(prove(claim).proved for claim in loads(json.dumps(table)).claims)
     table["claims"][0]["level"] = 0.999 * LEAST
     assert not check(loads(json.dumps(table))).proved
+
+
+# --- the gain that is found -----------------------------------------------------------------------
+
+
+def test_the_gain_that_is_found_is_the_best_there_is():
+    plant = with_states(unstable(), 1)
+    law = with_anti_windup(plant, integrating(plant), [START])
+    assert LEAST < best_bound(plant, law, START).level < 1.0005 * LEAST
+    assert not np.any(np.delete(law.anti_windup.ravel(), 2))
+
+
+@pytest.mark.parametrize(
+    "asked", [Saturation("u", norm=0.5), Saturation("u", ellipsoid=((1.0, 0), (0, 0.1)))]
+)
+def test_it_is_found_for_every_kind_of_start(asked):
+    plant = with_states(unstable(), 1)
+    found = with_anti_windup(plant, integrating(plant), [asked])
+    without, with_it = (best_bound(plant, law, asked) for law in (integrating(plant), found))
+    assert with_it.level < 0.96 * without.level
+    for times in (0.3, 3.0):  # no other is better
+        other = found.with_anti_windup(times * found.anti_windup)
+        assert best_bound(plant, other, asked).level > 0.9999 * with_it.level
+
+
+def test_a_pid_has_one_and_laws_without_states_have_none():
+    static = FixedGain(np.array([[-4.0]]))
+    assert with_anti_windup(unstable(), static, [Saturation("u", points=[(1.0,)])]) is static
+    structure = Structure(measured=("x",), schedule=(), kind="pid", derivative_bandwidth=5.0)
+    plant, gain = structure.extended(unstable())
+    law = gain.law(plant, np.array([[[-6.0, -6.0, -0.1]]]))
+    asked = Saturation("u", norm=0.5)
+    assert with_anti_windup(plant, law, []) is law
+    found = with_anti_windup(plant, law, [asked])
+    levels = [best_bound(plant, choice, asked).level for choice in (law, found)]
+    assert levels[1] < 0.95 * levels[0]
+    assert not np.any(found.anti_windup[0])  # the plant's own state
+
+
+def test_optimise_finds_it_unasked_and_its_file_says_so(tmp_path):
+    structure = Structure(
+        measured=("x",),
+        schedule=(),
+        kind="pid",
+        derivative_bandwidth=5.0,
+        pattern=(("p", "i", "0"),),
+        largest_gain=6.0,
+    )
+    limits = (Saturation("u", points=[(1.0,)], at_most=1.45),)
+    done = optimise(unstable(), Rms("x"), limits, region=HalfPlane(1.0), structure=structure)
+    law = done.design.law
+    assert np.any(law.anti_windup)
+    asked = done.bounds[1].specification
+    assert best_bound(done.design.plant, law.with_anti_windup(None), asked).level > 1.45
+    path = save(done.design.certificate, [bound.claim for bound in done.bounds], tmp_path)
+    assert check(loads(path.read_text())).proved
+    again = Design.load(path)
+    assert np.array_equal(again.law.anti_windup, law.anti_windup)
+    assert "G (sat(u) - u)" in "; ".join(law.definitions)
+    assert law.named_gains()["G"].shape[1] == 1

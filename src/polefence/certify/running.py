@@ -102,7 +102,11 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
         G = law.gains[k] if k < len(law.gains) else np.zeros((m + kept, r))
         wide = np.hstack([G, np.zeros((m + kept, late))])
         gains[k] = _rows(wide, r, m, late, T, ones.get(e, 0))
-    return PolynomialGain(tuple(powers), gains, (*measured, *late_states), law.parameters)
+    gain = None
+    if law.anti_windup is not None:
+        gain = np.zeros((n + late + kept, m + late + kept))
+        gain[:, :m] = law.anti_windup[columns, :m]
+    return PolynomialGain(tuple(powers), gains, (*measured, *late_states), law.parameters, gain)
 
 
 def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Array:

@@ -109,6 +109,7 @@ def _law(design: Design) -> dict[str, Any]:
             "powers": np.array(law.powers, dtype=float),
             "measured": _cells(measured),
             "C": _stacked(law.C),
+            **({} if law.anti_windup is None else {"anti_windup": np.array(law.anti_windup)}),
         }
     sizes, exponents = law.domain.sizes, law.domain.monomials(law.degree)
     W, Z = law.even

@@ -55,7 +55,8 @@ def with_rates(design: Design) -> Design:
     measured = (*law.measured[:r], *states(larger)[-2 * r :])
     w = float(-delta_form(plant).vertices[0].exact_A[-1][-1])
     powers, gains = _terms(law, _of_states(law.gains, r, w), _rates(r, w))
-    stepped = PolynomialGain(powers, gains, measured, law.parameters)
+    gain = None if law.anti_windup is None else np.pad(law.anti_windup, [(0, 0), (0, 2 * r)])
+    stepped = PolynomialGain(powers, gains, measured, law.parameters, gain)
     certificate = replace(design.certificate, plant=larger, law=stepped)
     return replace(design, certificate=certificate)
 

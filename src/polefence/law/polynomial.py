@@ -295,6 +295,8 @@ class PolynomialGain(Law):
         lines = (
             [f"y = {', '.join(signal.label for signal in self.measured)}"] if self.measured else []
         )
+        if self.anti_windup is not None:
+            lines.append("while inputs saturate G (sat(u) - u) is added to the rates of its states")
         if self.fixed:
             return lines
         if not self.parameters:
@@ -304,10 +306,14 @@ class PolynomialGain(Law):
         return lines + [f"c{j + 1} = {_coordinate(p)}" for j, (p, used) in enumerate(pairs) if used]
 
     def named_gains(self) -> dict[str, Array]:
-        """Return the gains of the terms: K alone, or K0, K1 and so on."""
-        if self.fixed:
-            return {"K": self.gains[0]}
-        return {f"K{k}": K for k, K in enumerate(self.gains)}
+        """Return the gains of the terms: K alone, or K0, K1 and so on; G of the anti-windup."""
+        names = ["K"] if self.fixed else [f"K{k}" for k in range(len(self.gains))]
+        gains = dict(zip(names, self.gains, strict=True))
+        if self.anti_windup is None:
+            return gains
+        G = self.anti_windup
+        rows, columns = (np.flatnonzero(G.any(axis=axis)) for axis in (1, 0))
+        return gains | {"G": G[rows.min(initial=len(G)) :, : columns.max(initial=0) + 1]}
 
 
 def _power(name: str, power: int) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, SolverError
+from polefence.certify.anti_windup import with_anti_windup
 from polefence.certify.bounds import (
     Bound,
     agreed_bound,
@@ -262,22 +263,36 @@ def withstands_rounding(task: Task, law: Law) -> bool:
 
 def candidate(task: Task, law: Law) -> Candidate | Missing:
     """Return proofs of the region and of the limits of a task, or what has none."""
-    limits: list[Bound] = []
     missing = Missing.REGION
     with suppress(SolverError), singular_is_failure():
-        certificate = analysed(task.plant, law, task.region, Deadline(None)).certificate
+        asked = (*task.limits, *([task.minimise] if task.minimise else ()))
+        recovering = with_anti_windup(task.plant, law, asked)
+        certificate = analysed(task.plant, recovering, task.region, Deadline(None)).certificate
         if certificate is None:
             return missing
         missing = Missing.LIMIT
-        for limit in task.limits:
-            # of the certificate's law: its alpha may live on another domain than the search's
-            bound = kept_bound(task.plant, certificate.law, limit)
-            # of a law that doubles cannot evaluate a proof is of no use
-            if bound is None or agreed_bound(task.plant, certificate.law, bound) is None:
-                return missing
-            limits.append(bound)
-        return Candidate(certificate, tuple(limits))
+        # of the certificate's law: its alpha may live on another domain than the search's
+        choices = [certificate.law]
+        if recovering is not law:  # the loop is the same while nothing saturates
+            choices.append(law)
+        for choice in choices:
+            limits = _kept(task, choice)
+            if limits is not None:
+                same = choice is certificate.law
+                return Candidate(certificate if same else replace(certificate, law=choice), limits)
     return missing
+
+
+def _kept(task: Task, law: Law) -> tuple[Bound, ...] | None:
+    """Return proofs of the limits of a task, None where one has none."""
+    limits: list[Bound] = []
+    for limit in task.limits:
+        bound = kept_bound(task.plant, law, limit)
+        # of a law that doubles cannot evaluate a proof is of no use
+        if bound is None or agreed_bound(task.plant, law, bound) is None:
+            return None
+        limits.append(bound)
+    return tuple(limits)
 
 
 def together(task: Task, law: Law, point: Reached) -> tuple[Certificate, tuple[Bound, ...]] | None:

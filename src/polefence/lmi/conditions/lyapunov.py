@@ -9,7 +9,7 @@ is then asked for is as in `parameter_dependent`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from operator import add
@@ -18,9 +18,9 @@ import numpy as np
 
 from polefence.lmi.conditions.coefficients import weighted
 from polefence.lmi.conditions.motion import halves
-from polefence.lmi.conditions.pencil import Builder, Linear, Pencil, Term
+from polefence.lmi.conditions.pencil import Block, Builder, Linear, Pencil, Term, put
 from polefence.lmi.conditions.performance import Demands, Form, assembled, split_rows
-from polefence.lmi.conditions.saturation import HELD, Cut, cuts
+from polefence.lmi.conditions.saturation import GAIN, HELD, Cut, Sought, cuts
 from polefence.plant.boxes import Box
 from polefence.plant.motion import STILL, Motion
 from polefence.plant.polynomial import (
@@ -54,6 +54,10 @@ class Loop:
         Where inputs are cut off: how they enter, of degree one, and K E without its sum of alpha.
     pieces : tuple of int
         Of each parameter's interval, in each of which conditions are asked for.
+    own : (n, k) array, optional
+        Where the anti-windup gain is sought: it puts rows into the rates of the law's own states.
+    fastest : (k, m) array, optional
+        What none of its entries may exceed.
     """
 
     E: Polynomial
@@ -65,6 +69,8 @@ class Loop:
     B: Polynomial | None = None
     K: Polynomial | None = None
     pieces: tuple[int, ...] = ()
+    own: Array | None = None
+    fastest: Array | None = None
 
     @property
     def degree(self) -> int:
@@ -111,7 +117,8 @@ class Loop:
         B = self.B and {e: inverse @ p / rate for e, p in self.B.items()}
         K = self.K and {e: p @ right for e, p in self.K.items()}
         timing = self.step * rate, self.motion.changed(rate), B, K
-        return Loop(E, C, self.domain, R, *timing, self.pieces)
+        own = None if self.own is None else inverse @ self.own / rate
+        return Loop(E, C, self.domain, R, *timing, self.pieces, own, self.fastest)
 
     def restored(self, Q: Array, T: Array) -> Array:
         """Return Q in the original coordinates."""
@@ -158,7 +165,9 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
             m, top = output.D.shape[2], loop.input_degree + degree
             names = (f"{HELD}{k + 1}" for k in range(domain.count(top)))
             Y = weighted([pencil.full(name, (m, n), "") for name in names], domain, top)
-            held[output.name] = cuts(loop.B, KX, Y, output.held, domain, natural + elevation)
+            sought = _anti_windup(pencil, loop, output.held)
+            at = domain, natural + elevation, sought
+            held[output.name] = cuts(loop.B, KX, Y, output.held, *at)
     motions = dict[Exponent, tuple[Linear, ...]]()
     if demands.target.motion.moves:
         bare = _products(loop.R or _one(loop), Q, loop, degree)
@@ -174,6 +183,33 @@ def given(loop: Loop, demands: Demands, degree: int = 0, elevation: int = 0) -> 
             yield Form(e, X[e], N, tuple(Y), moved=motions.get(e, ()), cut=cut)
 
     return assembled(pencil, forms(), demands, domain, natural + elevation)
+
+
+def _anti_windup(pencil: Builder, loop: Loop, chosen: Sequence[int]) -> Sought | None:
+    """Declare what an anti-windup gain G is found from, |G| <= ``fastest``; None of a given one."""
+    if loop.own is None or loop.fastest is None:
+        return None
+    k = loop.own.shape[1]
+    S = tuple(pencil.full(f"{GAIN}, S{i + 1}", (1, 1), "") for i in chosen)
+    GS = pencil.full(GAIN, (k, len(chosen)), "")
+    one = np.ones((1, 1))
+    for i, (S_i, column) in enumerate(zip(S, np.eye(len(chosen))[:, :, None], strict=True)):
+        for row, limit in zip(np.eye(k)[:, None], loop.fastest[:, chosen[i]], strict=True):
+            for sign in (-1.0, 1.0):
+                half = put(sign / 2 * (row @ GS), one, column.T) + put(-limit / 2 * S_i, one, one)
+                pencil.blocks.append(Block(f"gain {sign}", 1, (), half))
+    return Sought(S, GS, loop.own)
+
+
+def gain_of(values: Mapping[str, Array], chosen: Sequence[int], m: int) -> Array | None:
+    """Return the anti-windup gain (k, m) of a point, None where none is sought."""
+    if GAIN not in values:
+        return None
+    GS = values[GAIN]
+    gain = np.zeros((len(GS), m))
+    for k, i in enumerate(chosen):
+        gain[:, i] = GS[:, k] / values[f"{GAIN}, S{i + 1}"].item()
+    return gain
 
 
 def fed(loop: Loop, Q: Array, s: Array, degree: int) -> Array:

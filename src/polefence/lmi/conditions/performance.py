@@ -51,7 +51,7 @@ from polefence.lmi.conditions.pencil import (
     multiple,
     put,
 )
-from polefence.lmi.conditions.saturation import Cut
+from polefence.lmi.conditions.saturation import Cut, Sector
 from polefence.lmi.conditions.target import NO_REGION, Target
 from polefence.plant.boxes import Box, weights
 from polefence.plant.polynomial import (
@@ -298,6 +298,12 @@ def assembled(
         for source, (more, half) in product(sources, form.motions):
             if not isinstance(source, Through):
                 data = data_at(moved[source.name])
+                sector = _sector_of(source, outputs, form)
+                if sector is not None:
+                    at = form.X, form.N, half, demands.step
+                    driven = t[source.name], data, weight
+                    pencil.blocks.append(_recovering(source, name + more, at, sector, driven))
+                    continue
                 for k, added in enumerate(_added(source, outputs, form)):
                     N = form.N + added
                     N = N + demands.margin * form.X if demands.margin else N
@@ -444,14 +450,24 @@ def _moved(
     if step:  # the rows below in units in which X is one
         root = np.sqrt(step)
         driven += put(N, -root * eye, below) + put(X, -0.5 * below, below)
-    if isinstance(source, Noise) and source.root is not None:
-        for column in source.root.T[:, :, None]:
-            driven += put(t, weight / 2 * eye @ column, eye @ column)
-    elif isinstance(source, Noise):
+    driven += _of_noise(source, t, data, weight, eye)
+    return Block(f"{source.name}, {name}", size, (), driven)
+
+
+def _of_noise(
+    source: Source, t: Linear, data: Array, weight: float, eye: Array
+) -> tuple[Term, ...]:
+    """Return what noise adds; nothing of another source."""
+    if not isinstance(source, Noise):
+        return ()
+    if source.root is None:
         # columns of zeros ask for work and for nothing else
         entering = np.any(data, axis=0)
-        driven += put(multiple(t, data[:, entering] / 2), eye, eye[:, entering])
-    return Block(f"{source.name}, {name}", size, (), driven)
+        return put(multiple(t, data[:, entering] / 2), eye, eye[:, entering])
+    terms: tuple[Term, ...] = ()
+    for column in source.root.T[:, :, None]:
+        terms += put(t, weight / 2 * eye @ column, eye @ column)
+    return terms
 
 
 def _corner(N: Linear, half: Linear, step: float) -> Linear:
@@ -498,6 +514,38 @@ def _added(source: Source, outputs: tuple[Output, ...], form: Form) -> tuple[Lin
     """Return the terms added to N for each part of the saturated inputs of a source."""
     added = [form.cut[o.name].added for o in outputs if o.held and o.source == source.name]
     return added[0] if added else (Linear(),)
+
+
+def _sector_of(source: Source, outputs: tuple[Output, ...], form: Form) -> Sector | None:
+    """Return the terms of a source's saturated inputs where an anti-windup gain is sought."""
+    sectors = (form.cut[o.name].sector for o in outputs if o.held and o.source == source.name)
+    return next(sectors, None)
+
+
+def _recovering(
+    source: Source,
+    name: str,
+    at: tuple[Linear, Linear, Linear, float],
+    sector: Sector,
+    driven: tuple[Linear, Array, float],
+) -> Block:
+    """Return the block of the decay whatever is cut off; ``at`` as `_moved` has it.
+
+    With a step it ends with X of the next sample. What noise adds there is left out: the gain that
+    is found is proved as one that is given.
+    """
+    (X, N, half, step), (t, data, weight) = at, driven
+    n, k = X.terms[0].left.shape[0], sector.S.terms[0].left.shape[0]
+    size = n + k + (n if step else 0)
+    x, q, z = np.split(np.eye(size), [n, n + k], axis=1)
+    half_M = put(_corner(N, half, step), x, x) + put(-1.0 * sector.S, q, q)
+    half_M += put(-1.0 * sector.entering, x, q) + put(sector.excess, q, x)
+    if step:
+        root = np.sqrt(step)
+        half_M += put(N, -root * z, x) + put(sector.entering, root * z, q)
+        half_M += put(X, -0.5 * z, z)
+    half_M += _of_noise(source, t, data, weight, x)
+    return Block(f"{source.name}, {name}", size, (), half_M)
 
 
 def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:

@@ -2,6 +2,12 @@
 
 For every part S of the inputs that are cut off N becomes N + B_S (Y - K X)_S. See
 `polefence.proof.claims.saturation`.
+
+Where an anti-windup gain G is sought it meets Y - K X there. With q = u - sat(u) and a diagonal S
+in which q'S^-1 (q - (K - H) x) <= 0 one inequality takes the place of those of all parts, linear in
+S and G S (Gomes da Silva & Tarbouriech, 2005):
+
+    -[ N + N',  (K X - Y)' - B S - G S ;  K X - Y - S B' - (G S)',  -2 S ] > 0.
 """
 
 from __future__ import annotations
@@ -12,10 +18,11 @@ from itertools import combinations
 
 import numpy as np
 
-from polefence.lmi.conditions.pencil import Linear
+from polefence.lmi.conditions.pencil import Linear, multiple, put
 from polefence.plant.polynomial import Domain, Exponent, Polynomial, degree_of, elevated
 from polefence.plant.system import Array
 
+GAIN = "G S"  # the name of an anti-windup gain that is sought, times S, which is named after it
 HELD = "Y"  # how the names of what is unknown beside X begin
 
 
@@ -36,11 +43,49 @@ class Cut:
     """
 
     Y: Linear
-    added: tuple[Linear, ...]
+    added: tuple[Linear, ...] = ()
+    sector: Sector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sector:
+    """Coefficients of one exponent where an anti-windup gain G is sought.
+
+    Attributes
+    ----------
+    entering : Linear
+        B S + G S, (n, k) for k inputs that are cut off.
+    excess : Linear
+        K X - Y of these inputs, (k, n).
+    S : Linear
+        (k, k)
+    """
+
+    entering: Linear
+    excess: Linear
+    S: Linear
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """Unknowns of an anti-windup gain: S of each input that is cut off, and G S.
+
+    ``rows`` (n, own) puts G into the rows of the law's own states.
+    """
+
+    S: tuple[Linear, ...]
+    GS: Linear
+    rows: Array
 
 
 def cuts(
-    B: Polynomial, KX: Forms, Y: Forms, chosen: Sequence[int], domain: Domain, degree: int
+    B: Polynomial,
+    KX: Forms,
+    Y: Forms,
+    chosen: Sequence[int],
+    domain: Domain,
+    degree: int,
+    sought: Sought | None = None,
 ) -> dict[Exponent, Cut]:
     """Return the saturation terms of a condition of a degree, by exponent.
 
@@ -50,15 +95,22 @@ def cuts(
         Of degree one.
     KX, Y : mapping
         Coefficients by exponents, of one degree.
+    sought : Sought, optional
+        Of an anti-windup gain.
     """
     difference = {e: coefficient - KX.get(e, Linear()) for e, coefficient in Y.items()}
     degree_of_Y = sum(next(iter(Y))[: domain.sizes[0]])
     raised = elevated(B, domain, degree - degree_of_Y - degree_of(B, domain))
-    excess = [_times(_column(raised, i), difference) for i in chosen]
     one = {(0,) * sum(domain.sizes): np.eye(next(iter(B.values())).shape[1])}
     free = np.diag([float(i not in chosen) for i in range(len(one[next(iter(one))]))])
     bounded = {e: P - free @ KX.get(e, Linear()) for e, P in Y.items()}
-    held = _times(elevated(one, domain, degree - degree_of_Y), bounded)
+    ones = elevated(one, domain, degree - degree_of_Y)
+    held = _times(ones, bounded)
+    if sought is not None:
+        beyond = _times(ones, {e: -1.0 * excess_of for e, excess_of in difference.items()})
+        sectors = _sectors(B, beyond, chosen, domain, degree, sought)
+        return {e: Cut(held[e], sector=sectors[e]) for e in domain.monomials(degree)}
+    excess = [_times(_column(raised, i), difference) for i in chosen]
     parts = [p for size in range(len(chosen) + 1) for p in combinations(range(len(chosen)), size)]
     cut: dict[Exponent, Cut] = {}
     for e in domain.monomials(degree):
@@ -70,6 +122,31 @@ def cuts(
             added.append(total)
         cut[e] = Cut(held[e], tuple(added))
     return cut
+
+
+def _sectors(
+    B: Polynomial,
+    beyond: Forms,
+    chosen: Sequence[int],
+    domain: Domain,
+    degree: int,
+    sought: Sought,
+) -> dict[Exponent, Sector]:
+    """Return the terms of the one inequality; ``beyond`` is K X - Y, of this degree."""
+    raised = elevated(B, domain, degree - degree_of(B, domain))
+    ones = elevated({(0,) * sum(domain.sizes): np.eye(1)}, domain, degree)
+    (n, m), units = next(iter(B.values())).shape, np.eye(len(chosen))[:, :, None]
+    pairs = list(zip(chosen, sought.S, units, strict=True))
+    result = dict[Exponent, Sector]()
+    for e in domain.monomials(degree):
+        weight = ones[e].item()
+        entering, corner = weight * (sought.rows @ sought.GS), Linear()
+        for i, S, unit in pairs:
+            column = raised[e][:, i : i + 1] if e in raised else np.zeros((n, 1))
+            entering = entering + Linear(put(multiple(S, column), np.eye(n), unit))
+            corner = corner + Linear(put(weight * S, unit, unit))
+        result[e] = Sector(entering, np.eye(m)[list(chosen)] @ beyond[e], corner)
+    return result
 
 
 def _column(B: Polynomial, i: int) -> Polynomial:

@@ -10,9 +10,10 @@ from itertools import chain
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.lmi.conditions.lyapunov import Loop, fed, given, sum_of
+from polefence.lmi.conditions.lyapunov import Loop, fed, gain_of, given, sum_of
+from polefence.lmi.conditions.pencil import Pencil
 from polefence.lmi.conditions.performance import Demands, Output, Source, Through, unit_of
-from polefence.lmi.conditions.saturation import HELD
+from polefence.lmi.conditions.saturation import GAIN, HELD
 from polefence.lmi.conditions.target import Around, Goal, Target
 from polefence.lmi.solve.interior_point import TOLERANCE, WIDE, Outcome
 from polefence.lmi.solve.scaling import factor, power_of_two
@@ -25,7 +26,7 @@ from polefence.lmi.solve.search import (
     rounds,
     singular_is_failure,
 )
-from polefence.lmi.solve.stacked import stack
+from polefence.lmi.solve.stacked import Stacked, stack
 from polefence.lmi.solve.starts import covariance, start_matrix
 from polefence.plant.boxes import equal
 from polefence.plant.system import Array
@@ -49,6 +50,8 @@ class LyapunovPolynomial(Point):
         Coefficients of H X, of ``held_degree``, where inputs are cut off.
     pieces : tuple of int
         Of each parameter's interval, in each of which it is one.
+    anti_windup : (k, m) array, optional
+        The gain that was sought, of the law's own states.
     """
 
     Q: Array
@@ -58,6 +61,7 @@ class LyapunovPolynomial(Point):
     held: Array | None = None
     held_degree: int = 0
     pieces: tuple[int, ...] = ()
+    anti_windup: Array | None = None
 
 
 def least(
@@ -114,6 +118,12 @@ def points_inside(
             if reached.r >= 1:
                 return
             yield reached
+
+
+def _inputs_of(demands: Demands) -> tuple[tuple[int, ...], int]:
+    """Return the numbers of the inputs that are cut off, of how many."""
+    pairs = ((output.held, output.D.shape[2]) for output in demands.outputs if output.held)
+    return next(pairs, ((), 0))
 
 
 def work(loop: Loop, source: Source, degree: int, elevation: int) -> float:
@@ -319,13 +329,26 @@ class _Search:
             if names:  # at first what is cut off acts as it is
                 matrices, more = (np.stack([M[k % len(M)] for k in range(count)]) for M in (Q, s))
                 values |= dict(zip(names, fed(moved, matrices, more, self.form[0]), strict=True))
-            x, r = interior(pencil, stacked, values, {})
+            x, r = self._begun(pencil, stacked, values)
             if x is None:
                 continue
             outcome = attempt(stacked, x, WIDE * r, self.enough / self.unit, self.tolerance)
             if outcome is not None:
                 return self._polynomial(outcome, pencil.unpack(outcome.x), demands, T)
         return None
+
+    def _begun(
+        self, pencil: Pencil, stacked: Stacked, values: dict[str, Array]
+    ) -> tuple[Array | None, float]:
+        """Return where a run begins; of an anti-windup gain at zero, S as large as it may be."""
+        others = [v for v in pencil.variables if v.name.startswith(GAIN)]
+        x, r = None, np.inf
+        for size in (1.0, 1e-2, 1e-4, 1e-6) if others else (1.0,):
+            more = {v.name: size * float(v.name != GAIN) * np.ones(v.shape) for v in others}
+            x, r = interior(pencil, stacked, values | more, {})
+            if x is not None:
+                break
+        return x, r
 
     def _moved(self, point: LyapunovPolynomial, T: Array) -> tuple[Array, Array]:
         inverse = np.asarray(np.linalg.inv(T) if self.loop.R is None else T.T, dtype=float)
@@ -357,4 +380,5 @@ class _Search:
             held=held,
             held_degree=self.loop.input_degree + self.form[0],
             pieces=self.loop.pieces,
+            anti_windup=gain_of(values, *_inputs_of(demands)),
         )

@@ -1,0 +1,105 @@
+"""The anti-windup gain of a law with states of its own, for the least limit at which it recovers.
+
+While inputs saturate the law's own states run on: they wind up. With G (sat(u) - u) added to their
+rates they need not. G is found for a law that is given, by one LMI beside which G is convex; what
+is proved is proved of the gain as it is, like any other of the law's numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.base.explained import explained
+from polefence.certify.evidence import FORMS
+from polefence.law.laws import Law, PolynomialGain
+from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.solve.loops import loop_with, with_inputs
+from polefence.lmi.solve.lyapunov import least_given
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import states
+from polefence.plant.points import seeded
+from polefence.plant.system import Array
+from polefence.proof.laws import OWN
+from polefence.requirements.specification import Specification
+from polefence.response.closed import Loops, close
+
+POINTS = 50  # of the family, at which the fastest pole is looked for
+# How much faster than the loop's fastest pole a gain may move its input. Of an unstable lag, of its
+# samples and of the balance the least limit falls to 1.333, 1.335 and 18.46 with 4, and no lower
+# with 100; to 1.335, 1.335 and 18.46 with 2, and 1.449, 1.458 and 18.89 with 1.
+FASTER = 4.0
+
+
+@explained
+def with_anti_windup(plant: UncertainPlant, law: Law, asked: Iterable[Specification]) -> Law:
+    """Return a law with an anti-windup gain for what is asked about its saturated inputs.
+
+    The law itself where it has no states of its own, nothing is asked about saturation, or no gain
+    is found. An entry of the gain moves the input that it belongs to no faster than a few times the
+    loop's fastest pole: beyond that a computer had to sample more often for it.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With the law's own states.
+    asked : iterable of Specification
+        Of each input the first that is about its saturation counts.
+    """
+    plant = delta_form(plant)
+    rows = [k for k, state in enumerate(states(plant)) if state.name.startswith(OWN)]
+    if not rows or not isinstance(law, PolynomialGain):
+        return law
+    (n, m), done = plant.shape, set[int]()
+    gain = np.zeros((n, m))
+    for specification in asked:
+        chosen = set(specification.cut_off(plant)) - done
+        found = _found(plant, law, specification, rows) if chosen else None
+        if found is not None:
+            places = np.ix_(rows, sorted(chosen))
+            gain[places] = found[:, sorted(chosen)]
+            done |= chosen
+    if not np.any(gain):
+        return law
+    return law.with_anti_windup(np.array([[float(f"{x:.6g}") for x in row] for row in gain]))
+
+
+def _found(
+    plant: UncertainPlant, law: Law, specification: Specification, rows: list[int]
+) -> Array | None:
+    """Return the gain (k, m) of the lowest limit, None where none is found."""
+    source, output = specification.condition(plant, law.domain_of(plant), 1.0)
+    loop = with_inputs(plant, law, loop_with(plant, law, output.C, output.D))
+    loop = _sought(plant, law, loop, rows)
+    best: Array | None = None
+    least = np.inf
+    for form in FORMS[: 1 if len(plant.vertices) == 1 else None]:
+        with suppress(SolverError, np.linalg.LinAlgError):
+            point = least_given(loop, source, output, *form)
+            if point.anti_windup is not None and point.r < least:
+                best, least = point.anti_windup, point.r
+    return best
+
+
+def _sought(plant: UncertainPlant, law: Law, loop: Loop, rows: list[int]) -> Loop:
+    """Return the loop with the rows in which the gain is sought, and how large it may be."""
+    points = seeded(plant, len(plant.vertices) + POINTS)
+    loops = close(plant, law, points, disturbed=False)
+    fastest = float(np.abs(loops.poles()).max())
+    moved = _moved(loops, rows, fastest)
+    most = np.where(moved > 0, FASTER * fastest / np.where(moved > 0, moved, 1.0), 0.0)
+    # of an input that nothing of the law's own moves the gain is zero: LMIs need room about it
+    most = np.maximum(most, 1e-9 * most.max(initial=1.0))
+    return replace(loop, own=np.eye(plant.shape[0])[:, rows], fastest=most.T)
+
+
+def _moved(loops: Loops, rows: list[int], fastest: float) -> Array:
+    """Return by how much the law's own states move each input, at once and a little later."""
+    at_once = np.abs(loops.K[:, :, rows]).max(axis=0)
+    later = np.abs(loops.K @ loops.closed)[:, :, rows].max(axis=0) / fastest
+    return np.asarray(at_once + later)

@@ -86,9 +86,9 @@ def test_a_file_whose_plant_is_changed_is_not_proved(folder, capsys):
 
 def test_specifications_are_kept_at_a_sample_time(folder, capsys):
     said = ran(capsys, "optimise", "spring.toml", *AT, "-o", "out")
-    assert "  at samples every 20 ms, not between them" in said
+    assert "  inputs held for 20 ms, inputs act 1 sample late; rms at all times, all else" in said
     found = ran(capsys, "check", "out", "--spec", "spring.toml")
-    assert "rms of 'f' = u1 <= 3 at density 1, at samples every 20 ms" in found
+    assert "rms of 'f' = u1 <= 3 at density 1, at all times, with inputs held for 20 ms" in found
     assert main(["tightest", "spring.toml", "--of", "disk", "--centre", "0.3", *AT]) == 0
 
 
@@ -172,7 +172,7 @@ def test_a_trade_off_is_of_the_samples(folder, capsys):
     words += ["--over", "rms of f with density 2"]
     words += ["--value", "2", "--value", "3", "--method", "quadratic"]
     said = ran(capsys, *words, "--sample-time", "0.02", "--delay", "1")
-    assert "at samples every 20 ms, not between them" in said
+    assert "inputs held for 20 ms, inputs act 1 sample late; rms at all times" in said
     assert said.count(" proved ") >= 2
     assert main([*words, "--delay", "1"]) == 2
     assert "--delay counts samples: give --sample-time too" in capsys.readouterr().err

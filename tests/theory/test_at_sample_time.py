@@ -645,9 +645,7 @@ def divided_in_four(problem, level):
     found = []
     for a, b in product((0.0, 0.5), repeat=2):
         box = Box((a, b), (a + 0.5, b + 0.5))
-        dual = next(
-            own for own in _duals(replace(problem, box=box), level, DEGREES) if own.level < level
-        )
+        dual = next(own for own in _duals(problem.inside(box), level, DEGREES) if own.level < level)
         ends = (tuple(map(Fraction, own)) for own in (box.low, box.high))
         found.append(Piece(*ends, _dual_evidence(dual)))
     return tuple(found)

@@ -467,6 +467,8 @@ def _climb(
     if isinstance(specification, GainNorm):
         yield from (iter([point]) for point in _norms(plant, law, specification, unit))
         return
+    if not specification.has_primal(plant):
+        return
     wide = behind(plant, law, specification)
     plant, law, specification = wide.plant, wide.law, wide.specification
     source, output = specification.condition(plant, law.domain_of(plant), unit)

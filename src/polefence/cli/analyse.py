@@ -174,7 +174,9 @@ def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
     say(*_lyapunov_lines(analysis))
     for verified in analysis.bounds:
         say(_bound_text(plant, verified), verdict=verified.answer)
-    say(*image_text(plant, asked, kept), *samples_text(plant), *given.text(options))
+    signals = [verified.specification for verified in analysis.bounds]
+    samples = samples_text(plant, signals)
+    say(*image_text(plant, asked, kept), *samples, *given.text(options))
     _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
         from polefence.show.plots import analysis_figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from polefence.proof.motion import motion_text
 from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
 from polefence.region.regions import Region
 from polefence.region.z_plane import shares
+from polefence.requirements.specification import Specification
 
 MOST_GAINS = 8  # vertices whose gains are printed one by one
 
@@ -32,15 +33,28 @@ def order_lines(plant: UncertainPlant, structure: Structure | None) -> list[str]
     ]
 
 
-def samples_text(plant: UncertainPlant) -> list[str]:
-    """Say what the samples of a plant are, that a law was designed for; nothing of any other."""
+def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> list[str]:
+    """Say what the samples of a plant are, that a law was designed for; nothing of any other.
+
+    Parameters
+    ----------
+    asked : sequence of Specification
+        What is bounded: some of it may hold between samples too.
+    """
     sampling = plant.sampling
     if sampling is None or plant.sample_time is None:
         return []
     time, late = milliseconds_text(plant.sample_time), ""
     if sampling.delay:
         late = f", inputs act {plural(sampling.delay, 'sample')} late"
-    return [f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"]
+    always = [one for one in asked if not one.has_primal(plant)]
+    if not always:
+        return [
+            f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"
+        ]
+    weighted = any(any(one.filters) for one in asked)
+    which = "rms without weight" if weighted else "rms"
+    return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
 
 
 def motion_lines(

@@ -183,12 +183,15 @@ class Row:
     with_law : Sampled
     passive : Sampled, optional
         A quarter car's without control, where that is stable in this signal.
+    at_samples : float, optional
+        The worst value at the samples alone, of a bound that holds at all times.
     """
 
     bound: Bound
     unit: str
     with_law: Sampled
     passive: Sampled | None
+    at_samples: float | None = None
 
     @property
     def label(self) -> str:
@@ -220,8 +223,10 @@ def rows_of(done: Optimised) -> list[Row]:
     passive: Sequence[Sampled | None] = [None] * len(asked)
     if plant.vehicle is not None:
         passive = [_passive(plant, one, alpha) for one in asked]
-    every = zip(done.bounds, with_law, passive, strict=True)
-    return [Row(bound, bound.specification.unit(plant), one, alone) for bound, one, alone in every]
+    at_samples = (one.at_samples(plant, done.law, alpha) for one in asked)
+    worst = [None if values is None else float(values.max()) for values in at_samples]
+    units = [one.unit(plant) for one in asked]
+    return list(map(Row, done.bounds, units, with_law, passive, worst))
 
 
 def _passive(plant: UncertainPlant, asked: Specification, alpha: Array) -> Sampled | None:
@@ -255,7 +260,9 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     width = max(len(row.label) for row in rows)
     alone = any(row.passive is not None for row in rows)
     domains = {bound.claim.subject.on for bound in done.bounds}
+    beside = any(row.at_samples is not None for row in rows)
     heads = ["proved", f"sampled {count}", "ratio", *(["passive"] if alone else [])]
+    heads += ["at samples"] if beside else []
     lines = [
         f"proved: {label} keeps all poles of {done.plant.name!r} in {done.design.region} and, for "
         f"{every_alpha(done.design, *domains)},",
@@ -267,12 +274,14 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         cells.append("-" if ratio is None else digits_up(ratio, 5))
         if alone:
             cells.append("-" if row.passive is None else digits_down(row.passive.worst))
+        if beside:
+            cells.append("-" if row.at_samples is None else digits_down(row.at_samples))
         note = "minimised" if row.minimised else "limit"
         if row.minimised and is_loose(row.bound.level, row.with_law.worst):
             note += ", not tight: the worst case lies between"
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
-    lines += samples_text(done.plant)
+    lines += samples_text(done.plant, [row.bound.specification for row in rows])
     lines += motion_lines(done.plant, done.design.region, bounds=True) + _design_lines(done)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
@@ -409,6 +418,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "worst sampled": row.with_law.worst,
                 "conservatism": row.conservatism,
                 "passive": None if row.passive is None else row.passive.worst,
+                "at samples": row.at_samples,
             }
             for row in rows
         ],

@@ -199,12 +199,13 @@ def _lines(front: Front) -> list[str]:
     """Return the table, bounds rounded up, and the reasons of what is not proved."""
     over, least = front.labels
     question = front.asked
+    signals = [question.minimise, question.over, *question.subject_to]
     lines = [
         f"{question.plant.name}: {question.plant.size_text}",
         f"least {least} over limits on {over}",
         *(f"with {limit_text(s)}" for s in question.subject_to),
         f"with poles in {question.region}",
-        *(line.strip() for line in samples_text(question.plant)),
+        *(line.strip() for line in samples_text(question.plant, signals)),
     ]
     width = _width(front.rows)
     lines += _table(front.rows)

@@ -31,6 +31,7 @@ from polefence.plant.parameters import Parameter, check_label, check_name, exact
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, floats, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
+from polefence.proof.between import Held
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
 from polefence.proof.reading import MAX_VERTICES
@@ -69,6 +70,15 @@ class SamplesOf(Short):
     def known(self) -> dict[tuple[Fraction, ...], list[list[Fraction]]]:
         """Samples at points of the box that were asked for."""
         return {}
+
+    @cached_property
+    def held(self) -> Held | None:
+        """What goes on between samples, with what was computed of it; None without noise."""
+        A, B, E = (
+            [list(map(list, M)) for v in self.plant.vertices if (M := getattr(v, key)) is not None]
+            for key in ("exact_A", "exact_B", "exact_E")
+        )
+        return Held(A, B, E, self.delay, self.units[: sum(self.plant.shape)]) if E else None
 
 
 @dataclass(frozen=True, repr=False)

@@ -100,6 +100,22 @@ def spend(operations: int, left: int, right: int = 0) -> None:
     count.spent += amount
 
 
+def spend_again(amount: int) -> None:
+    """Count work that was counted before, for it is not done again where its result is kept.
+
+    Raises
+    ------
+    WorkError
+        If it is more than the count allows.
+    """
+    count = _COUNT.get()
+    if count is None:
+        return
+    if count.spent + amount > count.most:
+        raise WorkError(TOO_MUCH)
+    count.spent += amount
+
+
 def cost(left: int, right: int = 0) -> int:
     """Return what one operation on numbers of so many bits costs."""
     return CALL + (left // 30 + 1) * (right // 30 + 1)

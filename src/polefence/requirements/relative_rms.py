@@ -53,6 +53,7 @@ class RelativeRms(Rms):
     kind = "relative rms"
     vector = False
     limits_rms = False
+    at_all_times = False
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant whose parameters move, too."""

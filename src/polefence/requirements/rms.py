@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,12 +13,14 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem
+from polefence.lmi.solve.gramians import DualProblem, OverPeriod
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof.between import Held
 from polefence.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.requirements.specification import Row, Specification, is_number, listed
 from polefence.requirements.weights import (
@@ -28,7 +30,9 @@ from polefence.requirements.weights import (
     wider,
     with_weights,
 )
-from polefence.response.stationary import stationary
+from polefence.response.between import factor, held_of, means
+from polefence.response.closed import close
+from polefence.response.stationary import lyapunov, needed, stationary
 from polefence.response.weighting import Weighting
 
 PLAIN = "none"  # of an entry that goes through no filter
@@ -55,6 +59,7 @@ class Rms(Specification):
     keys = ("density", "weight", "disturbances")
     vector = True
     limits_rms = True
+    at_all_times: ClassVar[bool] = True  # of samples: between them too
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -140,9 +145,25 @@ class Rms(Specification):
         E, degree = self.driving(plant)
         return conditions.noise(name, domain, E, self.density / 2, degree)
 
+    def held(self, plant: UncertainPlant) -> Held | None:
+        """Return what is held between samples, where the rms is that at all times.
+
+        What comes out of a filter is known at samples alone.
+        """
+        held = held_of(plant) if self.at_all_times and not any(self.filters) else None
+        if held is None or not all(held.moves(y.exact(plant)[0]) for y in self.outputs(plant)):
+            return None
+        return held
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
-        return self._dual(plant, law, (self.density / 2) ** 0.5)
+        problem, held = self._dual(plant, law, (self.density / 2) ** 0.5), self.held(plant)
+        if held is None:
+            return problem
+        outputs = self.exact_outputs(plant)
+        scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
+        period = held.period(outputs, scales, plant.period, intensity)
+        return replace(problem, means=OverPeriod(period, held.chosen_of(outputs)))
 
     def claim(
         self,
@@ -153,18 +174,40 @@ class Rms(Specification):
         """Return the claim about the rms."""
         scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
         outputs, filters = self.exact_outputs(plant), filters_of(plant, self)
-        return proof.Rms(subject, outputs, level, intensity, scales=scales, filters=filters)
+        held = self.held(plant)
+        return proof.Rms(
+            subject, outputs, level, intensity, scales=scales, filters=filters, held=held
+        )
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the rms, by a Lyapunov equation at each point."""
         return of_one_noise(plant, law, [self], alpha)[0]
+
+    def has_primal(self, plant: UncertainPlant) -> bool:
+        """Not of what goes on between samples: a mean over a period is linear in the dual."""
+        return self.held(plant) is None
+
+    def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
+        """Return the rms at samples alone, where what is bounded is that at all times."""
+        return None if self.held(plant) is None else _at_samples(plant, law, self, alpha)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with disturbances of unit intensity, and with its filters."""
         wide = behind(plant, None, self)
         channel = Specification.channel(wide.specification, wide.plant, alpha)
         more = wide.plant.shape[0] - plant.shape[0]
-        return replace(channel, E=(self.density / 2) ** 0.5 * channel.E, filters=more)
+        channel = replace(channel, E=(self.density / 2) ** 0.5 * channel.E, filters=more)
+        held = self.held(plant)
+        if held is None:
+            return channel
+        n, (count, m) = plant.shape[0], (len(alpha), plant.shape[1])
+        outputs = self.exact_outputs(plant)
+        mean = means(plant, held, outputs, self.scales(plant), self.density, alpha)
+        E, rows = np.zeros((count, n, mean.V.shape[-1])), np.zeros((count, len(mean.chosen), n + m))
+        E[:, : mean.V.shape[-1]] = factor(mean.V)
+        rows[:, :, mean.chosen] = np.swapaxes(factor(mean.M), 1, 2)
+        F = np.zeros((count, rows.shape[1], E.shape[2]))
+        return replace(channel, E=E, C=rows[..., :n], D=rows[..., n:], F=F, more=mean.c)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
@@ -188,6 +231,33 @@ def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...]
     return None if set(weight) == {PLAIN} else weight
 
 
+def _at_samples(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array) -> Array:
+    """Return the rms of a signal at samples."""
+    psd = limit.density * limit.squares(plant)
+    plain, (bare,) = with_weights(plant, (limit,))
+    rms = stationary(plain, wider(law, plant, plain), alpha, psd, bare.outputs(plain)).rms
+    return np.asarray(np.linalg.norm(rms, axis=1))
+
+
+def _at_all_times(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array) -> Array:
+    """Return the rms of a signal between samples too, or that of a weighted one at them.
+
+    Raises
+    ------
+    InputError
+        As `stationary` raises.
+    """
+    at_samples = _at_samples(plant, law, limit, alpha)  # refuses what has none
+    if limit.held(plant) is None:
+        return at_samples
+    loops, channel = close(plant, law, alpha), limit.channel(delta_form(plant), alpha)
+    kept = needed(channel.C + channel.D @ loops.K, loops.closed)
+    A, E = loops.closed[:, kept][:, :, kept], channel.E[:, kept]
+    C = (channel.C + channel.D @ loops.K)[:, :, kept]
+    X = lyapunov(A, E @ np.swapaxes(E, 1, 2), loops.step)
+    return np.asarray(np.sqrt(np.maximum(((C @ X) * C).sum(axis=(1, 2)) + channel.more, 0.0)))
+
+
 def of_one_noise(
     plant: UncertainPlant, law: Any, limits: Sequence[Rms], alpha: Array
 ) -> list[Array]:
@@ -198,6 +268,8 @@ def of_one_noise(
     InputError
         As `stationary` raises, of all of them together.
     """
+    if any(limit.held(plant) is not None for limit in limits):
+        return [_at_all_times(plant, law, limit, alpha) for limit in limits]
     psd, bare = limits[0].density * limits[0].squares(plant), plant
     plant, plain = with_weights(plant, limits)
     law = wider(law, bare, plant)

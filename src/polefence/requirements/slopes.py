@@ -22,6 +22,8 @@ class Channel:
         (count, p, q) arrays
     filters : int
         How many of the states, the last ones, are those of filters: no gain is of them.
+    more : (count,) array or zero
+        What no law changes of the square of what is measured.
     """
 
     A: Array
@@ -31,9 +33,11 @@ class Channel:
     D: Array
     F: Array
     filters: int = 0
+    more: Any = 0.0
 
     def __getitem__(self, some: Any) -> Channel:
-        return replace(self, **{key: getattr(self, key)[some] for key in "ABECDF"})
+        more = self.more[some] if np.ndim(self.more) else self.more
+        return replace(self, **{key: getattr(self, key)[some] for key in "ABECDF"}, more=more)
 
     def in_units(self, d: Array) -> Channel:
         """Return the channel with states in units d (n,), and filters in matching units."""
@@ -61,7 +65,7 @@ class Channel:
         if self.filters:
             K = np.pad(K, ((0, 0), (0, 0), (0, self.filters)))
             modes = Modes(self.A + self.B @ K, modes.step)
-        return Loops(modes, self.E, self.C + self.D @ K, self.F)
+        return Loops(modes, self.E, self.C + self.D @ K, self.F, self.more)
 
     def slopes(self, slopes: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
@@ -80,12 +84,15 @@ class Loops:
     modes : Modes
         Of A.
     E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
+    more : (count,) array or zero
+        See `Channel`.
     """
 
     modes: Modes
     E: Array
     C: Array
     F: Array
+    more: Any = 0.0
 
     @property
     def A(self) -> Array:
@@ -118,13 +125,13 @@ class Slopes:
 
 
 def of_noise(loops: Loops) -> Slopes:
-    """Return the root of trace C X C', A X + X A' + E E' = 0: by Q of A' Q + Q A + C' C = 0.
+    """Return the root of trace C X C' + more, A X + X A' + E E' = 0: by A' Q + Q A + C' C = 0.
 
     In discrete time with step A X A' and step A' Q A besides.
     """
     X, C = loops.covariance, loops.C
     CX = C @ X
-    values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)), 0.0))
+    values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)) + loops.more, 0.0))
 
     def turned() -> tuple[Array, Array]:
         Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)

@@ -387,6 +387,14 @@ class Specification(Short):
         """
         raise NotImplementedError
 
+    def has_primal(self, plant: UncertainPlant) -> bool:  # noqa: ARG002
+        """Whether the bound is proved by a polynomial about as large as the covariance, too."""
+        return True
+
+    def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:  # noqa: ARG002
+        """Return the value at samples alone, where the bounded one is another; else None."""
+        return None
+
     def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
         """Return the requirements that replace it in the search for a structured law.
 

@@ -34,7 +34,11 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
+from polefence.proof.between import Period
+from polefence.proof.polynomials import Polynomial as ExactPolynomial
+from polefence.proof.polynomials import monomials, multinomial
 from polefence.proof.remainder import SHARE
+from polefence.response.between import factor
 from polefence.response.modes import Modes, even_modes, of_modes
 from polefence.response.stationary import bilinear, growth
 
@@ -79,6 +83,58 @@ class Cover:
 
 
 @dataclass(frozen=True, eq=False)
+class OverPeriod:
+    """What has a mean over a period in place of a value at samples: see `proof.between`.
+
+    Attributes
+    ----------
+    period : Period
+        In exact rationals, on the whole box.
+    chosen : list of int
+        Which of [x; u] the means are of.
+    M, V, c : (count, ., .) arrays, optional
+        Bernstein coefficients of upper bounds on a part of the box.
+    degree : int
+    """
+
+    period: Period
+    chosen: list[int]
+    M: Array | None = None
+    V: Array | None = None
+    c: Array | None = None
+    degree: int = 0
+
+    def inside(self, box: Box, domain: Domain) -> OverPeriod:
+        """Return the bounds on a part of the box."""
+        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+        sizes = tuple(domain.sizes)
+        mean = self.period.on_part(low, high, sizes)
+        degree = max(max(P.degrees, default=0) for P in (mean.M, mean.V, mean.c))
+        M, V, c = (_coefficients(P, degree) for P in (mean.M, mean.V, mean.c))
+        return replace(self, M=M, V=V, c=c, degree=degree)
+
+    def at(self, domain: Domain, alpha: Array) -> tuple[Array, Array, Array]:
+        """Return factors of M and V, L'L and L L', and c at points of the part."""
+        basis = domain.basis(alpha, self.degree)
+        M, V, c = (np.tensordot(basis, P, 1) for P in (self.M, self.V, self.c) if P is not None)
+        return np.swapaxes(factor(M), 1, 2), factor(V), c[:, 0, 0]
+
+
+def _coefficients(P: ExactPolynomial, degree: int) -> Array:
+    """Return Bernstein coefficients of a degree in each simplex."""
+    raised = P.raised((degree,) * len(P.sizes))
+    none = np.zeros(P.shape)
+    return np.array(
+        [
+            np.array([[x / (raised.whole * multinomial(e, P.sizes)) for x in row] for row in terms])
+            if (terms := raised.terms.get(e))
+            else none
+            for e in monomials(P.sizes, degree)
+        ]
+    )
+
+
+@dataclass(frozen=True, eq=False)
 class DualProblem:
     """Closed loops of a family, with outputs and disturbances: what a bound is about.
 
@@ -96,6 +152,8 @@ class DualProblem:
         The part of the box that it is about.
     between : bool
         Whether the loops are samples at the corners of a part, interpolated between them.
+    means : OverPeriod, optional
+        Of what is bounded between samples too; C, D, E and F then tell only of the samples.
     """
 
     plant: UncertainPlant
@@ -108,6 +166,7 @@ class DualProblem:
     share: Polynomial | None = None
     box: Box | None = None
     between: bool = False
+    means: OverPeriod | None = None
 
     @property
     def domain(self) -> Domain:
@@ -122,6 +181,8 @@ class DualProblem:
     @property
     def scales(self) -> Array:
         """How many times each disturbance acts, (q,)."""
+        if self.means is not None:  # what it is off by is in the means
+            return np.zeros(self.E.shape[-1])
         E = np.stack([v.E for v in self.plant.vertices if v.E is not None])
         sizes, entering = (np.abs(M).max(axis=(0, 1)) for M in (self.E, E))
         return np.asarray(sizes / np.where(entering > 0, entering, 1.0))
@@ -154,15 +215,17 @@ class DualProblem:
 
     def inside(self, box: Box) -> DualProblem:
         """Return the problem on a part of the box; of samples with their corners there."""
+        means = self.means and self.means.inside(box, self.domain)
         if not self.plant.bent:
-            return replace(self, box=box)
+            return replace(self, box=box, means=means)
         low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
         plant = inside(self.plant, low, high)
         alpha = box.alpha(self.domain, self.domain.nodes(1))
         C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
         E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
         law = self.law.inside(plant, low, high)
-        return replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F, between=True)
+        problem = replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F)
+        return replace(problem, between=True, means=means)
 
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""
@@ -190,6 +253,7 @@ class DualProblem:
 
         Of a part of the box alpha are weights of its own corners.
         """
+        here = alpha
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
         A, B = self.plant.at(alpha)
@@ -197,7 +261,19 @@ class DualProblem:
         curved = self.plant.curve_degree > 1
         E = self.plant.driven(alpha) * self.scales if curved else np.tensordot(alpha, self.E, 1)
         W, Z = self.law.parts(alpha)
-        return W, A @ W + B @ Z, C @ W + D @ Z, E, F
+        if self.means is None or self.means.M is None:
+            return W, A @ W + B @ Z, C @ W + D @ Z, E, F
+        energy, noise, _ = self.means.at(self.domain, here)
+        Y = energy @ np.concatenate([W, Z], axis=1)[:, self.means.chosen]
+        E = np.zeros((len(W), W.shape[1], noise.shape[-1]))
+        E[:, : noise.shape[1]] = noise
+        return W, A @ W + B @ Z, Y, E, np.zeros((len(W), Y.shape[1], E.shape[2]))
+
+    def more(self, alpha: Array) -> Array:
+        """Return what no law changes of the bound's square, at points of the part."""
+        if self.means is None or self.means.c is None:
+            return np.zeros(len(alpha))
+        return self.means.at(self.domain, alpha)[2]
 
     def closed(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
         """Return A + B K, C + D K, E and F at points."""
@@ -245,6 +321,9 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
         The highest degree.
     """
     first = int(problem.domain.corners > 1)
+    if problem.means is not None:
+        whole = problem.means.inside(Box.whole(problem.domain), problem.domain)
+        problem = replace(problem, means=whole)
     for degree in range(first, most + 1 if first else 1):
         if problem.work(degree) * ROUNDS > MOST and degree > first:
             return
@@ -353,8 +432,8 @@ class _Interpolation:
         return domain.basis(at, self.degree), self.problem.at(at)
 
     @cached_property
-    def bounded(self) -> tuple[int, Array, Array, Array]:
-        """Of what is a share: its degree; Q's basis and E at its nodes; its coefficients."""
+    def bounded(self) -> tuple[int, Array, Array, Array, Array]:
+        """Of what is a share: its degree; Q's basis and E at its nodes; its coefficients; more."""
         problem, domain, degree = self.problem, self.problem.domain, self.total
         if problem.share is not None:
             varies = bool(np.ptp(problem.E, axis=0).any())
@@ -363,7 +442,8 @@ class _Interpolation:
             )
         at = domain.nodes(degree)
         shares = domain.interpolated(problem.shares(at), degree)
-        return degree, domain.basis(at, self.degree), problem.at(at)[3], shares
+        more = problem.more(at)
+        return degree, domain.basis(at, self.degree), problem.at(at)[3], shares, more
 
     @cached_property
     def units(self) -> Array:
@@ -411,7 +491,7 @@ class _Interpolation:
         if modes is None:
             return None
         least = self.modes.observed(Y.swapaxes(-1, -2) @ Y)
-        whole = (level * (1 - ROOM)) ** 2 - self._largest(least)
+        whole = (level * (1 - ROOM)) ** 2 - self._largest(least, self._more_at_nodes)
         if whole <= 0:
             return None
         missed, _ = self._missed(domain.interpolated(least, self.degree), None)
@@ -433,10 +513,14 @@ class _Interpolation:
                 return Dual(Q, self.degree, bound, cover)
         return None
 
-    def _largest(self, Q: Array) -> float:
-        """Return the largest tr E'QE at the nodes."""
+    def _largest(self, Q: Array, more: Array | float = 0.0) -> float:
+        """Return the largest tr E'QE at the nodes, with what is added to it."""
         E = self.nodes[2]
-        return float(np.einsum("pik,pij,pjk->p", E, Q, E).max())
+        return float((np.einsum("pik,pij,pjk->p", E, Q, E) + more).max())
+
+    @cached_property
+    def _more_at_nodes(self) -> Array:
+        return self.problem.more(self.problem.domain.nodes(self.degree))
 
     def _grown(self, level: float | None) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""
@@ -483,9 +567,11 @@ class _Interpolation:
             Q = self.modes.observed(Y.swapaxes(-1, -2) @ Y + R)
             at = self.problem.domain.nodes(self.degree)
             squares = np.einsum("pik,pij,pjk->p", E, Q, E) / self.problem.shares(at)
-            top = float(squares.max())
+            more = self._more_at_nodes
+            top = float((squares + more).max())
             if top > 0:
-                Q *= (top / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
+                wanted = np.maximum(top - more, squares)
+                Q *= (wanted / np.maximum(squares, LOWEST**2 * top))[:, None, None] ** (1 - share)
         else:
             levels = np.minimum(least * (1 + BARELY), level)
             Q = riccati(*self._equations(R, levels ** (1 - share) * level**share))
@@ -677,8 +763,8 @@ class _Interpolation:
 
         Infinite where the latter are not all positive.
         """
-        degree, basis, E, shares = self.bounded
-        squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E)
+        degree, basis, E, shares, more = self.bounded
+        squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E) + more
         coefficients = self.problem.domain.interpolated(squares, degree)
         return coefficients / shares if shares.min() > 0 else np.full_like(coefficients, np.inf)
 

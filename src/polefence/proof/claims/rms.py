@@ -8,15 +8,23 @@ diagonal, one inequality says sum_j Y_j X^-1 Y_j' < g^2, and no further evidence
 The dual form: Q > 0 at a vertex, -(N + N' + Y'Y) > 0 with N = Q (A + B K), Y = C + D K, and
 g^2 - S tr E'QE > 0: Q is more than the observability Gramian. The products are polynomials; in
 blocks the coefficients of Y would stand squared in place of those of Y'Y, which proves less.
+
+Of a plant that is sampled, x' = A x + B u + E w with u held between samples, the rms is the root of
+the mean of E z'z over all of the time. The dual form then has [I; K]'M [I; K] in place of Y'Y, V in
+place of S E E', and g^2 - c of g^2: see `polefence.proof.between`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from functools import cached_property, partial
+from typing import Any, ClassVar, Self
 
+from polefence.proof.between import Held, Mean, Period
+from polefence.proof.claims.base import Claim
+from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     Rows,
@@ -24,21 +32,26 @@ from polefence.proof.claims.signal import (
     Subject,
     bounded,
     dual_of_noise,
+    largest_coefficient,
     most_noise,
     moving,
 )
-from polefence.proof.plant import Output
-from polefence.proof.polynomials import Polynomial, number
+from polefence.proof.laws import Piece, Point
+from polefence.proof.plant import Output, Plant
+from polefence.proof.polynomials import Polynomial, bernstein, number
 from polefence.proof.reading import Table, plain
-from polefence.proof.text import digits_down
+from polefence.proof.text import digits_down, milliseconds_text
 from polefence.proof.transfer import Tensor, Transfer, bernstein_of, combined
+from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
 class Rms(SignalClaim):
     """The rms of z is less than ``level`` for white noise w of two-sided ``intensity``.
 
-    The stationary covariance P satisfies A P + P A' + intensity E E' = 0.
+    The stationary covariance P satisfies A P + P A' + intensity E E' = 0. With ``held`` the plant
+    is the samples of that one, and the rms is that of the signal at all times; ``part`` is the part
+    of its box that the claim is about, with the period there.
     """
 
     kind: ClassVar[str] = "rms"
@@ -49,6 +62,10 @@ class Rms(SignalClaim):
     motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)
+    held: Held | None = field(default=None, kw_only=True)
+    part: tuple[Period, Point, Point] | None = field(
+        default=None, kw_only=True, repr=False, compare=False
+    )
 
     @classmethod
     def read_extra(
@@ -57,12 +74,69 @@ class Rms(SignalClaim):
         subject: Subject,  # noqa: ARG003
         outputs: tuple[Output, ...],  # noqa: ARG003
     ) -> dict[str, Any]:
-        """Read the intensity."""
-        return {"intensity": table.number("intensity", 1)}
+        """Read the intensity, and what is sampled."""
+        held = {"held": Held.read(table.table("held"))} if "held" in table else {}
+        return {"intensity": table.number("intensity", 1)} | held
 
     def write_extra(self) -> dict[str, Any]:
-        """Return the intensity."""
-        return {"intensity": plain(self.intensity)}
+        """Return the intensity, and what is sampled."""
+        held = {} if self.held is None else {"held": self.held.write()}
+        return {"intensity": plain(self.intensity)} | held
+
+    def require_extra(self) -> None:
+        """Refuse what is sampled where it does not fit."""
+        if self.held is None:
+            return
+        subject, evidence = self.subject, self.subject.evidence
+        self.held.require(len(subject.A), subject.n, subject.m, subject.q, subject.sizes)
+        if not subject.step or self.filters:
+            raise FormatError("held: belongs to a sampled plant, and a signal without filters")
+        if not (evidence.dual or evidence.cells):
+            raise FormatError("held: what goes on between samples needs the dual form")
+
+    def require(self) -> None:
+        """Refuse what does not fit, or is too much."""
+        super().require()
+        if self.held is not None:
+            self._period.require_moderate()
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:
+        """Say that the plant is not the samples of what is held between them."""
+        held = self.held
+        if held is not None and not any(
+            isinstance(other, Samples)
+            and (other.A, other.B, other.E, other.delay) == (held.A, held.B, held.E, held.delay)
+            for other in claims
+        ):
+            return "held: no claim says that the plant is the samples of this one"
+        return super().fault_in(plant, claims)
+
+    @property
+    def time_text(self) -> str:
+        """Between samples too, where it is so."""
+        if self.held is None:
+            return super().time_text
+        return f", at all times, with inputs held for {milliseconds_text(self.subject.step)} ms"
+
+    def inside(self, piece: Piece) -> Self:
+        """Return the claim about a part of the box."""
+        inner = super().inside(piece)
+        return replace(inner, part=(self._period, piece.low, piece.high)) if self.held else inner
+
+    @cached_property
+    def _period(self) -> Period:
+        if self.held is None:
+            raise FormatError("held: the plant is no samples")
+        return self.held.period(self.outputs, self.scales, self.subject.step, self.intensity)
+
+    def _mean(self) -> Mean:
+        """Return what bounds the mean over a period, in the part that it is about."""
+        sizes = self.subject.sizes
+        if self.part is not None:
+            period, low, high = self.part
+            return period.on_part(low, high, sizes)
+        count = self._period.parameters
+        return self._period.on_part((Fraction(0),) * count, (Fraction(1),) * count, sizes)
 
     @property
     def largest(self) -> int:
@@ -78,12 +152,23 @@ class Rms(SignalClaim):
     def dual_rows(self) -> Rows:
         """Return what bounds the observability Gramian, and the noise in it."""
         square = number(self.level**2, self.subject.sizes)
-        return dual_of_noise(self, square, self.intensity)
+        if self.held is None:
+            return dual_of_noise(self, square, self.intensity)
+        form = self.held.chosen(self.outputs, self.subject.law.form(self.subject.sizes))
+        mean = self._mean()
+        energy = form.T.half_times(mean.M * form)
+        return dual_of_noise(self, square, self.intensity, energy, partial(_noise, mean))
 
     @property
     def least_square(self) -> Fraction | None:
-        """Of the dual form: the largest coefficient of intensity tr E'QE."""
-        return most_noise(self, self.intensity)
+        """Of the dual form: the largest coefficient of intensity tr E'QE, or of c + tr Q V."""
+        if self.held is None:
+            return most_noise(self, self.intensity)
+        evidence = self.subject.evidence
+        if not evidence.dual or evidence.cells:
+            return None
+        Q = bernstein(evidence.X, self.subject.sizes, evidence.degree)
+        return largest_coefficient(_noise(self._mean(), Q), evidence.elevation)
 
     def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D, and g^2 D - S N, where the variance is S N / D."""
@@ -99,3 +184,12 @@ class Rms(SignalClaim):
     def under(self) -> str:
         """The noise."""
         return f" at density {digits_down(2 * self.intensity, 4)}"
+
+
+def _noise(mean: Mean, Q: Polynomial) -> Polynomial:
+    """Return c + tr Q V."""
+    total, V = mean.c, mean.V
+    for i in range(V.shape[0]):
+        row = slice(i, i + 1)
+        total = total + Q.part(row, slice(V.shape[0])) * V.part(slice(None), row)
+    return total

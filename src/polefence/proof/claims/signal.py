@@ -530,11 +530,14 @@ class SignalClaim(Short, Claim):
         One that is none of the plant's signals is said to be defined by the file.
         """
         what, acting = outputs_text(self.outputs, plant, self.filters), self._acting(plant)
-        level = digits_up(self.level)
-        on = f", on the {self.subject.on}"
-        if self.subject.step:
-            on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
+        level, on = digits_up(self.level), f"{self.time_text}, on the {self.subject.on}"
         return f"{self.kind} of {what} <= {level}{self.under}{acting}{on}"
+
+    @property
+    def time_text(self) -> str:
+        """At which times the bound holds, where that is not at all of them."""
+        step = self.subject.step
+        return f", at samples every {milliseconds_text(step)} ms" if step else ""
 
     def _acting(self, plant: Plant) -> str:
         """Say which disturbances act, and how much of each."""
@@ -906,12 +909,27 @@ def moving(
     return square.times(1 + SHARE) + constant(more, sizes)
 
 
-def dual_of_noise(claim: SignalClaim, square: Polynomial, intensity: Fraction) -> Rows:
-    """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square."""
+def dual_of_noise(
+    claim: SignalClaim,
+    square: Polynomial,
+    intensity: Fraction,
+    energy: Polynomial | None = None,
+    driven: Callable[[Polynomial], Polynomial] | None = None,
+) -> Rows:
+    """Return that Q is more than the observability Gramian, and intensity tr E'QE < the square.
+
+    Parameters
+    ----------
+    energy : Polynomial, optional
+        In place of Y'Y.
+    driven : callable, optional
+        From Q to what is in place of intensity tr E'QE.
+    """
     loop = claim.subject.dual_loop(claim.outputs)
     Q, Y, spread = loop.Q, loop.Y, claim.subject.evidence.spread
-    inner = -(loop.falling + Y.T.half_times(Y))
-    noise: Rows = {"of the noise": [[square - _driven(claim, Q, intensity)]]}
+    inner = -(loop.falling + (Y.T.half_times(Y) if energy is None else energy))
+    moved = _driven(claim, Q, intensity) if driven is None else driven(Q)
+    noise: Rows = {"of the noise": [[square - moved]]}
     if spread is None:
         return {"of the output": [[inner]]} | noise
     loss, PH = loop.loss(spread, claim.subject.law)
@@ -942,10 +960,13 @@ def most_noise(claim: SignalClaim, intensity: Fraction) -> Fraction | None:
     if not evidence.dual or evidence.cells:
         return None
     Q = bernstein(evidence.X, sizes, evidence.degree)
-    driven = _driven(series, Q, intensity).elevated(evidence.elevation)
-    values = (
-        Fraction(M[0][0], driven.whole * multinomial(e, sizes)) for e, M in driven.terms.items()
-    )
+    return largest_coefficient(_driven(series, Q, intensity), evidence.elevation)
+
+
+def largest_coefficient(P: Polynomial, elevation: int) -> Fraction:
+    """Return the largest Bernstein coefficient of a polynomial of one entry, zero at least."""
+    P = P.elevated(elevation)
+    values = (Fraction(M[0][0], P.whole * multinomial(e, P.sizes)) for e, M in P.terms.items())
     return max(Fraction(0), *values)
 
 

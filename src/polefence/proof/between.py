@@ -1,0 +1,721 @@
+r"""Between samples: the mean square of a signal while inputs are held, from that at the samples.
+
+During a period T the signals k of a computer are constant, x' = A x + B k + E w and z = C x + D k.
+With N = [A, B; 0, 0] and noise w of two-sided intensity S, the mean of E z'z over the period is
+E [x; k]'M [x; k] + c of the states at its begin, and T V is the covariance that the noise adds to
+that of the next sample:
+
+    M = 1/T int_0^T exp(N's) [C, D]'[C, D] exp(N s) ds,
+    V = 1/T int_0^T exp(A s) S E E' exp(A's) ds,
+    c = 1/T int_0^T (T - s) tr C exp(A s) S E E' exp(A's) C' ds.
+
+All are computed for a short part h of the period by their series, and for twice the time by
+
+    V_2h = (V_h + F V_h F') / 2,  M_2h = (M_h + F'M_h F) / 2,  c_2h = c_h + h / 2 tr M_h V_h,
+
+with F the exponential of the time h (Van Loan, 1978). At points of the box this is done in whole
+multiples of 2^-96, with a bound on what rounding makes. Between points V, M and c are interpolated:
+their derivatives along a parameter t are at most those that the same computation has with the
+largest magnitudes in place of A, B, C, D and E, and these plus s times the largest magnitudes of
+their slopes: powers of s up to the third are computed, rounded up. The diagonals of A keep their
+signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the latter's series has no negative term.
+
+What interpolation and rounding may miss, entry by entry R, is made up for by a diagonal matrix:
+with any w > 0 that of sum_j R_ij w_j / w_i exceeds every symmetric matrix of entries within R. So V
+and M are nowhere below the true ones; w are about the inverse roots of the diagonals of these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import cached_property
+from operator import add, mul
+from typing import Any
+
+from polefence.proof.matrices import (
+    ZERO,
+    Integers,
+    Rationals,
+    bits,
+    common_denominator,
+    longest,
+    mix,
+    transposed,
+)
+from polefence.proof.plant import Output, corner_weights, corners, lattice, sizes_of
+from polefence.proof.polynomials import Polynomial, Sizes, affine, diagonal
+from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
+from polefence.proof.remainder import Remainder
+from polefence.proof.short import Short
+from polefence.proof.work import RATIONAL, FormatError, counted, spend, spend_again
+
+FINE = 96  # bits after the point
+ONE = 1 << FINE
+KEPT = 64  # of these, bits of values at points
+TERMS = 22  # of the series over h, where |N| h is 1/4 at most: what is left is below 2^-96
+MOST_DOUBLINGS, MAX_DELAY = 24, 64
+MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
+UNBOUNDED = 10**18  # work: what the count around it leaves
+LARGE = 1 << 40  # times its units, what a period may make of a state: else too few bits are left
+
+Point = tuple[Fraction, ...]
+Series = list[Integers]  # coefficients of powers of s, in multiples of 2^-96
+
+
+@dataclass(frozen=True)
+class Mean(Short):
+    """Upper bounds of M, V and c on a part of the box, as polynomials."""
+
+    M: Polynomial
+    V: Polynomial
+    c: Polynomial
+
+
+@dataclass(frozen=True)
+class _Values(Short):
+    """M, V and c at a point in multiples of 2^-96 of their units, and what each is off by."""
+
+    M: Integers
+    V: Integers
+    c: int
+    off: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Period(Short):
+    """x' = A x + B k + E w, z = C x + D k at every vertex, k constant for a time ``step``.
+
+    ``units`` are of x and k. E has its columns scaled; the noise has two-sided ``intensity``.
+    """
+
+    A: list[Rationals]
+    B: list[Rationals]
+    C: list[Rationals]
+    D: list[Rationals]
+    E: list[Rationals]
+    step: Fraction
+    intensity: Fraction
+    units: tuple[Fraction, ...]
+    _known: dict[Any, tuple[Any, int]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.A[0])
+
+    @property
+    def count(self) -> int:
+        """Number of states and constant signals."""
+        return len(self.units)
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters, whose box has its corners at the vertices."""
+        return len(self.A).bit_length() - 1
+
+    def on_part(self, low: Point, high: Point, sizes: Sizes) -> Mean:
+        """Return upper bounds of M, V and c on a part of the box, in its own coordinates.
+
+        Raises
+        ------
+        FormatError
+            If the period is too long for these rates.
+        """
+        points = lattice(low, high, 2 if self._in_middles else 1)
+        found = list(map(self._at, points))
+        ends = set(corners(low, high))
+        corner = [k for k, at in enumerate(points) if at in ends]
+        n, u = self.n, self.units
+        noise, energy = self._noise_unit, self._energy_unit
+        V = [[noise * u[i] * u[j] for j in range(n)] for i in range(n)]
+        M = [[energy / (a * b) for b in u] for a in u]
+        c = [[self.step * noise * energy]]
+        parts = list[Polynomial]()
+        for k, unit in enumerate((M, V, c)):
+            values = [_kept((v.M, v.V, [[v.c]])[k], unit) for v in found]
+            off = max(v.off[k] for v in found)
+            remainder = self._remainders[k].inside(low, high, [_one(v, unit) for v in values])
+            P = affine([values[i] for i in corner], sizes)
+            if remainder.curve:
+                curved = [_times(rows, unit) for rows in remainder.curve]
+                P = Remainder((), tuple(curved), remainder.degree).curved(P)
+            rounding = Fraction(off, ONE) + Fraction(1, 1 << KEPT)
+            size = _sizes((found[0].M, found[0].V, [[found[0].c]])[k])
+            rows = [
+                sum(((x + rounding) * b for x, b in zip(row, size, strict=True)), ZERO) * a
+                for row, a in zip(remainder.entries, size, strict=True)
+            ]
+            less = [x * unit[i][i] / size[i] ** 2 for i, x in enumerate(rows)]
+            P = P + diagonal(less, sizes)
+            parts.append(P)
+        return Mean(*parts)
+
+    def require_moderate(self) -> None:
+        """Count the work on what holds for all points, and do it where that was not done.
+
+        Raises
+        ------
+        FormatError
+            If it is too much, or the period is too long for these rates.
+        """
+        self._counted("rates", self._prepared)
+
+    def _prepared(self) -> None:
+        every = [*self.A, *self.B, *self.C, *self.D, *self.E]
+        length = longest((self.units, (self.step,), *(row for M in every for row in M)))
+        spend(4 * RATIONAL * sum(len(M) * len(M[0]) for M in every if M and M[0]), length, length)
+        # of powers of s a product is ten; twice the slopes, and h a quarter, are 3 doublings
+        products = 10 * (2 * TERMS + 5 * (self._doublings + 4) + 8)
+        spend(self.parameters * products * self.count**3, FINE, FINE)
+        _ = self._remainders
+
+    def _counted(self, key: Any, computed: Callable[[], Any]) -> Any:
+        """Return what is computed once, and count its work each time."""
+        if key not in self._known:
+            with counted(UNBOUNDED) as count:
+                value = computed()
+            self._known[key] = value, count.spent
+        else:
+            spend_again(self._known[key][1])
+        return self._known[key][0]
+
+    # --- at a point ------------------------------------------------------------------------------
+
+    def _at(self, point: Point) -> _Values:
+        """Return M, V and c at a point."""
+
+        def computed() -> _Values:
+            spend((3 * TERMS + 5 * self._doublings) * self.count**3, FINE, FINE)
+            weights = corner_weights(point)
+            matrices = (self.A, self.B, self.C, self.D, self.E)
+            return self._computed(*(mix(weights, M) for M in matrices))
+
+        values: _Values = self._counted(point, computed)
+        return values
+
+    def _computed(
+        self, A: Rationals, B: Rationals, C: Rationals, D: Rationals, E: Rationals
+    ) -> _Values:
+        n, N, j = self.n, self.count, self._doublings
+        both = [[*a, *b] for a, b in zip(A, B, strict=True)]
+        rates = [[round(x * ONE / (1 << j)) for x in row] for row in self._rates(both)]
+        rates += [[0] * N for _ in range(N - n)]
+        Q = _rounded(self._energy([[*c, *d] for c, d in zip(C, D, strict=True)]))
+        W = _rounded(self._noise(E))
+        F = _exponential(rates)
+        M, _ = _integral(transposed(rates), Q)
+        V, once_more = _integral([row[:n] for row in rates[:n]], W)
+        c = _inner([row[:n] for row in Q[:n]], once_more) >> j
+        # what N rounds to changes a series by N e^(1/2) / 2 at most, its 22 terms by one each
+        of_F, of_M, of_V = N + TERMS + 4, 5 * N + 2 * TERMS + 6, 5 * n + 2 * TERMS + 6
+        of_c = n * n * (of_V + 2)
+        for k in range(j, 0, -1):
+            inner = [row[:n] for row in M[:n]]
+            c += _inner(inner, V) >> k + 1
+            sizes = (_sum_of(inner), _sum_of(V))
+            of_c += -(-(sizes[0] * of_V + sizes[1] * of_M + n * n * of_V * of_M) // ONE) + 2
+            M, of_M = _half_more(M, of_M, transposed(F), F, of_F)
+            small = [row[:n] for row in F[:n]]
+            V, of_V = _half_more(V, of_V, small, transposed(small), of_F)
+            F, of_F = _multiplied(F, of_F, F, of_F)
+            if max(bits(F), bits(M), bits(V)) > FINE + LARGE.bit_length():
+                raise FormatError("between samples: the sample time is too long for these rates")
+        return _Values(M, V, c, (of_M, of_V, of_c))
+
+    # --- in units --------------------------------------------------------------------------------
+
+    def _rates(self, AB: Rationals) -> Rationals:
+        """Return [A, B] T in the units."""
+        return [
+            [x * self.step * u / unit for x, u in zip(row, self.units, strict=True)]
+            for row, unit in zip(AB, self.units, strict=False)
+        ]
+
+    def _energy(self, CD: Rationals) -> Rationals:
+        """Return [C, D]'[C, D] in the units, over that of z'z."""
+        rows = [[x * u for x, u in zip(row, self.units, strict=True)] for row in CD]
+        return _square(rows, self._energy_unit)
+
+    def _noise(self, E: Rationals) -> Rationals:
+        """Return S E E' in the units, over its own."""
+        columns = _columns([[x / u for x in row] for row, u in zip(E, self.units, strict=False)])
+        return _square(columns, self._noise_unit / self.intensity)
+
+    @cached_property
+    def _largest(self) -> tuple[Rationals, Rationals, Rationals]:
+        """The largest magnitudes of [A, B] T, [C, D] and E in units, (., N), (., N) and (q, n)."""
+        return tuple(_most(matrices) for matrices in self._in_units)  # type: ignore[return-value]
+
+    @cached_property
+    def _in_units(self) -> tuple[list[Rationals], list[Rationals], list[Rationals]]:
+        """[A, B] T, [C, D] and the columns of E at the vertices, in units."""
+        AB = [_beside(a, b) for a, b in zip(self.A, self.B, strict=True)]
+        CD = [_beside(c, d) for c, d in zip(self.C, self.D, strict=True)]
+        u = self.units
+        rows = [[[x * v for x, v in zip(row, u, strict=True)] for row in M] for M in CD]
+        columns = [
+            _columns([[x / v for x in row] for row, v in zip(M, u, strict=False)]) for M in self.E
+        ]
+        return [self._rates(M) for M in AB], rows, columns
+
+    @cached_property
+    def _energy_unit(self) -> Fraction:
+        """A power of two, no entry of [C, D]'[C, D] in units is above it."""
+        return _power_above(_square(self._largest[1], Fraction(1)))
+
+    @cached_property
+    def _noise_unit(self) -> Fraction:
+        """A power of two, no entry of S E E' in units is above it."""
+        return _power_above(_square(self._largest[2], 1 / self.intensity))
+
+    @cached_property
+    def _doublings(self) -> int:
+        """How often h is doubled, where |N| h, and that of its transpose, is 1/4 at most."""
+        return self._halvings(Fraction(1, 4), [_ints(self._largest[0])])
+
+    def _halvings(self, most: Fraction, matrices: Iterable[Integers]) -> int:
+        """Return how often the period is halved for sums of rows and columns to be so small."""
+        size = Fraction(sum(max(_row_sum(M), _row_sum(transposed(M))) for M in matrices), ONE)
+        doublings = max(0, math.ceil(size / most) - 1).bit_length()
+        if doublings > MOST_DOUBLINGS:
+            raise FormatError("between samples: the sample time is too long for these rates")
+        return doublings
+
+    # --- between points --------------------------------------------------------------------------
+
+    @property
+    def _in_middles(self) -> bool:
+        return 0 < self.parameters <= MOST_IN_MIDDLES
+
+    @cached_property
+    def _remainders(self) -> tuple[Remainder, Remainder, Remainder]:
+        """Of M, V and c, in their units, without what values are off by at points."""
+        k = self.parameters
+        every = [self._derivatives(i) for i in range(k)]
+        n, N = self.n, self.count
+        zeros = [tuple((ZERO,) * size for _ in range(size)) for size in (N, n, 1)]
+        remainders = list[Remainder]()
+        for number_of, none in enumerate(zeros):
+            twice, thrice = (
+                [_as_rows(found[number_of][d], math.factorial(d)) for found in every]
+                for d in (2, 3)
+            )
+            third = thrice if self._in_middles else []
+            remainders.append(Remainder.between(none, twice, third))
+        one, two, three = remainders
+        return one, two, three
+
+    def _derivatives(self, i: int) -> tuple[Series, Series, Series]:
+        """Return majorants of M, V and c along parameter i, as powers of s."""
+        n, N, half = self.n, self.count, 1 << (self.parameters - 1 - i)
+        rates, outputs, driven = (
+            (most, _most(_slopes(matrices, half)))
+            for most, matrices in zip(self._largest, self._in_units, strict=True)
+        )
+        pair = [_ints(_square_matrix(M, N)) for M in rates]
+        j = self._halvings(Fraction(1, 16), pair)
+        tops = [max(math.ceil(M[k][k] * ONE) for M in self._in_units[0]) for k in range(n)]
+        tops += [0] * (N - n)
+        shift = max(0, -min(tops))
+        shifted = [
+            [top + shift if k == m else x for m, x in enumerate(row)]
+            for k, (row, top) in enumerate(zip(pair[0], tops, strict=True))
+        ]
+        wide = _grown(pair, j)
+        F = _over(_grown([shifted, pair[1]], j), Fraction(shift, ONE << j))
+        Q = _squared(outputs, self._energy_unit)
+        W = _squared(driven, self._noise_unit / self.intensity)
+        M = _sandwich(_turned(wide), Q, wide)
+        small = _first(wide, n)
+        V = _sandwich(small, W, _turned(small))
+        c = [[[-(-x[0][0] >> j + 1)]] for x in _inner_series(_first(Q, n), V)]
+        for k in range(j, 0, -1):
+            more = _inner_series(_first(M, n), V)
+            c = [[[x[0][0] - (-y[0][0] >> k + 1)]] for x, y in zip(c, more, strict=True)]
+            M = _halved(M, _sandwich(_turned(F), M, F))
+            small = _first(F, n)
+            V = _halved(V, _sandwich(small, V, _turned(small)))
+            F = _series_product(F, F)
+        return M, V, c
+
+
+@dataclass(frozen=True)
+class Held(Short):
+    """x' = A x + B u + E w at every vertex, with u held between samples, ``delay`` samples late.
+
+    ``units`` are of x and u. The states at a sample are x and the inputs on their way, and others
+    that do not change between samples.
+    """
+
+    A: list[Rationals]
+    B: list[Rationals]
+    E: list[Rationals]
+    delay: int
+    units: tuple[Fraction, ...]
+    _known: dict[Any, Period] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @classmethod
+    def read(cls, table: Table) -> Held:
+        """Read what is held."""
+        rows = table.tables("vertices", MAX_VERTICES)
+        A, B, E = ([row.matrix(key) for row in rows] for key in "ABE")
+        n, m, q = len(A[0]), len(B[0][0]), len(E[0][0])
+        for key, matrices, columns in (("A", A, n), ("B", B, m), ("E", E, q)):
+            for M in matrices:
+                require_shape(M, n, columns, f"held: {key}")
+        common_denominator([*A, *B, *E])
+        return cls(A, B, E, table.whole("delay", 0), table.numbers("units", n + m))
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        vertices = [
+            {"A": plain(A), "B": plain(B), "E": plain(E)}
+            for A, B, E in zip(self.A, self.B, self.E, strict=True)
+        ]
+        return {"delay": self.delay, "units": plain(self.units), "vertices": vertices}
+
+    def require(self, count: int, n: int, m: int, q: int, sizes: Sizes) -> None:
+        """Refuse what does not fit samples of so many vertices, states, inputs, disturbances."""
+        vertices, states, inputs = len(self.A), len(self.A[0]), len(self.B[0][0])
+        if not 0 <= self.delay <= MAX_DELAY:
+            raise FormatError(f"held: delay is 0 to {MAX_DELAY}")
+        fits = states + self.delay * inputs <= n and inputs <= m and len(self.E[0][0]) == q
+        if vertices != count or not fits:
+            raise FormatError("held: what is sampled is of another shape")
+        if sizes != sizes_of(vertices, "box") or vertices & (vertices - 1):
+            raise FormatError("held: what goes on between samples is bounded on a box")
+        if len(self.units) != states + inputs or min(self.units) <= 0:
+            raise FormatError(f"held: units must hold {states + inputs} positive numbers")
+
+    def moves(self, rows: Sequence[Sequence[Fraction]]) -> bool:
+        """Whether rows of the states at a sample are of x and inputs on their way alone."""
+        width = len(self.A[0]) + self.delay * len(self.B[0][0])
+        return not any(any(row[width:]) for row in rows)
+
+    def period(
+        self,
+        outputs: Sequence[Output],
+        scales: Sequence[Fraction],
+        step: Fraction,
+        intensity: Fraction,
+    ) -> Period:
+        """Return what is between samples, with outputs in terms of the states at a sample."""
+        key = (repr([(y.C, y.D) for y in outputs]), tuple(scales), step, intensity)
+        if key not in self._known:
+            self._known[key] = self._period(outputs, scales, step, intensity)
+        return self._known[key]
+
+    def _period(
+        self,
+        outputs: Sequence[Output],
+        scales: Sequence[Fraction],
+        step: Fraction,
+        intensity: Fraction,
+    ) -> Period:
+        n = len(self.A[0])
+        every, acting = self.constant(outputs), self._acting(len(outputs[0].C[0][0]))
+        B = [
+            [[row[acting.index(k)] if k in acting else ZERO for k in every] for row in M]
+            for M in self.B
+        ]
+        rows = [[[*y.C[j][0], *y.D[j][0]] for y in outputs] for j in range(len(self.A))]
+        C = [[row[:n] for row in M] for M in rows]
+        D = [[[row[k] for k in every] for row in M] for M in rows]
+        E = [
+            [[x * s for x, s in zip(row, scales, strict=True)] for row in M] if scales else M
+            for M in self.E
+        ]
+        units = [self.units[n + acting.index(k)] if k in acting else Fraction(1) for k in every]
+        return Period(self.A, B, C, D, E, step, intensity, (*self.units[:n], *units))
+
+    def chosen(self, outputs: Sequence[Output], form: Polynomial) -> Polynomial:
+        """Return the rows of [x; u] at a sample that outputs between samples depend on."""
+        chosen = self.chosen_of(outputs)
+        return replace(form, terms={e: [M[k] for k in chosen] for e, M in form.terms.items()})
+
+    def chosen_of(self, outputs: Sequence[Output]) -> list[int]:
+        """Return which of [x; u] at a sample outputs between samples depend on."""
+        return [*range(len(self.A[0])), *self.constant(outputs)]
+
+    def constant(self, outputs: Sequence[Output]) -> list[int]:
+        """Return which of [x; u] at a sample are constant signals that act, or that show."""
+        n, acting = len(self.A[0]), self._acting(len(outputs[0].C[0][0]))
+        shown = {
+            k
+            for y in outputs
+            for C, D in zip(y.C, y.D, strict=True)
+            for k, x in enumerate((*C[0], *D[0]))
+            if x and k >= n
+        }
+        return sorted({*acting, *shown})
+
+    def _acting(self, width: int) -> list[int]:
+        """Return which of [x; u] at a sample, of so many states, are the inputs that act."""
+        n, m = len(self.A[0]), len(self.B[0][0])
+        first = n + (self.delay - 1) * m if self.delay else width
+        return list(range(first, first + m))
+
+
+# --- rationals -----------------------------------------------------------------------------------
+
+
+def _beside(one: Rationals, other: Rationals) -> Rationals:
+    return [[*a, *b] for a, b in zip(one, other, strict=True)]
+
+
+def _columns(M: Rationals) -> Rationals:
+    return [list(column) for column in zip(*M, strict=True)]
+
+
+def _square(rows: Rationals, unit: Fraction) -> Rationals:
+    """Return rows' rows over a unit."""
+    common = common_denominator([rows])
+    columns = [[int(x * common) for x in column] for column in zip(*rows, strict=True)]
+    spend(len(columns) ** 2 * len(rows), bits(columns), bits(columns))
+    over = unit * common**2
+    return [[sum(map(mul, a, b)) / over for b in columns] for a in columns]
+
+
+def _most(matrices: Sequence[Rationals]) -> Rationals:
+    """Return the largest magnitudes."""
+    return [
+        [max(map(abs, xs)) for xs in zip(*rows, strict=True)]
+        for rows in zip(*matrices, strict=True)
+    ]
+
+
+def _slopes(matrices: Sequence[Rationals], half: int) -> list[Rationals]:
+    """Return differences of the vertices at both ends of a parameter."""
+    pairs = ((matrices[j], matrices[j + half]) for j in range(len(matrices)) if not j // half % 2)
+    return [
+        [[b - a for a, b in zip(*rows, strict=True)] for rows in zip(one, other, strict=True)]
+        for one, other in pairs
+    ]
+
+
+def _power_above(M: Rationals) -> Fraction:
+    """Return a power of two that no entry is above; one where all are zero."""
+    largest = max((x for row in M for x in row), default=ZERO)
+    if not largest:
+        return Fraction(1)
+    above = Fraction(math.ceil(largest)) if largest >= 1 else 1 / Fraction(math.floor(1 / largest))
+    whole = above >= 1
+    return (
+        Fraction(1 << (above.numerator - 1).bit_length())
+        if whole
+        else Fraction(1, 1 << above.denominator.bit_length() - 1)
+    )
+
+
+def _square_matrix(M: Rationals, N: int) -> Rationals:
+    """Return it with rows of zeros below."""
+    return [*M, *([ZERO] * N for _ in range(N - len(M)))]
+
+
+def _ints(M: Rationals) -> Integers:
+    """Return magnitudes in multiples of 2^-96, rounded up."""
+    return [[math.ceil(x * ONE) for x in row] for row in M]
+
+
+def _rounded(M: Rationals) -> Integers:
+    return [[round(x * ONE) for x in row] for row in M]
+
+
+def _kept(M: Integers, unit: Rationals) -> Rationals:
+    """Return values with `KEPT` bits, times their units."""
+    cut = FINE - KEPT
+    return [
+        [Fraction(x >> cut, 1 << KEPT) * y for x, y in zip(*rows, strict=True)]
+        for rows in zip(M, unit, strict=True)
+    ]
+
+
+def _one(values: Rationals, unit: Rationals) -> Rationals:
+    """Return values without their units."""
+    return [[x / y for x, y in zip(*rows, strict=True)] for rows in zip(values, unit, strict=True)]
+
+
+def _times(rows: Sequence[Sequence[Fraction]], unit: Rationals) -> tuple[tuple[Fraction, ...], ...]:
+    return tuple(
+        tuple(x * y for x, y in zip(*pair, strict=True)) for pair in zip(rows, unit, strict=True)
+    )
+
+
+def _sizes(M: Integers) -> list[Fraction]:
+    """Return powers of two about the inverse roots of the diagonal; a zero counts as small."""
+    least = max(M[i][i] for i in range(len(M))) >> KEPT // 2 | 1
+    return [Fraction(1, 1 << max(M[i][i], least).bit_length() // 2) for i in range(len(M))]
+
+
+def _as_rows(M: Integers, factor: int) -> tuple[tuple[Fraction, ...], ...]:
+    return tuple(tuple(Fraction(factor * x, ONE) for x in row) for row in M)
+
+
+# --- whole multiples of 2^-96 --------------------------------------------------------------------
+
+
+def _product(X: Integers, Y: Integers) -> Integers:
+    """Return a product, rounded down."""
+    columns = transposed(Y)
+    return [[sum(map(mul, row, column)) >> FINE for column in columns] for row in X]
+
+
+def _inner(X: Integers, Y: Integers) -> int:
+    """Return tr X'Y, rounded down."""
+    return sum(sum(map(mul, *rows)) for rows in zip(X, Y, strict=True)) >> FINE
+
+
+def _row_sum(M: Integers) -> int:
+    return max((sum(map(abs, row)) for row in M), default=0)
+
+
+def _sum_of(M: Integers) -> int:
+    return sum(abs(x) for row in M for x in row)
+
+
+def _exponential(rates: Integers) -> Integers:
+    """Return exp N of a small N."""
+    N = len(rates)
+    term = total = [[ONE * (i == j) for j in range(N)] for i in range(N)]
+    for k in range(1, TERMS + 1):
+        term = [[x // k for x in row] for row in _product(term, rates)]
+        total = _added(total, term)
+    return total
+
+
+def _integral(rates: Integers, Q: Integers) -> tuple[Integers, Integers]:
+    """Return int_0^1 exp(N s) Q exp(N's) ds of a small N, and the same with 1 - s besides."""
+    term = total = Q
+    once_more = [[x // 2 for x in row] for row in Q]
+    for k in range(1, TERMS + 1):
+        half = _product(rates, term)
+        term = [
+            [(x + y) // (k + 1) for x, y in zip(*rows, strict=True)]
+            for rows in zip(half, transposed(half), strict=True)
+        ]
+        total = _added(total, term)
+        once_more = _added(once_more, [[x // (k + 2) for x in row] for row in term])
+    return total, once_more
+
+
+def _added(X: Integers, Y: Integers) -> Integers:
+    return [list(map(add, *rows)) for rows in zip(X, Y, strict=True)]
+
+
+def _multiplied(X: Integers, of_X: int, Y: Integers, of_Y: int) -> tuple[Integers, int]:
+    """Return a product, and what its entries are off by where those of X and Y are."""
+    rows, columns = _row_sum(X), _row_sum(transposed(Y))
+    off = -(-(rows * of_Y + columns * of_X + len(Y) * of_X * of_Y) // ONE) + 1
+    return _product(X, Y), off
+
+
+def _half_more(
+    M: Integers, of_M: int, left: Integers, right: Integers, of_F: int
+) -> tuple[Integers, int]:
+    """Return (M + left M right) / 2, and what it is off by."""
+    half, off = _multiplied(M, of_M, right, of_F)
+    more, off = _multiplied(left, of_F, half, off)
+    both = [
+        [(x + y) // 2 for x, y in zip(*rows, strict=True)] for rows in zip(M, more, strict=True)
+    ]
+    # rounded down on either side of the diagonal: as symmetric as it is
+    symmetric = [[both[min(i, j)][max(i, j)] for j in range(len(both))] for i in range(len(both))]
+    return symmetric, (of_M + off + 1) // 2 + 1
+
+
+# --- powers of s, rounded up ---------------------------------------------------------------------
+
+
+def _series_product(X: Series, Y: Series) -> Series:
+    """Return the first powers of s of a product of what is not negative."""
+    columns = [transposed(M) for M in Y]
+    product = Series()
+    for r in range(4):
+        pairs = [(X[a], columns[r - a]) for a in range(r + 1)]
+        product.append(
+            [
+                [
+                    -(-sum(sum(map(mul, M[i], of[j])) for M, of in pairs) >> FINE)
+                    for j in range(len(columns[0]))
+                ]
+                for i in range(len(X[0]))
+            ]
+        )
+    return product
+
+
+def _sandwich(left: Series, M: Series, right: Series) -> Series:
+    return _series_product(_series_product(left, M), right)
+
+
+def _inner_series(X: Series, Y: Series) -> Series:
+    """Return tr X'Y."""
+    found = Series()
+    for r in range(4):
+        total = sum(
+            sum(map(mul, *rows)) for a in range(r + 1) for rows in zip(X[a], Y[r - a], strict=True)
+        )
+        found.append([[-(-total >> FINE)]])
+    return found
+
+
+def _halved(X: Series, Y: Series) -> Series:
+    return [
+        [[-(-(x + y) // 2) for x, y in zip(*rows, strict=True)] for rows in zip(*pair, strict=True)]
+        for pair in zip(X, Y, strict=True)
+    ]
+
+
+def _turned(X: Series) -> Series:
+    return [transposed(M) for M in X]
+
+
+def _first(X: Series, n: int) -> Series:
+    return [[row[:n] for row in M[:n]] for M in X]
+
+
+def _squared(pair: tuple[Rationals, Rationals], unit: Fraction) -> Series:
+    """Return (R + s S)'(R + s S) over a unit."""
+    R, S = (_columns(M) for M in pair)
+
+    def product(X: Rationals, Y: Rationals) -> Rationals:
+        return [[sum(map(mul, a, b), ZERO) / unit for b in Y] for a in X]
+
+    RS = product(R, S)
+    pairs = zip(RS, _columns(RS), strict=True)
+    cross = [[x + y for x, y in zip(*rows, strict=True)] for rows in pairs]
+    return [*map(_ints, (product(R, R), cross, product(S, S))), [[0] * len(R) for _ in R]]
+
+
+def _grown(pair: Sequence[Integers], halvings: int) -> Series:
+    """Return exp((N + s S) / 2^halvings), N and S not negative, as `interpolation` has it."""
+    N, slope = ([[-(-x >> halvings) for x in row] for row in M] for M in pair)
+    size, change = (Fraction(_row_sum(M), ONE) for M in (N, slope))
+    count = len(N)
+    none = [[0] * count for _ in range(count)]
+    one = [[ONE * (i == j) for j in range(count)] for i in range(count)]
+    term, total = [one, none, none, none], [one, none, none, none]
+    rates = [N, slope, none, none]
+    for k in range(1, TERMS + 1):
+        term = [[[-(-x // k) for x in row] for row in M] for M in _series_product(term, rates)]
+        total = [_added(*both) for both in zip(total, term, strict=True)]
+    for d in range(4):
+        first = TERMS + 1 - d
+        tail = size**first / math.factorial(first) / (1 - size / (first + 1))
+        rest = math.ceil(change**d / math.factorial(d) * tail * ONE)
+        total[d] = [[x + rest for x in row] for row in total[d]]
+    return total
+
+
+def _over(X: Series, shift: Fraction) -> Series:
+    """Return a series over e^shift, rounded up."""
+    whole, term = ONE, ONE
+    for k in range(1, TERMS + 1):  # a little less than e^shift
+        term = term * shift.numerator // (shift.denominator * k)
+        whole += term
+    return [[[-(-x * ONE // whole) for x in row] for row in M] for M in X]

@@ -102,8 +102,8 @@ class Board(Short):
         Of a drive.
     between : bool
         Whether signals are looked at between samples too; not of a plant in discrete time.
-    sampled : bool
-        Whether the bounds are about the samples of the loop.
+    proved_of : str
+        What times the bounds are about.
     """
 
     places: tuple[Place, ...]
@@ -111,7 +111,7 @@ class Board(Short):
     steps: int
     samples: int
     between: bool
-    sampled: bool
+    proved_of: str
 
 
 def board_sources(
@@ -200,8 +200,12 @@ def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Clai
     rows = places[0].step.size + places[0].seen.size
     samples = int(WORK / (len(places) * ROADS * steps * rows))
     samples = max(100, min(samples, int(LONGEST / period)))
-    between, sampled = plant.sample_time is None, design.plant.sample_time is not None
-    return Board(tuple(places), promises, steps, samples, between, sampled)
+    between, proved_of = plant.sample_time is None, "in continuous time"
+    if design.plant.sample_time is not None:
+        proved_of = "at all times" if sampling is not None else "at samples"
+        if not all(claim.held for claim in bounds) and sampling is not None:
+            proved_of += ", of weighted signals at samples"
+    return Board(tuple(places), promises, steps, samples, between, proved_of)
 
 
 def _units(plant: UncertainPlant) -> dict[str, str]:
@@ -445,7 +449,7 @@ def _numbers(board: Board, program: Program) -> dict[str, Any]:
         "samples": board.samples,
         "roads": ROADS,
         "between": board.between,
-        "proved_of": "at samples, the noise held" if board.sampled else "in continuous time",
+        "proved_of": board.proved_of,
         "driven_how": "between samples too, white noise" if board.between else "at samples",
         "widest": max(len(str(promise["label"])) for promise in promises),
     }

@@ -126,6 +126,7 @@ class Period(Short):
         FormatError
             If the period is too long for these rates.
         """
+        low, high = low[: self.parameters], high[: self.parameters]  # of one vertex a point
         points = lattice(low, high, 2 if self._in_middles else 1)
         found = list(map(self._at, points))
         ends = set(corners(low, high))

@@ -231,14 +231,16 @@ def _left_out(plant: UncertainPlant, estimated: bool) -> str:
     ``estimated`` is whether one is about errors of estimates.
     """
     sampled = plant.sample_time is not None
+    between = "the time between samples but for each rms that is said to hold at all times"
+    if plant.sampling is None:
+        between = "the time between samples"
     if estimated:
-        rest = "the time between samples" if sampled else "sampling"
+        rest = between if sampled else "sampling"
         return f"Not in the claims: actuator limits, {rest}, and changes of the parameters."
     if sampled:
         return (
-            "Not in the claim: actuator limits, the time between samples, changes of the "
-            "parameters and errors of their estimates; polefence service proves how large the "
-            "errors may be."
+            f"Not in the claim: actuator limits, {between}, changes of the parameters and errors "
+            "of their estimates; polefence service proves how large the errors may be."
         )
     if plant.moving:
         return (

@@ -1,0 +1,269 @@
+"""Between samples: bounds of means over a period, against quadrature and simulated drives."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from scipy.linalg import expm, solve_discrete_lyapunov
+
+import polefence as pf
+from polefence.certify.bounds import best_bound, kept_bound
+from polefence.plant.spec import loads
+from polefence.proof.between import Period
+from polefence.proof.document import check, from_plain
+from polefence.proof.work import FormatError, counted
+from polefence.response.between import held_of, means
+from support.specs import SPRING
+
+T = Fraction(1, 50)
+LAW = {0: np.array([[-30.0, -12.0]]), 1: np.array([[-30.0, -12.0, -0.2]])}
+
+
+def some_period(rng, parameters, n=3, m=1):
+    """A family drawn at random, oscillating and lightly damped."""
+
+    def drawn(rows, columns, size, spread):
+        middle = rng.normal(size=(rows, columns)) * size
+        return [
+            [
+                [Fraction(round(64 * x), 64) for x in row]
+                for row in middle + spread * size * rng.uniform(-1, 1, (rows, columns))
+            ]
+            for _ in range(2**parameters)
+        ]
+
+    A, B = drawn(n, n, 20.0, 0.3), drawn(n, m, 5.0, 0.2)
+    C, D, E = drawn(2, n, 1.0, 0.3), drawn(2, m, 0.5, 0.3), drawn(n, 2, 1.0, 0.2)
+    units = tuple(Fraction(2) ** int(k) for k in rng.integers(-3, 4, n + m))
+    return Period(A, B, C, D, E, T, Fraction(1, 3), units)
+
+
+def by_quadrature(period, at):
+    """M, V and c at a point, from their integrals."""
+    weights = np.array([1.0])
+    for t in at:
+        weights = np.kron(weights, [1 - t, t])
+    A, B, C, D, E = (
+        np.tensordot(weights, np.array(M, dtype=float), 1)
+        for M in (period.A, period.B, period.C, period.D, period.E)
+    )
+    n, m, h = len(A), B.shape[1], float(period.step)
+    N = np.block([[A, B], [np.zeros((m, n + m))]])
+    W, rows = float(period.intensity) * E @ E.T, np.hstack([C, D])
+
+    def of(s):
+        F = expm(N * s)
+        moved = F[:n, :n] @ W @ F[:n, :n].T
+        shown = rows @ F
+        lasting = (h - s) * np.trace(C @ moved @ C.T)
+        return np.concatenate([(shown.T @ shown).ravel(), moved.ravel(), [lasting]]) / h
+
+    found = quad_vec(of, 0.0, h, epsrel=1e-12, epsabs=0.0)[0]
+    k = n + m
+    return found[: k * k].reshape(k, k), found[k * k : -1].reshape(n, n), found[-1]
+
+
+def valued(P, at):
+    """A polynomial's value at a point of its box."""
+    simplices = [(1 - Fraction(t), Fraction(t)) for t in at] or [(Fraction(1),)]
+    weights = [x for pair in simplices for x in pair]
+    total = np.zeros(P.shape)
+    for e, M in P.terms.items():
+        times = np.prod([float(w) ** k for w, k in zip(weights, e, strict=True)])
+        total += times * np.array([[float(Fraction(x, P.whole)) for x in row] for row in M])
+    return total
+
+
+def excess(mean, period, low, high, at):
+    """Least eigenvalues of what the bounds are above the truth, and how much, in units."""
+    inner = [Fraction(a) + (Fraction(b) - a) * t for a, b, t in zip(low, high, at, strict=True)]
+    truth = by_quadrature(period, list(map(float, inner)))
+    units = np.array(period.units, dtype=float)
+    scales = (units, 1 / units[: period.n], np.ones(1))
+    least, most = [], []
+    for P, true, scale in zip((mean.M, mean.V, mean.c), truth, scales, strict=True):
+        found = valued(P, at)
+        size = np.abs(np.atleast_2d(true) * scale * scale[:, None]).max()
+        values = np.linalg.eigvalsh((found - true) * scale * scale[:, None] / size)
+        least.append(values[0])
+        most.append(values[-1])
+    return min(least), max(most)
+
+
+@pytest.mark.parametrize("parameters", [0, 1, 2])
+def test_means_are_never_below_those_of_quadrature(parameters):
+    rng = np.random.default_rng(parameters)
+    sizes = (2,) * parameters or (1,)
+    for _ in range(3):
+        period = some_period(rng, parameters)
+        gaps = []
+        for width in (Fraction(1, 2), Fraction(1, 4)):
+            low = tuple(Fraction(1, 4) for _ in range(parameters))
+            high = tuple(x + width for x in low)
+            with counted(10**12):
+                mean = period.on_part(low, high, sizes)
+            found = [
+                excess(mean, period, low, high, list(map(Fraction, at)))
+                for at in rng.uniform(0, 1, (6, parameters))
+            ]
+            assert min(least for least, _ in found) > -1e-11
+            gaps.append(max(most for _, most in found))
+        if parameters:  # falls as the third power of the width
+            assert gaps[1] < gaps[0] / 6
+        else:
+            assert gaps[0] < 1e-11
+
+
+def test_a_period_that_is_too_long_is_refused():
+    period = replace(some_period(np.random.default_rng(4), 1), step=Fraction(10**9))
+    with counted(10**12), pytest.raises(FormatError, match="the sample time is too long"):
+        period.require_moderate()
+
+
+@pytest.fixture(scope="module")
+def spring():
+    return loads(SPRING)
+
+
+def sampled_and_loop(plant, law, T, at):
+    """Covariances of a loop at a point, by another way: moments over fine steps of a period."""
+    point = np.atleast_2d(at)
+    A, B = (M[0] for M in plant.at(point))
+    E, n = plant.driven(point)[0], plant.shape[0]
+    late, K = law.shape[1] > n, law
+    steps = 400
+    h = float(T) / steps
+    N = np.block([[A, B], [np.zeros((1, n + 1))]])
+    F = expm(N * h)
+    W = quad_vec(lambda s: expm(A * s) @ E @ E.T @ expm(A * s).T, 0, h, epsrel=1e-12)[0] / 2
+    whole = np.linalg.matrix_power(F, steps)
+    added, covariances = np.zeros((n, n)), [np.zeros((n, n))]
+    for _ in range(steps):
+        added = F[:n, :n] @ added @ F[:n, :n].T + W
+        covariances.append(added)
+    if late:  # states x and the input that acts during this period
+        closed = np.vstack([whole[:n], K])
+        noise = np.zeros((n + 1, n + 1))
+        noise[:n, :n] = added
+        P = solve_discrete_lyapunov(closed, noise)
+    else:
+        P = solve_discrete_lyapunov(whole[:n, :n] + whole[:n, n:] @ K, added)
+        up = np.vstack([np.eye(n), K])
+        P = up @ P @ up.T
+    position = []
+    moved = np.eye(n + 1)
+    for k in range(steps + 1):
+        position.append((moved @ P @ moved.T)[0, 0] + covariances[k][0, 0])
+        moved = F @ moved
+    return np.sqrt(np.trapezoid(position) / steps), np.sqrt(P[0, 0])
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_a_bound_is_at_all_times_and_close(spring, delay):
+    seen = pf.at_sample_time(spring, T, delay)
+    asked = pf.Rms("x", density=1.0)
+    bound = best_bound(seen, pf.FixedGain(LAW[delay]), asked)
+    assert bound is not None
+    corners = np.eye(len(seen.vertices))
+    found = [sampled_and_loop(spring, LAW[delay], T, at)[0] for at in corners]
+    computed = asked.values(seen, pf.FixedGain(LAW[delay]), corners)
+    assert computed == pytest.approx(found, rel=1e-5)
+    assert bound.level >= max(found) * (1 - 1e-9)
+    assert bound.level <= max(found) * 1.01
+    law, below = pf.FixedGain(LAW[delay]), max(found) * (1 - 1e-3)
+    assert kept_bound(seen, law, replace(asked, at_most=below)) is None
+
+
+def test_as_the_sample_time_falls_it_is_that_of_continuous_time(spring):
+    asked, corners = pf.Rms("x", density=1.0), np.eye(len(spring.vertices))
+    law = pf.FixedGain(LAW[0])
+    known = asked.values(spring, law, corners)
+    apart = [
+        np.abs(asked.values(pf.at_sample_time(spring, h, 0), law, corners) / known - 1).max()
+        for h in (4e-3, 2e-3, 1e-3)
+    ]
+    assert apart[0] > apart[1] > apart[2]
+    assert apart[2] < 0.02
+
+
+def test_no_drive_has_more(spring):
+    """A drive in fine steps, noise in each: the mean over many of them keeps its bound."""
+    seen = pf.at_sample_time(spring, T, 1)
+    bound = best_bound(seen, pf.FixedGain(LAW[1]), pf.Rms("x", density=1.0))
+    rng, steps, drives = np.random.default_rng(5), 20, 1000
+    for vertex in spring.vertices:
+        n, h = 2, float(T) / steps
+        F = expm(np.block([[vertex.A, vertex.B], [np.zeros((1, 3))]]) * h)
+        root = np.linalg.cholesky(
+            quad_vec(
+                lambda s, A=vertex.A, E=vertex.E: expm(A * s) @ E @ E.T @ expm(A * s).T / 2, 0, h
+            )[0]
+            + 1e-18 * np.eye(2)
+        )
+        x, acting, total = np.zeros((n, drives)), np.zeros(drives), 0.0
+        for k in range(400):
+            sent = LAW[1][0] @ np.vstack([x, acting])
+            for _ in range(steps):
+                x = F[:2] @ np.vstack([x, acting]) + root @ rng.normal(size=(2, drives))
+                total += (x[0] ** 2).mean() if k >= 100 else 0.0
+            acting = sent
+        assert (total / (300 * steps)) ** 0.5 < bound.level * 1.01  # 1,000 drives are off by 1/300
+
+
+def test_floats_are_what_the_proof_has(spring):
+    seen = pf.at_sample_time(spring, T, 1)
+    held = held_of(seen)
+    outputs = [pf.Rms("x", density=2.0).exact_outputs(seen)[0]]
+    corners = np.eye(len(seen.vertices))
+    found = means(seen, held, outputs, (), 2.0, corners)
+    period = held.period(outputs, (), T, Fraction(1))
+    for k, at in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+        M, V, c = by_quadrature(period, at)
+        assert found.M[k] == pytest.approx(M, rel=1e-9, abs=1e-12 * np.abs(M).max())
+        assert found.V[k] == pytest.approx(V, rel=1e-9, abs=1e-12 * np.abs(V).max())
+        assert found.c[k] == pytest.approx(c, rel=1e-9)
+
+
+def is_proved(document):
+    """Whether a file of a design is proved."""
+    try:
+        return check(from_plain(document)).proved
+    except FormatError:
+        return False
+
+
+def broken(rows):
+    """One fault at a time in what is held."""
+    rows["delay"] += 1
+    yield
+    rows["delay"] -= 1
+    for key, i, j in (("A", 1, 0), ("B", 1, 0), ("E", 1, 0)):
+        known = rows["vertices"][0][key][i][j]
+        rows["vertices"][0][key][i][j] = "1" if known != "1" else "2"
+        yield
+        rows["vertices"][0][key][i][j] = known
+
+
+def test_what_is_held_is_what_the_samples_are_of(spring, tmp_path):
+    seen = pf.at_sample_time(spring, T, 1)
+    asked = pf.Rms("x", density=1.0)
+    pf.optimise(seen, asked, [pf.Rms("f", density=1.0, at_most=3.0)]).save(tmp_path)
+    document = json.loads((tmp_path / "design.json").read_text())
+    assert is_proved(document)
+    claims = [claim for claim in document["claims"] if claim["kind"] == "rms" and "held" in claim]
+    assert len(claims) == 2
+    for _ in broken(claims[0]["held"]):
+        assert not is_proved(document)
+    assert is_proved(document)
+    level = claims[0]["level"]
+    claims[0]["level"] = float(Fraction(str(level))) * 0.99
+    assert not is_proved(document)
+    claims[0]["level"] = level
+    samples = next(claim for claim in document["claims"] if claim["kind"] == "samples")
+    document["claims"].remove(samples)
+    assert not is_proved(document)

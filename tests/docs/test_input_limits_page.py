@@ -29,9 +29,10 @@ def test_the_commands_print_what_the_page_shows_and_the_table_states_it(
     script, tmp_path, monkeypatch, capsys
 ):
     plant = script["balance"]()
-    spec = re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1]
+    spec, lag = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     assert loads(spec).digest == plant.digest
     (tmp_path / "balance.toml").write_text(spec)
+    (tmp_path / "lag.toml").write_text(lag)
     for block in blocks(PAGE):
         follow(block, tmp_path, monkeypatch, capsys)
     file = tmp_path / "balance" / "design.json"

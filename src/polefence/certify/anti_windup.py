@@ -34,6 +34,9 @@ POINTS = 50  # of the family, at which the fastest pole is looked for
 # samples and of the balance the least limit falls to 1.333, 1.335 and 18.46 with 4, and no lower
 # with 100; to 1.335, 1.335 and 18.46 with 2, and 1.449, 1.458 and 18.89 with 1.
 FASTER = 4.0
+# A share of the largest that an entry may be, below which it is zero; and the latter of one that is
+# to be zero, for LMIs need room.
+SLIGHT, LEAST = 1e-6, 1e-12
 
 
 @explained
@@ -83,7 +86,10 @@ def _found(
             point = least_given(loop, source, output, *form)
             if point.anti_windup is not None and point.r < least:
                 best, least = point.anti_windup, point.r
-    return best
+    if best is None or loop.fastest is None:
+        return None
+    kept = (np.abs(best) > SLIGHT * loop.fastest) & (loop.fastest > LEAST)
+    return np.where(kept, best, 0.0)
 
 
 def _sought(plant: UncertainPlant, law: Law, loop: Loop, rows: list[int]) -> Loop:
@@ -92,9 +98,8 @@ def _sought(plant: UncertainPlant, law: Law, loop: Loop, rows: list[int]) -> Loo
     loops = close(plant, law, points, disturbed=False)
     fastest = float(np.abs(loops.poles()).max())
     moved = _moved(loops, rows, fastest)
-    most = np.where(moved > 0, FASTER * fastest / np.where(moved > 0, moved, 1.0), 0.0)
-    # of an input that nothing of the law's own moves the gain is zero: LMIs need room about it
-    most = np.maximum(most, 1e-9 * most.max(initial=1.0))
+    # of an input that a state does not move the gain is zero: its room is lost in rounding
+    most = np.where(moved > 0, FASTER * fastest / np.where(moved > 0, moved, 1.0), LEAST)
     return replace(loop, own=np.eye(plant.shape[0])[:, rows], fastest=most.T)
 
 

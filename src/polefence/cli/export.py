@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,10 @@ from polefence.export.exported import Exported, check_folder, marks, write_folde
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
 from polefence.law.control import GIVEN
+from polefence.plant.larger import own_states
+from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.saturation import Saturation
 from polefence.proof.document import Document
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
@@ -78,7 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="U",
-        help="saturate each input at +-U, in its unit; repeat for one value per input",
+        help="saturate each input at +-U, in its unit; repeat for one value per input; default: of "
+        "a law with anti-windup where its saturation is proved, else none",
     )
     parser.add_argument(
         "--sample-time",
@@ -129,6 +134,8 @@ def export_command(options: Any) -> int:
         timed = design.plant.sample_time is not None or options.sample_time is not None
         require_drivable(claims, timed, options.observer is not None)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
+    if not options.limit and design.law.anti_windup is not None:
+        limits = _proved_limits(design, claims)
     exported = export_c99(
         design,
         options.bits,
@@ -164,6 +171,20 @@ def _dampers(document: Document, options: Any) -> int:
     say(f"{document.plant.name}: coefficients of controllable dampers, {options.bits} bits")
     saved(*paths)
     return PROVED
+
+
+def _proved_limits(design: Design, claims: Sequence[Claim]) -> list[float]:
+    """Return the limits at which a law with anti-windup is proved to recover: its code's own."""
+    m = design.plant.shape[1] - own_states(design.plant)
+    saturated = [claim for claim in claims if isinstance(claim, Saturation)]
+    most = [
+        max((float(claim.level) for claim in saturated if i in claim.inputs), default=0.0)
+        for i in range(m)
+    ]
+    if not all(most):
+        return []
+    say(f"  limits: {', '.join(f'{limit:g}' for limit in most)}, as the saturation is proved")
+    return most
 
 
 def _ranges(texts: list[str]) -> dict[str, float]:

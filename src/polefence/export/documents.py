@@ -33,6 +33,7 @@ from polefence.export.program import (
     Share,
     memory_of,
     number,
+    with_anti_windup,
 )
 from polefence.export.sources import Texts, context, environment, sources
 from polefence.export.timing import Timing, decay_in, milliseconds
@@ -176,6 +177,9 @@ def _other(path: Path, document: Document, held: Document | None) -> str:
         seen = read_seen(table, observer is not None)
         facts = replace(facts, loop=_loop(document, held, claim, seen))
     program = rebuilt_program(claim.code, certificate)
+    if certificate.law.anti_windup is not None:
+        program = with_anti_windup(program, certificate.law)
+        facts = replace(facts, recovering=True)
     memory = memory_of(program)
     if memory and not timed and own_time is None:
         raise InputError("claims: code with a memory needs a claim about its sampled loop")
@@ -415,6 +419,8 @@ class Facts:
         Whether the code cuts the inputs.
     late : int
         By how many samples inputs act late in a plant that is samples of another.
+    recovering : bool
+        Whether what is cut off moves the law's own states.
     """
 
     region: Region
@@ -425,6 +431,7 @@ class Facts:
     observer: Observer | None = None
     reason: str = ""
     late: int = 0
+    recovering: bool = False
 
     @property
     def period(self) -> float | None:
@@ -467,6 +474,8 @@ def statement(facts: Facts) -> tuple[str, ...]:
     if facts.observer is not None:
         sentences += _of_observer(facts, facts.observer)
     sentences.append(_outside(facts))
+    if facts.recovering:
+        sentences.append(_anti_windup(facts))
     region = short_text(facts.region)
     return tuple(line for sentence in sentences for line in _wrapped(sentence, region))
 
@@ -549,6 +558,17 @@ def _outside(facts: Facts) -> str:
     missing = [last] if sampled else ["sampling", "delay", last]
     without = ", ".join(missing) + (" or limits" if facts.limited else "")
     return f"At constant parameters, without {without}."
+
+
+def _anti_windup(facts: Facts) -> str:
+    """Say what the code does while inputs are cut, and where what that leads to is proved."""
+    time = "at the samples" if facts.sample_time is not None else "in continuous time"
+    return (
+        "While an input is cut its code adds G (sat(u) - u) to the rates of the law's own states: "
+        "anti-windup, which is exactly zero while nothing is cut. The limits with which the loop "
+        f"then comes to rest are those of the design's saturation, proved {time} and without "
+        "rounding."
+    )
 
 
 def own_readme(

@@ -38,6 +38,7 @@ from polefence.export.program import (
     number,
     program,
     scales_of,
+    with_anti_windup,
     with_memory,
 )
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
@@ -46,6 +47,7 @@ from polefence.export.vectors import harness, makefile
 from polefence.export.word_vectors import word_harness
 from polefence.export.words import in_words
 from polefence.law.control import GIVEN
+from polefence.law.laws import Law
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.rounding import rounding_error
@@ -169,6 +171,7 @@ def export_c99(
     design = of_signals(with_rates(design)) if observer is None else design
     order = kept(design)
     cuts = _limits(limits, design.plant.shape[1] - order)
+    _require_anti_windup(design.law, cuts, fixed)
     _require_observer(design, observer, sampling, allow_unproved)
     period = _period(design, order, sampling)
     if fixed is None:
@@ -176,6 +179,7 @@ def export_c99(
             raise InputError("ranges of signals are for fixed-point code; give --fixed too")
         made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
         made = with_memory(amid(made, code_law(design.law)), order, period)
+        made = with_anti_windup(made, design.law) if cuts else made
     else:
         if observer is not None:
             raise InputError("--fixed: an observer is exported in floats; use --float")
@@ -193,6 +197,7 @@ def export_c99(
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
     facts = _facts(design, proof, bool(cuts), timed, observer)
+    facts = replace(facts, recovering=design.law.anti_windup is not None)
     texts = Texts(
         name,
         design.plant.name,
@@ -248,6 +253,22 @@ class _Words:
                 f"leave the poles in the region; take --fixed 32, by which it is "
                 f"{digits_up(needed, 2)}, or --float 32"
             )
+
+
+def _require_anti_windup(law: Law, cuts: tuple[float, ...], fixed: int | None) -> None:
+    """Refuse code without the anti-windup that the law has."""
+    if law.anti_windup is None:
+        return
+    if fixed is not None:
+        raise InputError(
+            f"--fixed {fixed}: code in integers has no anti-windup, which this law has; take "
+            "--float 32"
+        )
+    if not cuts:
+        raise InputError(
+            "limits: the law has anti-windup, so its code must know where the inputs end; give "
+            "--limit U, in the input's unit (limits=U)"
+        )
 
 
 def _period(design: Design, order: int, sampling: Sampling | None) -> float:

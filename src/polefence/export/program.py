@@ -54,7 +54,7 @@ class Share(Short):
     scale: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Memory(Short):
     """States that the code keeps, the last signals; each grows by ``step`` times its rate.
 
@@ -64,11 +64,14 @@ class Memory(Short):
         Their rates are as many inputs, the last ones.
     step, sample_time : float
         From one update to the next [s]: a number of the format, and what it is to be.
+    anti_windup : (states, inputs) array, optional
+        What the part of u that is cut off adds to their rates, as the code has it.
     """
 
     states: int
     step: float
     sample_time: float
+    anti_windup: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,6 +282,16 @@ def with_memory(program: Program, states: int, sample_time: float) -> Program:
     if not step[0]:
         raise InputError(f"sample time = {sample_time:g} s is too short for the code")
     return replace(program, memory=Memory(states, float(step[0]), sample_time))
+
+
+def with_anti_windup(program: Program, law: Law) -> Program:
+    """Return the program of code that cuts its inputs, with the law's anti-windup gain."""
+    memory, gain = memory_of(program), law.anti_windup
+    if memory is None or gain is None or isinstance(program, Scheduled):
+        return program
+    inputs = program.shape[1] - memory.states
+    own = program.number.nearest(gain[-memory.states :, :inputs])
+    return replace(program, memory=replace(memory, anti_windup=_held(own, "anti-windup")))
 
 
 def exactly(matrix: Array) -> Exact:

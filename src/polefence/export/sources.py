@@ -20,6 +20,7 @@ from polefence.export.program import (
     LEAST,
     MOST,
     Fixed,
+    Memory,
     Number,
     Polynomial,
     Program,
@@ -138,6 +139,7 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "sample_time": "" if time is None else number.text(time),
         "delay": texts.delay,
         "order": memory.states if memory else 0,
+        "G": _anti_windup(number, memory),
         "K": [],
         "T": [],
         "gains": [],
@@ -161,6 +163,12 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     if memory:
         arguments.insert(0, f"{name}_memory *memory")
     return common | {"arguments": arguments, "signature": ", ".join(arguments)}
+
+
+def _anti_windup(number: Number, memory: Memory | None) -> list[list[str]]:
+    """Return the anti-windup gain as C constants, where the code has one."""
+    gain = None if memory is None else memory.anti_windup
+    return [] if gain is None else rows(number, gain)
 
 
 def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict[str, Any]:

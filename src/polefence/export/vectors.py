@@ -136,7 +136,13 @@ def _answered(
     if limits:
         most = _limits(program, limits)
         flags = flags | np.where((np.abs(u[:, :m]) > most).any(axis=1), LIMITED, OK)
-        u[:, :m] = np.clip(u[:, :m], -most, most)
+        cut = np.clip(u[:, :m], -most, most)
+        if memory and law.anti_windup is not None:
+            G = memory.step * law.anti_windup[-memory.states :, :m]
+            u[:, m:] += np.where(finite[:, None], (cut - u[:, :m]) @ G.T, 0.0)
+            beyond = np.where(cut == u[:, :m], 0.0, most + scale[:, :m])
+            scale[:, m:] += beyond @ np.abs(G).T
+        u[:, :m] = cut
     return Vectors(given, x, u, scale, flags)
 
 

@@ -81,7 +81,7 @@ class Saturation(InitialPeak):
 
     def require_extra(self) -> None:
         """Refuse what is no input, initial states beside norms, and a Y that does not fit."""
-        chosen = self._inputs
+        chosen = self.inputs
         if len(set(chosen)) < len(chosen):
             raise FormatError("an input is named twice")
         if not self.level:
@@ -107,7 +107,7 @@ class Saturation(InitialPeak):
         return replace(super().bare, held=(), held_degree=0)
 
     @property
-    def _inputs(self) -> list[int]:
+    def inputs(self) -> list[int]:
         """Numbers of the inputs that are cut off."""
         inputs = []
         for output in self.outputs:
@@ -139,9 +139,9 @@ class Saturation(InitialPeak):
         B, KX = subject.entering(sizes), subject.lifted.part(slice(subject.n, None))
         if subject.law.anti_windup is not None:
             B = B + constant(subject.law.anti_windup, sizes)
-        held = dict(zip(self._inputs, self._held, strict=True))
+        held = dict(zip(self.inputs, self._held, strict=True))
         rows: Rows = {"of X": [[X]]}
-        for part in _parts(self._inputs):
+        for part in _parts(self.inputs):
             moved = N
             for i in part:
                 row = slice(i, i + 1)
@@ -160,7 +160,7 @@ class Saturation(InitialPeak):
 
     def remainder_rows(self, spread: Spread) -> Rows:
         """Return that Omega is enough whatever is cut off."""
-        rows = dict(zip(self._inputs, self._held, strict=True))
+        rows = dict(zip(self.inputs, self._held, strict=True))
         return {
             f"of the remainder, {_name(part)}": spread.bounding(spread.moving(form))
             for part, form in cut_off(self.subject.lifted, self.subject.n, rows)
@@ -186,7 +186,7 @@ class Saturation(InitialPeak):
         """Say what saturation adds to the rates of the law's own states."""
         said = []
         for k, row in enumerate(gain):
-            acting = [(row[i], f"u{i + 1}") for i in self._inputs if row[i]]
+            acting = [(row[i], f"u{i + 1}") for i in self.inputs if row[i]]
             if acting:
                 sums = " + ".join(f"{number_text(x)} (sat({u}) - {u})" for x, u in acting)
                 said.append(f"{sums} added to the rate of x{k + 1}")

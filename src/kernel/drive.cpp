@@ -55,6 +55,8 @@ struct Stretch {
     bool moves, K_moves, delayed;
     Mode mode;
     double lag, limit;
+    Int own;  // states of a law with anti-windup, whose rates are the inputs behind those driven
+    const double *anti_windup;
     std::vector<Damper> dampers;
     Int stops;  // suspensions that have them
     double bump, rebound, stiffness, damping;
@@ -183,6 +185,18 @@ class Cars {
                 for (Int l = 0; l < L; ++l) sum[l] += K[(j * s.n + i) * L + l] * y[i * L + l];
             for (Int l = 0; l < L; ++l) u[j * L + l] = sum[l];
         }
+        hold_back(u);
+    }
+
+    // What is demanded beyond the limit moves the law's own states, by their rates.
+    void hold_back(double *u) const {
+        if (!s.own || !std::isfinite(s.limit)) return;
+        for (Int j = 0; j < s.driven; ++j)
+            for (Int l = 0; l < L; ++l) {
+                const double force = u[j * L + l], beyond = cut(force, -s.limit, s.limit) - force;
+                for (Int i = 0; i < s.own; ++i)
+                    u[(s.driven + i) * L + l] += s.anti_windup[i * s.driven + j] * beyond;
+            }
     }
 
     void rate(const Damper &own, const double *y, double *v) const {
@@ -335,7 +349,8 @@ Int size(std::size_t own) { return static_cast<Int>(own); }
 // it has a single one, no step is gone, and what is the case at the instant `first` is recorded.
 void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const In<3> &alpha,
            const In<2> &noise, const In<4> &K, double h, Int first, Int mode, Int every, bool delayed,
-           Int driven, double lag, double limit, const In<2> &dampers, const In<2> &damper_rates,
+           Int driven, double lag, double limit, const In<2> &anti_windup, const In<2> &dampers,
+           const In<2> &damper_rates,
            const In<1> &stops, const In<2> &compression, double gravity, Int heavy,
            const In<1> &per_mass, const In<1> &first_load, const Out<2> &z,
            const Out<2> &after, const Out<2> &held_before, const Out<2> &waiting, const Out<3> &states,
@@ -351,6 +366,9 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
     require(size(E.shape(0)) == s.N && size(E.shape(1)) == s.n, "E does not fit");
     require(size(S.shape(0)) == s.N && size(S.shape(1)) == s.n, "S does not fit");
     require(driven >= 0 && driven <= s.m && s.width == s.n + (lag > 0 ? driven : 0), "z does not fit");
+    s.own = size(anti_windup.shape(0)), s.anti_windup = anti_windup.data();
+    require(s.own <= s.m - driven && (!s.own || size(anti_windup.shape(1)) == driven),
+            "the anti-windup does not fit");
     const Int rows = size(alpha.shape(0)), stages = size(noise.shape(0));
     require(s.count > 0 && (stages == 1 || (stages > 0 && stages == 3 * s.steps)) &&
                 size(noise.shape(1)) == s.q,
@@ -427,7 +445,8 @@ void add_drive(nb::module_ &module) {
                nb::arg("E").noconvert(), nb::arg("S").noconvert(), nb::arg("alpha").noconvert(),
                nb::arg("noise").noconvert(), nb::arg("K").noconvert(), nb::arg("h"),
                nb::arg("first"), nb::arg("mode"), nb::arg("every"), nb::arg("delayed"),
-               nb::arg("driven"), nb::arg("lag"), nb::arg("limit"), nb::arg("dampers").noconvert(),
+               nb::arg("driven"), nb::arg("lag"), nb::arg("limit"),
+               nb::arg("anti_windup").noconvert(), nb::arg("dampers").noconvert(),
                nb::arg("damper_rates").noconvert(), nb::arg("stops").noconvert(),
                nb::arg("compression").noconvert(), nb::arg("gravity"), nb::arg("heavy"),
                nb::arg("per_mass").noconvert(), nb::arg("first_load").noconvert(),

@@ -83,6 +83,7 @@ def _hardware(model: Model) -> dict[str, Any]:
         "S": S,
         "dampers": np.array(parts, float).reshape(-1, 6),
         "damper_rates": np.array(rates, float).reshape(-1, plant.shape[0]),
+        "anti_windup": np.zeros((0, 0)) if model.anti_windup is None else model.anti_windup,
         "stops": np.array(stops, float),
         "compression": model.stopped[:, : plant.shape[0]],
         "per_mass": weight,

@@ -21,6 +21,8 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
+from polefence.law.laws import given_law
+from polefence.law.stepped import stepped
 from polefence.plant.cars import Car
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
@@ -344,6 +346,7 @@ def drive(
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; drives need continuous time")
     parts = hardware or Hardware()
+    plant, law, back = _recovering(plant, law)
     trajectories = read_trajectories(plant, parameters, excitation.times)
     trajectories.check(excitation.times, outside)
     space, sampling = trajectories.space, parts.sampling
@@ -354,7 +357,7 @@ def drive(
     follows = source if sampling is None else None
     constant = trajectories.constant and not parts.learns
     gains = gains_of(space, law, trajectories.at(np.zeros(1))[0] if constant else None)
-    model = Model(plant, excitation, trajectories, gains, follows, parts, known, stopped)
+    model = Model(plant, excitation, trajectories, gains, follows, parts, known, stopped, back)
     begin = np.zeros((len(trajectories.cars), model.width))
     first = np.array([INSIDE * excitation.step])
     begin[:, : plant.shape[0]] = excitation.begin(plant, space.alpha(trajectories.at(first)[0]))
@@ -379,6 +382,19 @@ def drive(
     alpha = np.swapaxes(space.alpha(trajectories.at(times)), 0, 1)
     lifted = _wheels(car, alpha, done.response(tyre_forces(plant, car)))
     return replace(done, events=(*events, *lifted))
+
+
+def _recovering(plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, Array | None]:
+    """Return a law with anti-windup as one that steps its own states, with the gain of their rates.
+
+    Any other law is returned as it is, with none.
+    """
+    given = getattr(law, "law", law)
+    if getattr(given, "anti_windup", None) is None:
+        return plant, law, None
+    larger, own = stepped(plant, given_law(plant, given))
+    kept, gain = own_states(larger), np.asarray(own.anti_windup)
+    return larger, own, gain[-kept:, : larger.shape[1] - kept]
 
 
 @dataclass(frozen=True, eq=False)

@@ -335,7 +335,7 @@ class Controller:
         elif k % self.every_demand == 0:
             self.used = self.parameters(np.array([k]))[0]
             K = self.model.gains(self.used)
-            demand = self.model.settings((K @ z[:, : K.shape[-1], None])[..., 0], z)
+            demand = self.model.settings(self.model.demanded(K, z[:, : K.shape[-1]]), z)
             self.held = demand
             if self.delayed:
                 # the rates of the law's own states act at once: its code keeps these
@@ -347,7 +347,7 @@ class Controller:
         """Return the demand at z, (count, m)."""
         if self.held is not None:
             return self.model.forces(self.held, z)
-        return self.waiting if self.gain is None else (self.gain @ z[:, :, None])[..., 0]
+        return self.waiting if self.gain is None else self.model.demanded(self.gain, z)
 
     @property
     def delayed(self) -> bool:
@@ -395,6 +395,8 @@ class Model:
 
     ``reading`` gives the law's parameters where they do not depend on the state and the law is
     followed in continuous time; None where a controller sets gain or demand as it goes.
+    ``anti_windup`` (own, driven) is what the demand beyond the actuator's limit adds to the rates
+    of the law's own states.
     """
 
     plant: UncertainPlant
@@ -405,6 +407,7 @@ class Model:
     hardware: Hardware
     known: Ride | None
     suspensions: Suspensions | None = None
+    anti_windup: Array | None = None
 
     @property
     def actuator(self) -> Actuator:
@@ -470,6 +473,15 @@ class Model:
                 applied[..., own.number], np.minimum(first, second), np.maximum(first, second)
             )
         return applied
+
+    def demanded(self, K: Array, z: Array) -> Array:
+        """Return u = K z; what goes beyond the limit is in the rates of the law's own states."""
+        u = np.asarray((K @ z[..., None])[..., 0])
+        if self.anti_windup is not None:
+            demand = u[..., : self.driven]
+            beyond = self.actuator.limited(demand) - demand
+            u[..., self.driven :] += beyond @ self.anti_windup.T
+        return u
 
     def settings(self, u: Array, z: Array) -> Array:
         """Return u with dampers' forces replaced by the nearest coefficients."""
@@ -573,7 +585,7 @@ class Model:
             K = gain
         u = None if held is None else self.forces(held, z)
         if u is None and K is not None:
-            u = (K @ z[:, :, None])[:, :, 0]
+            u = self.demanded(K, z)
         if u is not None:
             dz = dz + (B @ self.limited(u, z)[:, :, None])[:, :, 0]
         if self.stops is not None:

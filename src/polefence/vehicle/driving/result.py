@@ -182,7 +182,7 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     for part in _parts(total, count * n * (n + m + 4)):
         if reading is not None and solution.used is None:
             K = model.gains(reading.at(times[part]))
-            demanded[part] = (K @ x[part, :, :, None])[..., 0]
+            demanded[part] = model.demanded(K, x[part])
         applied[part] = model.applied(solution.z[part], demanded[part])
         A, B, g = model.open(times[part], numbers[part])
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g

@@ -1,23 +1,30 @@
 """Laws in fixed point, their code called from Python, and what exact arithmetic makes of them."""
 
 import ctypes
+import math
 from fractions import Fraction
 from functools import cache
+from itertools import product
 
 import numpy as np
 
-from polefence import FixedGain, HalfPlane, UncertainPlant, analyse
+from polefence import Disk, FixedGain, HalfPlane, Scheduled, UncertainPlant, analyse, place
 from polefence.export import export_c99
+from polefence.export.program import memory_of
 from polefence.law.laws import PolynomialGain
 from polefence.plant.outputs import states
 from polefence.plant.parameters import Parameter
+from polefence.plant.polynomial import binomial
 from polefence.proof.claims.rounding import answer_errors, gain_errors
 from polefence.proof.claims.words import largest, two
+from polefence.proof.matrices import right_divide
 from polefence.response.discrete import Sampling
 from support.cortex import run
 from support.memories import REGION, TIME, design, spring
 
-KINDS = ("one gain", "square", "alpha", "below zero", "own state", "pid")
+# Of the last three the gain is found by elimination.
+SOLVED = ("scheduled", "scheduled, of weights", "degree 2")
+KINDS = ("one gain", "square", "alpha", "below zero", "own state", "pid", *SOLVED)
 RANGES = {"position": 0.3, "speed": 1.0}
 # The law's own states too: of a PID the integral has no range of its own.
 MORE = {
@@ -37,6 +44,13 @@ def law_design(kind):
     names = {"states": ["position [m]", "speed [m/s]"], "inputs": ["force [N]"]}
     make = spring if kind != "below zero" else lambda m, k: spring(-m, k)
     plant = UncertainPlant.from_function(make, bounds, **names)
+    if kind in SOLVED:
+        if kind == "scheduled, of weights":
+            A = [[[0.0, 1.0], [-k, -0.5]] for k in (2.0, 5.0, 9.0)]
+            B = [[[0.0], [b]] for b in (1.0, 0.7, 1.3)]
+            plant = UncertainPlant.from_vertices(A, B, **names)
+        how = Scheduled(degree=2, on="box") if kind == "degree 2" else "scheduled"
+        return place(plant, Disk(-4, 3.5), how)
     if kind == "one gain":
         return analyse(plant, FixedGain([[-6.1, -3.3]]), REGION).design
     if kind == "alpha":
@@ -89,11 +103,11 @@ class Exact:
     """What the law makes of integers, by rationals, and the errors that are stated."""
 
     def __init__(self, made):
-        self.made, program = made, made.program
+        self.made, program, memory = made, made.program, memory_of(made.program)
         self.scales, self.law = program.scales, made.design.law
-        self.q = program.memory.states if program.memory else 0
+        self.q = memory.states if memory else 0
         self.m, self.n = len(self.scales.rows) - self.q, len(self.scales.signals) - self.q
-        self.time = Fraction(program.memory.sample_time if program.memory else 1)
+        self.time = Fraction(memory.sample_time if memory else 1)
         self.top = largest(program.number.bits)
         claim = made.guarantee.claim
         assert claim is not None, made.guarantee.reason
@@ -105,6 +119,8 @@ class Exact:
     def gain(self, given):
         """Return K, of integers that are inside."""
         law = self.law
+        if law.W is not None:
+            return self.solved(given)
         if law.K is not None:
             return [[Fraction(x) for x in row] for row in law.K.tolist()]
         terms = [[[Fraction(x) for x in row] for row in K] for K in law.gains.tolist()]
@@ -112,12 +128,8 @@ class Exact:
             total = sum(max(v, 0) for v in given)
             c = [Fraction(max(v, 0), total) for v in given] if given else [Fraction(1)]
         else:
-            c = []
-            for share, s, v in zip(self.shares, self.scales.given, given, strict=True):
-                p, own = share.parameter, Fraction(v) * two(-s)
-                p_ = min(max(own, p.low), p.high)
-                at = (p_ - p.low) / (p.high - p.low) * (p.high / p_ if p.inverted else 1)
-                c.append(2 * at - 1)
+            known = zip(self.shares, self.scales.given, given, strict=True)
+            c = [2 * self.place(*pair) - 1 for pair in known]
         assert len(terms) == 1 or len(c) == len(law.powers[0])
         weights = []
         for e in law.powers:
@@ -130,6 +142,33 @@ class Exact:
             [sum(w * K[i][j] for w, K in zip(weights, terms, strict=True)) for j in shape[1]]
             for i in shape[0]
         ]
+
+    def solved(self, given):
+        """Return Z W^-1 of parameters' weights, or of alpha: of the numbers of the design."""
+        domain = self.law.domain
+        if self.shares:
+            ends = [
+                self.place(*pair)
+                for pair in zip(self.shares, self.scales.given, given, strict=True)
+            ]
+            c = [w for at in ends for w in (1 - at, at)]
+            if domain.sizes == (domain.corners,):
+                c = [math.prod(pair) for pair in product(*zip(c[::2], c[1::2], strict=True))]
+        else:
+            c = [Fraction(max(v, 0), sum(max(w, 0) for w in given)) for v in given]
+        total = 0
+        for e, M in zip(domain.monomials(self.law.degree), self.law.form, strict=True):
+            weight = math.prod(map(pow, c, e)) * binomial(domain.sizes, e)
+            total = total + weight * np.vectorize(Fraction, otypes=[object])(M)
+        n = self.law.shape[1]
+        return right_divide(total[n:].tolist(), total[:n].tolist())
+
+    @staticmethod
+    def place(share, s, v):
+        """Return a parameter's place in its interval."""
+        p, own = share.parameter, Fraction(v) * two(-s)
+        p_ = min(max(own, p.low), p.high)
+        return (p_ - p.low) / (p.high - p.low) * (p.high / p_ if p.inverted else 1)
 
     def answers(self, given, x, own):
         """Return the exact answers in their units, not cut, and the errors stated of them."""
@@ -165,7 +204,7 @@ class Exact:
         for share, s in zip(self.shares, self.scales.given, strict=True):
             ends = [int(Fraction(end) * two(s)) for end in (share.low, share.high)]
             given.append(int(random.integers(ends[0], ends[1] + 1)))
-        if not self.shares and self.law.gains is not None and len(self.law.powers) > 1:
+        if not self.shares and (self.law.W is not None or len(self.law.powers) > 1):
             whole = (self.top + 1) >> 1
             first, second = sorted(int(v) for v in random.integers(0, whole + 1, 2))
             given = [first, second - first, whole - second]

@@ -342,10 +342,15 @@ def _wider(program: Program, law: Law, design: Design, width: int) -> Program:
     added, width = np.arange(n, n + late), n + late
     T, W = np.zeros((width, width)), np.zeros((len(program.W), width, width))
     T[:n, :n], W[:, :n, :n] = program.T, program.W
-    energy = law.form[0][
-        added, added
-    ]  # powers of two, the same at all coefficients: see `at_samples`
-    scale = 2.0 ** -np.floor(np.log2(energy) / 2)
+    # powers of two, the same at all coefficients: see `at_samples`
+    energy = law.form[0][added, added]
+    half, scales = np.log2(energy) / 2, program.scales
+    # integers have room up to one
+    exponents = np.floor(half) if scales is None else np.ceil(half)
+    if scales is not None:
+        columns = (*scales.columns[:n], *(int(e) for e in exponents))
+        program = replace(program, scales=replace(scales, columns=columns))
+    scale = 2.0**-exponents
     T[added, added], W[:, added, added] = scale, energy * scale**2
     L = None if program.L is None else np.insert(program.L, [n] * late, 0.0, axis=1)
     return replace(program, T=T, W=W, Z=np.insert(program.Z, [n] * late, 0.0, axis=2), L=L)

@@ -292,7 +292,7 @@ def rebuilt_program(code: Code, certificate: Certificate) -> Program:
         return Polynomial(form, shares, *of_law, gains, measured, memory, code.scales)
     W, Z = (np.array([_floats(row) for row in table]) for table in (code.W, code.Z))
     L = None if code.L is None else _floats(code.L)
-    return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z, L)
+    return Scheduled(form, shares, law.domain, law.degree, _floats(code.T), W, Z, L, code.scales)
 
 
 def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
@@ -594,10 +594,11 @@ def own_readme(
 def local_bytes(made: Program) -> int:
     """Return the bytes of the arrays that an update keeps on the stack."""
     n, m = made.shape
-    if not isinstance(made, Scheduled) and made.scales is not None:
+    if made.scales is not None:
         # answers and weights in wide numbers, signals in words
-        weights = 0 if isinstance(made, Fixed) else 2 * len(made.shares) + len(made.powers)
-        return (2 * m + n + 2 * weights) * made.number.bits // 8
+        weights = 0 if isinstance(made, Fixed) else 2 * len(made.shares) + len(made.weights())
+        solved = n * n + (m + 1) * n if isinstance(made, Scheduled) else 0
+        return (2 * m + n + 2 * weights + solved) * made.number.bits // 8
     if memory_of(made):
         m += n
     if isinstance(made, Fixed):

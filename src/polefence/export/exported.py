@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.certify.design import Design, check
+from polefence.certify.margins.claims import claimed_design
 from polefence.export.board import board_sources, require_drivable
 from polefence.export.decay import code_law
 from polefence.export.documents import (
@@ -32,6 +34,7 @@ from polefence.export.guarantee import Guarantee, guarantee, roundings
 from polefence.export.memory import kept, with_rates
 from polefence.export.observer import observer_sources
 from polefence.export.program import (
+    WORDS,
     Memory,
     Program,
     amid,
@@ -41,6 +44,7 @@ from polefence.export.program import (
     with_anti_windup,
     with_memory,
 )
+from polefence.export.solved import SPENT, solved_in_words
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
@@ -53,9 +57,12 @@ from polefence.proof.claims.base import Claim
 from polefence.proof.claims.rounding import rounding_error
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
+from polefence.proof.work import FormatError
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
+
+LONGEST = 52  # bits that are looked at for enough: doubles hold such integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +181,8 @@ def export_c99(
     _require_anti_windup(design.law, cuts, fixed)
     _require_observer(design, observer, sampling, allow_unproved)
     period = _period(design, order, sampling)
+    if fixed not in (None, *WORDS):
+        raise InputError(f"fixed = {fixed!r} is not supported; use 16 or 32")
     if fixed is None:
         if ranges:
             raise InputError("ranges of signals are for fixed-point code; give --fixed too")
@@ -231,28 +240,72 @@ class _Words:
     period: float
 
     def program(self, bits: int) -> Program:
-        """Return it in integers of so many bits."""
+        """Return it in integers of so many bits.
+
+        Raises
+        ------
+        InputError
+            If these have no room for what the code computes.
+        """
+        made = self._held(bits)
+        if not isinstance(made, str):
+            return made
+        lengths = (b for b in range(bits + 1, LONGEST + 1) if not isinstance(self._held(b), str))
+        raise InputError(f"--fixed {bits} cannot hold the law: {made}{_needs(next(lengths, None))}")
+
+    def _held(self, bits: int) -> Program | str:
+        """Return it, or why it has no room."""
         memory = Memory(self.order, self.period, self.period) if self.order else None
         signals, _ = names(self.design)
         law = code_law(self.design.law)
-        return in_words(law, self.parameters, bits, signals, self.ranges, self.cuts, memory)
+        asked = law, self.parameters, bits, signals, self.ranges, self.cuts
+        if law.W is None:
+            return in_words(*asked, memory)
+        reason, claimed = "", claimed_design(self.design)
+        for attempt in range(len(SPENT)):  # the finest scales that have room
+            try:
+                made = solved_in_words(*asked, attempt)
+                if claimed is not None:
+                    roundings(claimed, made)
+            except FormatError as problem:
+                reason = str(problem)
+                continue
+            return made
+        return reason
 
     def require_room(self, bits: int, proof: Guarantee) -> None:
-        """Refuse a word length where a longer one has room for the gains."""
-        if bits != 16 or not proof.tolerated > 0:
+        """Refuse a word length where a longer one has room for the gains, and say which."""
+        made = self._held(32)
+        if bits == 32 or isinstance(made, str):
             return
-        (longer,), (asked,) = (
-            roundings(proof.design, self.program(length)) for length in (32, bits)
+        longer = guarantee(self.design, made)
+        if longer.claim is None:
+            return
+        gain, tolerated = longer.claim.gain, longer.tolerated
+
+        def is_enough(length: int) -> bool:
+            made = self._held(length)
+            if isinstance(made, str):
+                return False
+            (other,) = roundings(longer.design, made)
+            # in the scales of what is proved
+            return float(rounding_error(replace(other.blank, gain=gain))) < tolerated
+
+        lengths = range(bits + 1, 32)
+        needed = bits + 1 + bisect_left(lengths, True, key=is_enough)
+        allowed = digits_down(proof.tolerated, 2) if proof.tolerated > 0 else "none"
+        raise InputError(
+            f"--fixed {bits} cannot hold the gains: rounding may change them by "
+            f"{digits_up(proof.rounding, 2)}, and {allowed} is proved to leave the poles in the "
+            f"region{_needs(needed)}"
         )
-        # in the scales of the shorter one
-        needed = rounding_error(replace(asked.blank, code=longer.blank.code))
-        if needed < proof.tolerated:
-            raise InputError(
-                f"--fixed {bits} cannot hold the gains: rounding may change them by "
-                f"{digits_up(asked.needed, 2)}, and {digits_down(proof.tolerated, 2)} is proved to "
-                f"leave the poles in the region; take --fixed 32, by which it is "
-                f"{digits_up(needed, 2)}, or --float 32"
-            )
+
+
+def _needs(length: int | None) -> str:
+    """Say which bits are enough, and what to take."""
+    if length is None:
+        return "; take --float"
+    return f"; it needs {length} bits: take {'--fixed 32, or ' if length <= 32 else ''}--float"
 
 
 def _require_anti_windup(law: Law, cuts: tuple[float, ...], fixed: int | None) -> None:

@@ -18,7 +18,7 @@ from polefence.certify.margins.bordered import GainQuestion
 from polefence.certify.margins.breaks import breaks
 from polefence.certify.margins.claims import Reached, above, claimed_design, firmer, subject_of
 from polefence.certify.margins.gain_scales import Scales, gain_claim, gain_question
-from polefence.export.program import Fixed, Program, Scheduled, exactly, memory_of, scales_of
+from polefence.export.program import Exact, Fixed, Program, Scheduled, exactly, memory_of, scales_of
 from polefence.export.program import Memory as Kept
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law
@@ -36,7 +36,9 @@ from polefence.proof.claims.rounding import (
     Share,
     gain_errors,
     rounding_error,
+    solving_of,
 )
+from polefence.proof.claims.solving import shifted
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError, WorkError
 from polefence.region.text import digits_down, digits_up
@@ -88,7 +90,7 @@ class Guarantee(Short):
         if self.claim is None:
             raise InputError("nothing is proved of the rounding of this code")
         gain = self.claim.gain
-        if self.claim.code.T is None:
+        if self.claim.code.T is None or self.claim.code.scales is not None:
             E = np.array(gain_errors(self.claim), dtype=float)
             return np.asarray(np.abs(x) @ E.T)
         size = np.linalg.norm(x @ np.array(gain.right, dtype=float).T, axis=-1)
@@ -227,9 +229,18 @@ def roundings(design: Design, program: Program) -> tuple[Rounding, ...]:
 
 
 def _in_words(design: Design, program: Program) -> Rounding:
-    """Return the error in fixed point, in the scales of its own entries."""
+    """Return the error in fixed point, in the scales of its own entries.
+
+    Raises
+    ------
+    FormatError
+        If a number that the code computes may have no room.
+    """
     rows, columns = scales(program, design.law)
-    first = Rounded(_blank(design, rows, columns), code_of(program, design.plant))
+    code = code_of(program, design.plant)
+    first = _with_bounds(design, program, Rounded(_blank(design, rows, columns), code))
+    if isinstance(program, Scheduled):
+        solving_of(first).require()
     sizes = np.array(gain_errors(first), dtype=float)
     rows, columns = scales(
         program, design.law, balanced_to(np.maximum(sizes, max(sizes.max() * 2.0**-20, TINY)))
@@ -283,7 +294,7 @@ def code_of(program: Program, plant: UncertainPlant) -> Code:
         return Code(bits, shares=shares, terms=terms, memory=memory, scales=scales)
     W, Z = (tuple(map(exactly, rows)) for rows in (program.W, program.Z))
     L = None if program.L is None else exactly(program.L)
-    return Code(bits, None, exactly(program.T), W, Z, shares, L=L)
+    return Code(bits, None, exactly(program.T), W, Z, shares, L=L, scales=scales)
 
 
 def balanced(sizes: Array, memory: Kept) -> Array:
@@ -312,11 +323,12 @@ def scales(program: Program, law: Law, sizes: Array | None = None) -> tuple[Arra
     For a fixed gain and a polynomial one the largest entry of each column, else T. Of signals that
     are measured with the same rows everywhere, no more of them than states, multiples of those.
     """
-    if isinstance(program, Scheduled):
+    if isinstance(program, Scheduled) and program.scales is None:
         Z = program.Z if program.L is None else program.Z + program.L @ program.W
         size = np.linalg.norm(Z, axis=-1).max(axis=0)
         return _rows(size), tuple(map(tuple, exactly(program.T)))
-    sizes = program.sizes if sizes is None else sizes
+    if sizes is None:
+        sizes = np.ones(program.shape[::-1]) if isinstance(program, Scheduled) else program.sizes
     rows, columns = _rows(sizes.max(axis=1)), _filled(sizes.max(axis=0))
     if not law.measured:
         return rows, columns
@@ -360,24 +372,49 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     """Find bounds on W' and on Z' W'^-1, at the elevation that makes them sharpest."""
     if not isinstance(program, Scheduled):
         return claim
-    coordinates = Coordinates(program.T)
-    rows = scales(program, design.law)[0][:, None]
-    domain, degree = program.domain, program.degree
-    left, right = np.split(design.law.form, [len(program.T)], axis=1)
-    W = bernstein(domain, coordinates.forms(left), degree)
-    gains = coordinates.gains(right)
-    if program.L is not None:
-        gains = gains - program.L @ coordinates.forms(left)
-    Z = bernstein(domain, gains / rows, degree)
-    square, best = times(W, W), (inf, 0.0, 0.0, 0)
+    coordinates, law, L = Coordinates(program.T), design.law, program.L
+    left, right = np.split(law.form, [len(program.T)], axis=1)
+    W, more = coordinates.forms(left), TINY
+    if program.scales is not None and L is not None:
+        rows = 2.0 ** -np.array(program.scales.solving[2:], dtype=float)
+        gains = np.array(moved_apart(law, exactly(program.T), exactly(L)), dtype=float)
+    else:
+        rows, gains = scales(program, law)[0], coordinates.gains(right)
+        if L is not None:
+            gains = gains - L @ W
+            # floats know of what varies no more than a share of the gain
+            more += ALIKE * float(np.linalg.norm(L / rows[:, None]))
+    bounds = sharpest(program.domain, program.degree, W, gains / rows[:, None])
+    smallest, size, elevation = bounds
+    values = np.array([smallest * (1 - SLACK), (size + more) * (1 + SLACK)])
+    low, high = _exact(_short(values))
+    return replace(claim, smallest=low, size=high, elevation=elevation)
+
+
+def moved_apart(law: Law, T: Exact, L: Exact) -> list[Exact]:
+    """Return (Z - L W) T' of the coefficients of a scheduled law, exactly."""
+    n = len(T)
+    return shifted([exactly(M[n:]) for M in law.form], [exactly(M[:n]) for M in law.form], L, T)
+
+
+def sharpest(domain: Domain, degree: int, W: Array, Z: Array) -> tuple[float, float, int]:
+    """Return bounds, W > smallest I and |Z W^-1| < size, and the elevation that proves these.
+
+    Raises
+    ------
+    FormatError
+        If W is not found to be positive definite.
+    """
+    left, right = (bernstein(domain, coefficients, degree) for coefficients in (W, Z))
+    square, best = times(left, left), (inf, 0.0, 0.0, 0)
     for elevation in range(9):
         if domain.count(2 * degree + elevation) > 3000:
             break
-        smallest = float(np.linalg.eigvalsh(_raised(domain, W, degree, elevation)).min())
+        smallest = float(np.linalg.eigvalsh(_raised(domain, left, degree, elevation)).min())
         s = _raised(domain, square, 2 * degree, elevation)
         if smallest <= 0 or np.linalg.eigvalsh(s).min() <= 0:
             continue
-        z = _raised(domain, Z, degree, degree + elevation)
+        z = _raised(domain, right, degree, degree + elevation)
         energy = np.linalg.eigvalsh(z @ np.linalg.solve(s, z.swapaxes(-1, -2))).max()
         size = float(np.sqrt(max(energy, 0.0)))
         # a higher elevation must gain 5 %
@@ -386,10 +423,7 @@ def _with_bounds(design: Design, program: Program, claim: Rounded) -> Rounded:
     if not best[1]:
         raise FormatError("W of the law is not proved to be positive definite by its coefficients")
     _, smallest, size, elevation = best
-    # floats know of what varies no more than a share of the gain
-    size += TINY if program.L is None else ALIKE * float(np.linalg.norm(program.L / rows)) + TINY
-    low, high = _exact(_short(np.array([smallest * (1 - SLACK), size * (1 + SLACK)])))
-    return replace(claim, smallest=low, size=high, elevation=elevation)
+    return smallest, size, elevation
 
 
 def _raised(domain: Domain, P: Polynomial, degree: int, times: int) -> Array:

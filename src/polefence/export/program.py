@@ -166,6 +166,8 @@ class Polynomial(Short):
 class Scheduled(Short):
     """u = (L + Z(w) W(w)^-1) T x, w the Bernstein polynomials' values.
 
+    In fixed point u = (L + Z(w) W(w)^-1 T) x.
+
     Attributes
     ----------
     number : Number
@@ -179,6 +181,8 @@ class Scheduled(Short):
         As the code has them: every entry a number of the format.
     L : (m, n) array, optional
         None is zero.
+    scales : Scales, optional
+        In fixed point.
     """
 
     number: Number
@@ -189,6 +193,7 @@ class Scheduled(Short):
     W: Array
     Z: Array
     L: Array | None = None
+    scales: Scales | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -260,7 +265,7 @@ def amid(program: Program, law: Law) -> Program:
 
 def scales_of(program: Program) -> Scales | None:
     """Return the exponents of fixed-point code, None of floats."""
-    return None if isinstance(program, Scheduled) else program.scales
+    return program.scales
 
 
 def memory_of(program: Program) -> Memory | None:
@@ -400,7 +405,12 @@ class Word(Number):
         return f"int{self.bits}_t"
 
 
-WORDS = {bits: Word(bits, Fraction(1, 2**bits)) for bits in (16, 32)}
+def word(bits: int) -> Word:
+    """Return integers of so many bits."""
+    return Word(bits, Fraction(1, 2**bits))
+
+
+WORDS = {bits: word(bits) for bits in (16, 32)}
 NUMBERS = {32: Number(32, Fraction(1, 2**24)), 64: Number(64, Fraction(1, 2**53))}
 
 

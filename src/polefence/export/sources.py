@@ -108,7 +108,7 @@ def environment() -> Environment:
 
 def context(program: Program, texts: Texts) -> dict[str, Any]:
     """Return the context of every template."""
-    if isinstance(program, Fixed | Polynomial) and program.scales is not None:
+    if program.scales is not None:
         return _of_words(program, program.scales, texts)
     number, name = program.number, texts.name
     measured = not isinstance(program, Scheduled) and program.measured
@@ -171,10 +171,11 @@ def _anti_windup(number: Number, memory: Memory | None) -> list[list[str]]:
     return [] if gain is None else rows(number, gain)
 
 
-def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict[str, Any]:
+def _of_words(program: Program, scales: Scales, texts: Texts) -> dict[str, Any]:
     """Return the context of the templates in fixed point."""
-    name, memory, bits = texts.name, program.memory, program.number.bits
-    vector, width = ("y", "MEASURED") if program.measured else ("x", "STATES")
+    name, memory, bits = texts.name, memory_of(program), program.number.bits
+    measured = not isinstance(program, Scheduled) and program.measured
+    vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
     word, states = f"{name}_word", memory.states if memory else 0
     arguments = [
         f"const {word} {vector}[{name.upper()}_{width}]",
@@ -184,6 +185,8 @@ def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict
     form = f"u = {gain} {vector}{of}."
     if memory:
         form = f"(u, T v) = {gain} ({vector}, z), z its own states and v their rates{of}."
+    if isinstance(program, Scheduled):
+        form = "u = (M + Z(c) W(c)^-1 T) x."
     time = memory.sample_time if memory else texts.sample_time
     microseconds = None if time is None else 10**6 * Fraction(time)
     values: dict[str, Any] = {
@@ -196,8 +199,9 @@ def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict
         "inputs": texts.inputs,
         "vector": vector,
         "WIDTH": width,
-        "signals": "measured signals" if program.measured else "states",
+        "signals": "measured signals" if measured else "states",
         "formula": form,
+        "solved": isinstance(program, Scheduled),
         "sample_time_us": None if microseconds is None else round(microseconds),
         "rounded_time": microseconds is not None and microseconds != round(microseconds),
         "delay": texts.delay,
@@ -223,20 +227,23 @@ def _of_words(program: Fixed | Polynomial, scales: Scales, texts: Texts) -> dict
         "answers": [digits_down(cut * two(-t), 3) for cut, t in cuts],
         "exponents": {"u": scales.answers, "vector": scales.signals, "given": scales.given},
     }
-    if isinstance(program, Polynomial):
+    if not isinstance(program, Fixed):
         common = _given(program)
         lines = words.weighing(program, f"{name.upper()}_OK")
         powers = words.powers(program)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
         arguments.insert(0, f"const {word} {array}")
         values |= common | {
-            "table": [entry for row in values["table"] for entry in row],
-            "terms": len(program.powers),
+            "terms": len(program.weights()),
             "weighing": lines,
             "powers": powers,
             "multiplies": any("times(" in line for line in (*lines, *powers)),
             "divides": not program.shares or any(s.parameter.inverted for s in program.shares),
         }
+    if isinstance(program, Scheduled):
+        values |= words.solving(program)
+    if isinstance(program, Polynomial):
+        values["table"] = [entry for row in values["table"] for entry in row]
     else:
         values["table"] = [[entry[0] for entry in row] for row in values["table"]]
     if memory:

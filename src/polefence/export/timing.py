@@ -94,6 +94,9 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     if plain.T is None:
         K = None if plain.K is None else _spread(plain.K, n, late)
         return (code.K, list(code.terms)) == (K, [_spread(k, n, late) for k in plain.terms])
+    columns = [() if one.scales is None else one.scales.columns for one in (code, plain)]
+    if columns[0][:n] != columns[1]:
+        return False
     squares = [(code.T or [], plain.T), *zip(code.W, plain.W, strict=True)]
     apart = all(_is_apart(wide, narrow) for wide, narrow in squares)
     L = None if plain.L is None else _spread(plain.L, n, late)
@@ -101,9 +104,9 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
 
 
 def _scales(code: Code) -> tuple[tuple[int, ...], ...]:
-    """Return the exponents of fixed-point code, of signals those that its gains do not have."""
+    """Return the exponents of fixed-point code, but those of signals and of columns of T."""
     fixed = code.scales
-    return () if fixed is None else (fixed.given, fixed.rows, fixed.answers)
+    return () if fixed is None else (fixed.given, fixed.rows, fixed.answers, fixed.solving)
 
 
 def _spread(matrix: Sequence[Sequence[Fraction]], n: int, late: int) -> Rationals:

@@ -28,6 +28,7 @@ from polefence.law.laws import Law
 from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
+from polefence.proof.matrices import right_divide
 
 Bound = Callable[[Array], Array]
 Flags = np.ndarray[Any, np.dtype[np.int64]]
@@ -356,22 +357,33 @@ def exact_gains(program: Program, law: Law, given: Array) -> Iterator[Rationals]
             terms = [math.prod(c ** np.array(e)) for e in law.powers]
             yield np.tensordot(np.array(terms), K, 1)
         return
+    if isinstance(program, Scheduled):
+        form, n = _rationals(law.form), law.shape[1]
+        for values in given:
+            both = np.tensordot(_basis(law, _alpha(program, values)), form, 1)
+            yield np.array(right_divide(both[n:].tolist(), both[:n].tolist()))
+        return
     K = _rationals(law.own_gain(None))
     yield from (K for _ in given)
 
 
 def _at(law: Law, Z: Whole, W: Whole, alpha: Rationals, x: Array) -> tuple[Array, Array]:
     """Return u and the scale of its error at one alpha and x."""
+    many, unit = _whole(_basis(law, alpha))
+    Z, W = ((np.tensordot(many, table, 1), unit * one) for table, one in (Z, W))
+    K = law.gain(_float(alpha), clamp=True)
+    return _float(_times(Z, _solved(W, _rationals(x)))), np.abs(K) @ np.abs(x)
+
+
+def _basis(law: Law, alpha: Rationals) -> Rationals:
+    """Return the values of the Bernstein polynomials."""
     c = law.domain.coordinates(alpha)
     basis = [
         math.prod((c[j] ** power for j, power in enumerate(e) if power), start=Fraction(many))
         for e in law.domain.monomials(law.degree)
         for many in [binomial(law.domain.sizes, e)]
     ]
-    many, unit = _whole(np.array(basis))
-    Z, W = ((np.tensordot(many, table, 1), unit * one) for table, one in (Z, W))
-    K = law.gain(_float(alpha), clamp=True)
-    return _float(_times(Z, _solved(W, _rationals(x)))), np.abs(K) @ np.abs(x)
+    return np.array(basis)
 
 
 def _whole(values: Rationals) -> Whole:

@@ -13,7 +13,7 @@ from math import ceil
 
 import numpy as np
 
-from polefence.export.program import Fixed, Polynomial, Program, scales_of
+from polefence.export.program import Fixed, Program, memory_of, scales_of
 from polefence.export.sources import Texts, context, environment
 from polefence.export.vectors import CLAMPED, LIMITED, OK, exact_gains
 from polefence.law.laws import Law
@@ -54,10 +54,11 @@ def word_vectors(
         Where the code cuts u.
     """
     scales = scales_of(program)
-    if scales is None or not isinstance(program, Fixed | Polynomial):
+    if scales is None:
         return
     top = largest(program.number.bits)
-    q = program.memory.states if program.memory else 0
+    memory = memory_of(program)
+    q = memory.states if memory else 0
     m, n = len(scales.rows) - q, len(scales.signals) - q
     E, off = gain_errors(claim), answer_errors(claim.code)
     time = claim.code.memory.sample_time if claim.code.memory else Fraction(1)
@@ -102,7 +103,7 @@ def _integers(random: np.random.Generator, most: list[int], k: int) -> tuple[int
 
 
 def _given(
-    program: Fixed | Polynomial, random: np.random.Generator, top: int, k: int
+    program: Program, random: np.random.Generator, top: int, k: int
 ) -> tuple[tuple[int, ...], list[float], int]:
     """Return integers of parameters or alpha, what the code takes for them, and its flag."""
     scales = program.scales

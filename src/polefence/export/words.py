@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.export.program import WORDS, Fixed, Memory, Polynomial, Program, Share
+from polefence.export.program import (
+    Fixed,
+    Memory,
+    Polynomial,
+    Program,
+    Scheduled,
+    Share,
+    memory_of,
+    word,
+)
 from polefence.law.laws import Law
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
@@ -50,28 +59,20 @@ def in_words(
     Raises
     ------
     InputError
-        If a range is missing or unknown, the law solves equations, or a number has no room.
+        If a range is missing or unknown, or a number has no room.
     """
-    if bits not in WORDS:
-        raise InputError(f"fixed = {bits!r} is not supported; use 16 or 32")
     gains = law.own_gain(None)[None] if law.K is not None else law.gains
-    if gains is None:
-        raise InputError(
-            "--fixed: this law Z W^-1 solves equations, which fixed-point code does not; find one "
-            "that is polynomial in parameters by polefence optimise --schedule NAMES, or one gain "
-            "by its --method quadratic, or export with --float"
-        )
     if not parameters and law.K is None and not law.fixed and law.parameters:
         raise InputError(
             "--fixed: a law of parameters is given these; leave out --given alpha, or use --float"
         )
     states = memory.states if memory else 0
-    sizes = _ranges(law, np.asarray(gains), signals, ranges, memory)
+    sizes = ranges_of(law, np.asarray(gains), signals, ranges, memory)
     terms = [[[Fraction(x) for x in row] for row in K] for K in np.asarray(gains).tolist()]
     if memory:
         first, time = len(terms[0]) - states, Fraction(memory.sample_time)
         terms = [[*K[:first], *([time * x for x in row] for row in K[first:])] for K in terms]
-    of_signals = tuple(_exponent(Fraction(size), bits) for size in sizes)
+    of_signals = tuple(exponent_of(Fraction(size), bits) for size in sizes)
     cuts: list[Fraction | None] = [Fraction(limit) for limit in limits]
     cuts += [None] * (len(terms[0]) - len(cuts))
     rows, answers = list[int](), list[int]()
@@ -79,7 +80,7 @@ def in_words(
         row = [[K[i][j] * two(-s) for K in terms] for j, s in enumerate(of_signals)]
         kept = i - len(cuts) + states
         state = of_signals[len(of_signals) - states + kept] if kept >= 0 else None
-        r, t = _row(row, cut, bits, state)
+        r, t = row_of(row, cut, bits, state)
         if state is not None and t < state:
             raise InputError(
                 f"{signals[len(signals) - states + kept]}: moves by more than its range in one "
@@ -89,24 +90,25 @@ def in_words(
         answers.append(t)
     shares, given = list[Share](), list[int]()
     for parameter in () if law.fixed else parameters:
-        share, exponent = _share(parameter, bits)
+        share, exponent = share_of(parameter, bits)
         shares.append(share)
         given.append(exponent)
     scales = Scales(of_signals, tuple(given), tuple(rows), tuple(answers))
-    own = np.array([[[float(_whole(K[i][j], r - s) * two(s - r)) for j, s in enumerate(of_signals)]
-                     for i, r in enumerate(rows)] for K in terms])  # fmt: skip
-    measured, number = bool(law.measured), WORDS[bits]
+    units = [[r - s for s in of_signals] for r in rows]
+    own = np.array([[[float(whole_of(k, e) * two(-e)) for k, e in zip(*pair, strict=True)]
+                     for pair in zip(K, units, strict=True)] for K in terms])  # fmt: skip
+    measured, number = bool(law.measured), word(bits)
     if law.K is not None or law.fixed:
         return Fixed(number, own[0], measured, memory, scales)
     return Polynomial(number, tuple(shares), law.domain, law.powers, own, measured, memory, scales)
 
 
-def _whole(value: Fraction, exponent: int) -> int:
+def whole_of(value: Fraction, exponent: int) -> int:
     """Return the integer nearest to a value times a power of two."""
     return floor(value * two(exponent) + Fraction(1, 2))
 
 
-def _exponent(size: Fraction, bits: int) -> int:
+def exponent_of(size: Fraction, bits: int) -> int:
     """Return the most bits behind the point with which a size fits a word."""
     top = largest(bits)
     ratio = top / size
@@ -116,7 +118,7 @@ def _exponent(size: Fraction, bits: int) -> int:
     return exponent
 
 
-def _row(
+def row_of(
     entries: Sequence[Sequence[Fraction]], cut: Fraction | None, bits: int, state: int | None
 ) -> tuple[int, int]:
     """Return the exponents of a row's sum and of its answer; entries are of signals' integers."""
@@ -124,32 +126,32 @@ def _row(
     most = max(sum(map(abs, terms), Fraction(0)) for terms in entries)
     if not most:
         return (0, 0) if state is None else (state + bits, state + bits)
-    r = _exponent(most, bits) + 1
+    r = exponent_of(most, bits) + 1
     while True:
         r -= 1
-        whole = [sum(abs(_whole(k, r)) for k in terms) for terms in entries]
+        whole = [sum(abs(whole_of(k, r)) for k in terms) for terms in entries]
         reached = sum(whole) * (top + 1)
         if state is None:
             size = reached * two(-r)
             size = size if cut is None or cut > size else cut
-            t = min(_exponent(size, bits), r)
+            t = min(exponent_of(size, bits), r)
         else:
             t = min(state + bits, r)
         if max(whole) <= top and reached + (1 << (r - t) >> 1) <= wide and r - t <= 2 * bits - 2:
             return r, t
 
 
-def _share(p: Parameter, bits: int) -> tuple[Share, int]:
+def share_of(p: Parameter, bits: int) -> tuple[Share, int]:
     """Return a parameter's constants, and its exponent."""
     low, high = Fraction(p.low), Fraction(p.high)
-    exponent = _exponent(max(abs(low), abs(high)), bits)
+    exponent = exponent_of(max(abs(low), abs(high)), bits)
     if max(abs(floor(low * two(exponent))), abs(ceil(high * two(exponent)))) > largest(bits):
         exponent -= 1
     ends = floor(low * two(exponent)), ceil(high * two(exponent))
     if p.inverted and ends[0] <= 0 <= ends[1]:
         raise InputError(
             f"{p.name}: {bits} bits cannot tell the ends of its interval from zero, by which the "
-            f"code divides; {_wider(bits)}"
+            f"code divides; {longer(bits)}"
         )
     width = ends[1] - ends[0]
     shift = bits - 2 if p.inverted else 2 * bits - 2
@@ -161,11 +163,12 @@ def _share(p: Parameter, bits: int) -> tuple[Share, int]:
     return share, exponent
 
 
-def _wider(bits: int) -> str:
-    return "--fixed 32, or --float, does" if bits == 16 else "--float does"
+def longer(bits: int) -> str:
+    """Return what to take in place of so many bits."""
+    return "take --fixed 32, or --float" if bits == 16 else "take --float"
 
 
-def _ranges(
+def ranges_of(
     law: Law,
     gains: Array,
     signals: Sequence[str],
@@ -230,17 +233,21 @@ def _own_ranges(law: Law, gains: Array, sizes: Array, memory: Memory) -> Array:
 # --- what the templates are given ----------------------------------------------------------------
 
 
-def constants(program: Fixed | Polynomial, limits: Sequence[float]) -> dict[str, Any]:
-    """Return the integers of the code."""
+def constants(program: Program, limits: Sequence[float]) -> dict[str, Any]:
+    """Return the integers of the code; of a scheduled law its gain apart in the table."""
     scales, bits = program.scales, program.number.bits
     if scales is None:
         raise InputError("the program is one of floats")
-    states = program.memory.states if program.memory else 0
+    memory = memory_of(program)
+    states = memory.states if memory else 0
     m = len(scales.rows) - states
-    gains = program.K[None] if isinstance(program, Fixed) else program.gains
+    if isinstance(program, Polynomial):
+        gains = program.gains
+    else:
+        gains = np.asarray(program.L if isinstance(program, Scheduled) else program.K)[None]
     table = [
         [
-            [_whole(Fraction(float(K[i, j])), r - s) for K in gains]
+            [whole_of(Fraction(float(K[i, j])), r - s) for K in gains]
             for j, s in enumerate(scales.signals)
         ]
         for i, r in enumerate(scales.rows)
@@ -266,12 +273,42 @@ def constants(program: Fixed | Polynomial, limits: Sequence[float]) -> dict[str,
     }
 
 
-def weighing(program: Polynomial, ok: str) -> list[str]:
+def solving(program: Scheduled) -> dict[str, Any]:
+    """Return the integers of a scheduled law besides: its tables row by row, and its shifts."""
+    scales, n = program.scales, len(program.T)
+    if scales is None:
+        raise InputError("the program is one of floats")
+    w, factors, *of_rows = scales.solving
+    lower = np.tril_indices(n)
+    columns = list(zip(program.T.T, scales.columns, strict=True))
+    rows = zip(program.Z.transpose(1, 2, 0), of_rows, strict=True)
+    return {
+        "T": [[_integer(column[i], t) for column, t in columns] for i in range(n)],
+        "W": [[_integer(x, w) for x in row] for row in program.W[:, lower[0], lower[1]].T],
+        "Z": [[_integer(x, v) for x in entry] for row, v in rows for entry in row],
+        "back": [
+            [v + t - r + s for t, s in zip(scales.columns, scales.signals, strict=True)]
+            for r, v in zip(scales.rows, of_rows, strict=True)
+        ],
+        "pivot": 1 << w,
+        "factor": 1 << factors,
+        "factor_bits": factors,
+    }
+
+
+def _integer(value: float, exponent: int) -> int:
+    return whole_of(Fraction(float(value)), exponent)
+
+
+def weighing(program: Polynomial | Scheduled, ok: str) -> list[str]:
     """Return the lines of C that find c, each -1 to 1 or 0 to 1, of parameters or alpha."""
     scales, bits = program.scales, program.number.bits
     if scales is None:
         raise InputError("the program is one of floats")
-    count = len(program.powers[0])
+    count = sum(program.domain.sizes)
+    if isinstance(program, Polynomial):
+        count = len(program.powers[0])
+    box = isinstance(program, Scheduled) and program.domain.sizes == (2,) * len(program.shares)
     if not program.shares:
         return [f"word c[{count}];", "const uint32_t flags = onto_simplex(alpha, c);"]
     lines = [f"word c[{count}];", f"wide m[{len(program.shares)}];", f"uint32_t flags = {ok};"]
@@ -285,7 +322,11 @@ def weighing(program: Polynomial, ok: str) -> list[str]:
     # declarations before statements are C99's to mix; here they come first
     declared = [line for line in lines if line.startswith(("const", "word", "wide", "uint32"))]
     done = [line for line in lines if line and line not in declared]
-    if program.signed:
+    if box:
+        for k in range(len(program.shares)):
+            both = f"ONE - m[{k}]", f"m[{k}]"
+            done += [f"c[{2 * k + j}] = narrowed({end});" for j, end in enumerate(both)]
+    elif isinstance(program, Polynomial) and program.signed:
         done += [f"c[{k}] = narrowed((2 * m[{k}]) - ONE);" for k in range(count)]
     else:
         for j in range(count):
@@ -300,15 +341,15 @@ def weighing(program: Polynomial, ok: str) -> list[str]:
     return [*declared, "", *done]
 
 
-def powers(program: Polynomial) -> list[str]:
-    """Return for each term how its power of c is found."""
-    terms = []
-    for e in program.powers:
+def powers(program: Polynomial | Scheduled) -> list[str]:
+    """Return for each term how its power of c is found, times its factor."""
+    terms, bits = [], program.number.bits
+    for many, e in program.weights():
         factors = [f"c[{j}]" for j, power in enumerate(e) for _ in range(power)]
         value = factors[0] if factors else "ONE"
         for factor in factors[1:]:
             value = f"times({value}, {factor})"
-        terms.append(value)
+        terms.append(value if many == 1 else f"narrowed({literal(many, bits)} * {value})")
     return terms
 
 
@@ -333,8 +374,9 @@ def literal(value: int, bits: int) -> str:
 
 def with_late(program: Program, n: int, late: int) -> Program:
     """Return fixed-point code that reads inputs on their way with gains of zero."""
-    if not isinstance(program, Fixed | Polynomial) or program.scales is None or program.measured:
+    scales = program.scales
+    if scales is None or (not isinstance(program, Scheduled) and program.measured):
         return program
-    signals = program.scales.signals
+    signals = scales.signals
     wider = (*signals[:n], *[0] * late, *signals[n:])
-    return replace(program, scales=replace(program.scales, signals=wider))
+    return replace(program, scales=replace(scales, signals=wider))

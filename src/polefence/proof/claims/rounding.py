@@ -19,8 +19,9 @@ constant h for the time T between updates, x+ = fl(x + fl(h v)) = x + T v' with
 
 so that a row of E grows by e (|K| + E), and by u / T in the column of its own state.
 
-In fixed point errors of entries are those of `words`; what is not an error of the gain is an
-absolute error of u, which no pole depends on, and is bounded there.
+In fixed point errors of entries are those of `words`, of a scheduled law those of `solving`; what
+is not an error of the gain is an absolute error of u, which no pole depends on, and is bounded
+there.
 
 A scheduled one, where C = T (and S is left out here): with W' = T W T', Z' = Z T', K' = Z' W'^-1,
 so that K = K' T, the code computes
@@ -53,6 +54,7 @@ from polefence.proof.claims.base import Claim, Inequality, Verdict, require_work
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
 from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.solving import Solving, shifted
 from polefence.proof.laws import Law, Point, is_alpha
 from polefence.proof.matrices import (
     MAX_BITS,
@@ -69,11 +71,13 @@ from polefence.proof.matrices import (
 from polefence.proof.plant import MAX_PARAMETERS, Plant, Range
 from polefence.proof.polynomials import (
     MAX_DEGREE,
+    Exponent,
     Polynomial,
     Sizes,
     bernstein,
     count_of,
     diagonal,
+    monomials,
     multinomial,
 )
 from polefence.proof.reading import Table, plain, require_shape
@@ -114,10 +118,12 @@ class Memory(Short):
 class Code(Short):
     """The constants of the code, with the bits of its numbers; ``L`` is a part of a scheduled gain.
 
+    It is of T x, and in fixed point of x.
+
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
     where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
     ``terms`` has the gains. ``memory`` is of a law of gains with states of its own. ``scales`` are
-    of a law of gains in fixed point; rows of such states then hold the gains times the sample time.
+    of code in fixed point; rows of such states then hold the gains times the sample time.
     """
 
     bits: int
@@ -138,7 +144,9 @@ class Code(Short):
 
     @property
     def gains(self) -> list[Rationals]:
-        """The gains of a law of gains, one or one a term."""
+        """The gains of a law of gains, one or one a term; of a scheduled law the part apart."""
+        if self.T is not None:
+            return [] if self.L is None else [self.L]
         return list(self.terms) if self.K is None else [self.K]
 
 
@@ -222,8 +230,6 @@ class Rounded(Short, Claim):
             raise FormatError("code.bits must be 32 or 64, in fixed point 16 or 32")
         if not fixed:
             _require_numbers(code)
-        elif code.K is None and not code.terms:
-            raise FormatError("code.scales is of a law of gains")
         if code.K is not None or code.terms:
             self._require_gains()
             return
@@ -279,10 +285,19 @@ class Rounded(Short, Claim):
             raise FormatError(
                 f"smallest and code.W must lie between {float(SMALLEST):g} and its inverse"
             )
-        if gain.columns != tuple(map(tuple, code.T or [])):
+        if code.scales is None and gain.columns != tuple(map(tuple, code.T or [])):
             raise FormatError("the columns of the gain's error must be those of T")
         number = count_of(sizes, 2 * law.degree + self.elevation)
         require_work(least_work(number, n + m))
+        if code.scales is None:
+            return
+        if code.L is None:
+            raise FormatError("code.L is missing: in fixed point a part of the gain is apart")
+        if not code.shares and len(sizes) > 1:
+            raise FormatError("code.shares: in fixed point a law on the box is given parameters")
+        words.require_counts(code.scales, n, m, len(code.shares))
+        _require_shares(code, code.scales, gain.subject)
+        solving_of(self).require()
 
     def decided(self) -> Verdict:
         """Prove what the gain tolerates, and that rounding is no more."""
@@ -348,12 +363,17 @@ def _require_words(code: Code, scales: words.Scales, subject: Subject) -> None:
     """Refuse constants that are no integers of the code, or may lead to others it cannot hold."""
     states = code.memory.states if code.memory else 0
     words.require(code.bits, code.gains, scales, states, len(code.shares))
+    _require_shares(code, scales, subject)
+    if not code.shares and code.terms and not is_alpha(subject.design.law, subject.design.sizes):
+        raise FormatError("code.shares: in fixed point a law of parameters is given these")
+
+
+def _require_shares(code: Code, scales: words.Scales, subject: Subject) -> None:
+    """Refuse constants of parameters that are no integers."""
     # of one gain there are no shares, whatever parameters the plant has
     for share, given, exponent in zip(code.shares, subject.ranges, scales.given, strict=False):
         ends = share.low, share.high, share.scale
         words.require_share(code.bits, *ends, exponent, given.inverted)
-    if not code.shares and code.terms and not is_alpha(subject.design.law, subject.design.sizes):
-        raise FormatError("code.shares: in fixed point a law of parameters is given these")
 
 
 def _require_numbers(code: Code) -> None:
@@ -384,7 +404,7 @@ def rounding_error(claim: Rounded) -> Fraction:
     FormatError
         If a bound that the claim rests on does not hold.
     """
-    if claim.code.T is not None:
+    if claim.code.T is not None and claim.code.scales is None:
         return _scheduled(claim)
     E, rows, scales = gain_errors(claim), claim.gain.rows, _signal_scales(claim)
     if scales is None:  # of x, by the largest |C|
@@ -402,8 +422,15 @@ def in_a_row(code: Code, k: int) -> Fraction:
 
 
 def gain_errors(claim: Rounded) -> Rationals:
-    """Return bounds on the errors of the entries of the gain, of one gain or a polynomial."""
+    """Return bounds on the errors of the entries of the gain, of one gain or a polynomial.
+
+    In fixed point of a scheduled law too.
+    """
     code, law = claim.code, claim.gain.subject.design.law
+    if code.T is not None:
+        solving = solving_of(claim)
+        _require_bounds(claim, solving.W, [solving.in_units(z) for z in solving.Z])
+        return solving.gain_errors()
     gains = [code.K] if code.K is not None else list(code.terms)
     exact = [_gain(claim)] if code.K is not None else law.K or []
     if code.scales is not None:
@@ -433,19 +460,55 @@ def _in_words(claim: Rounded, scales: words.Scales, exact: Sequence[Rationals]) 
 
 def word_errors(claim: Rounded) -> list[Fraction]:
     """Return bounds on the errors of c^e of each term, in fixed point."""
-    code, subject = claim.code, claim.gain.subject
-    law, half = subject.design.law, words.half(code.bits)
-    pairs = zip(code.shares, subject.ranges, strict=False)  # none of alpha
-    ends = [constants_error(share, given) + half for share, given in pairs]
-    if is_alpha(law, subject.design.sizes):  # of parameters the products of their weights
-        alpha = sum(ends, (len(ends) - 1) * half) if ends else half
+    law, sizes = claim.gain.subject.design.law, claim.gain.subject.design.sizes
+    ends, alpha = _share_errors(claim)
+    bases = [2 * end for end in ends]
+    if is_alpha(law, sizes):
         bases = [alpha] * len(law.powers[0])
-    else:
-        bases = [2 * end for end in ends]
+    return _power_errors(law.powers, bases, words.half(claim.code.bits))
+
+
+def _share_errors(claim: Rounded) -> tuple[list[Fraction], Fraction]:
+    """Return bounds on the errors of parameters' places in fixed point, and of alpha.
+
+    That is given, or of parameters the products of their weights.
+    """
+    half = words.half(claim.code.bits)
+    pairs = zip(claim.code.shares, claim.gain.subject.ranges, strict=False)  # none of alpha
+    ends = [constants_error(share, given) + half for share, given in pairs]
+    return ends, sum(ends, (len(ends) - 1) * half) if ends else half
+
+
+def _power_errors(
+    powers: Sequence[Exponent], bases: Sequence[Fraction], half: Fraction
+) -> list[Fraction]:
+    """Return bounds on the errors of products of numbers of size one at most."""
     return [
         sum((k * off for k, off in zip(e, bases, strict=True)), max(sum(e) - 1, 0) * half)
-        for e in law.powers
+        for e in powers
     ]
+
+
+def solving_of(claim: Rounded) -> Solving:
+    """Return what the errors of a scheduled law in fixed point are made of."""
+    code, design = claim.code, claim.gain.subject.design
+    law, sizes, T, L = design.law, design.sizes, code.T or [], code.L or []
+    if code.scales is None:
+        raise FormatError("code.scales is missing")
+    ends, alpha = _share_errors(claim)
+    if len(sizes) == 1 and len(ends) != 1:
+        bases = [alpha] * sizes[0]
+    else:
+        bases = [end for end in ends for _ in range(2)]
+    powers = monomials(sizes, law.degree)
+    each = _power_errors(powers, bases, words.half(code.bits))
+    pairs = zip(powers, each, strict=True)
+    formed = sum((multinomial(e, sizes) * off for e, off in pairs), Fraction(0))
+    right = [list(column) for column in zip(*T, strict=True)]
+    W = [product(product(T, w), right) for w in law.W or []]
+    Z = shifted(law.Z or [], law.W or [], L, T)
+    known = claim.smallest, claim.size
+    return Solving(code.bits, code.scales, T, L, code.W, code.Z, W, Z, formed, *known)
 
 
 def answer_errors(code: Code) -> list[Fraction]:

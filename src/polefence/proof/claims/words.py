@@ -39,13 +39,15 @@ class Scales(Short):
 
     ``signals`` are those that are measured and, last, the code's own states as they are multiplied;
     ``given`` the parameters, none for alpha; ``answers`` the inputs and, last, the states as they
-    are kept.
+    are kept. ``columns`` and ``solving`` are of a law that solves equations: see `solving`.
     """
 
     signals: tuple[int, ...]
     given: tuple[int, ...]
     rows: tuple[int, ...]
     answers: tuple[int, ...]
+    columns: tuple[int, ...] = ()
+    solving: tuple[int, ...] = ()
 
     @classmethod
     def read(cls, table: Table) -> Scales:
@@ -129,17 +131,12 @@ def answer_errors(code: Sequence[Rationals], scales: Scales, states: int) -> lis
 
 def require(bits: int, code: Sequence[Rationals], scales: Scales, states: int, given: int) -> None:
     """Refuse constants that are no integers of so many bits, or sums that may leave no room."""
-    top, wide, (m, n) = largest(bits), largest(2 * bits), (len(code[0]), len(code[0][0]))
-    counts = [len(scales.signals), len(scales.given), len(scales.rows), len(scales.answers)]
-    if counts != [n, given, m, m]:
-        raise FormatError("code.scales must hold one exponent a signal, a parameter and a row")
+    m, n = len(code[0]), len(code[0][0])
+    require_counts(scales, n, m, given)
     for row, r, t in zip(sizes(code), scales.rows, scales.answers, strict=True):
-        whole = [k * two(r - s) for k, s in zip(row, scales.signals, strict=True)]
-        rest = 1 << (r - t - 1) if r > t else 0
-        if not 0 <= r - t <= 2 * bits - 2 or max(whole) > top:
-            raise FormatError(f"code: a gain is no integer of {bits} bits")
-        if sum(whole) * (top + 1) + rest > wide:
-            raise FormatError(f"code: a sum may take more than {2 * bits} bits")
+        require_sums(
+            bits, [k * two(r - s) for k, s in zip(row, scales.signals, strict=True)], r - t
+        )
     for entries in code:
         for row, r in zip(entries, scales.rows, strict=True):
             for k, s in zip(row, scales.signals, strict=True):
@@ -148,6 +145,25 @@ def require(bits: int, code: Sequence[Rationals], scales: Scales, states: int, g
     for s, t in zip(scales.signals[n - states :], scales.answers[m - states :], strict=True):
         if not 0 <= t - s <= bits:
             raise FormatError("code.scales: a state is kept with more bits than there are")
+
+
+def require_counts(scales: Scales, n: int, m: int, given: int) -> None:
+    """Refuse another number of exponents than of signals, parameters and rows."""
+    counts = [len(scales.signals), len(scales.given), len(scales.rows), len(scales.answers)]
+    if counts != [n, given, m, m]:
+        raise FormatError("code.scales must hold one exponent a signal, a parameter and a row")
+
+
+def require_sums(bits: int, whole: Sequence[Fraction], shift: int) -> None:
+    """Refuse a row of gains whose integers, or whose sum of products, may have no room.
+
+    ``whole`` are the largest sizes of the integers; the sum is shifted to the answer.
+    """
+    top, wide = largest(bits), largest(2 * bits)
+    if not 0 <= shift <= 2 * bits - 2 or max(whole) > top:
+        raise FormatError(f"code: a gain is no integer of {bits} bits")
+    if sum(whole) * (top + 1) + (1 << shift >> 1) > wide:
+        raise FormatError(f"code: a sum may take more than {2 * bits} bits")
 
 
 def require_whole(values: Sequence[Fraction], what: str, most: int) -> None:

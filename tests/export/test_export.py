@@ -29,9 +29,8 @@ from polefence.certify.margins.claims import firmer
 from polefence.cli.main import main
 from polefence.examples import family, spec_path
 from polefence.export import check_guarantee, export_c99
-from polefence.export.decay import code_law
 from polefence.export.guarantee import guarantee, roundings
-from polefence.export.program import number
+from polefence.export.program import code_law, number
 from polefence.export.program import program as program_of
 from polefence.requirements.text import load_specifications
 from polefence.response.discrete import Sampling

@@ -60,6 +60,7 @@ from polefence.cli.output import (
     write_json,
 )
 from polefence.cli.terminal import say
+from polefence.export import FloatCode
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
@@ -97,6 +98,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     method_arguments(parser, SIGNAL_METHODS)
     sampling_arguments(parser)
     structure_arguments(parser)
+    parser.add_argument(
+        "--float",
+        type=int,
+        choices=(32, 64),
+        dest="bits",
+        help="take no law whose region is not proved with the rounding of its code in such floats",
+    )
     result_arguments(
         parser,
         "write DIR/design.json: the law with its region and bounds",
@@ -112,13 +120,55 @@ def optimise_command(options: Any) -> int:
     region, structure = region_of(options), structure_of(plant, options)
     method = _method_if_given(plant, options, structure)
     check_results(options, FILE_NAME)
-    done = optimise(plant, least, limits, region, method, structure=structure)
+    code = None if options.bits is None else FloatCode(options.bits)
+    done = _found(plant, (least, limits, region, method), structure, code)
     rows = rows_of(done)
     require_agreement(rows)
+    borne = [] if code is None else [_borne_line(done, code)]
     _finish(done, rows, method, options)
+    say(*borne)
     say(*([] if region is None else smaller_text(plant, region)))
     say(*order_lines(done.plant, structure))
     return PROVED
+
+
+def _borne_line(done: Optimised, code: FloatCode) -> str:
+    """Say that code bears its own rounding, of the law as it is saved."""
+    rounded, bits = code.guarantee(done.design), code.number.bits
+    if rounded.claim is None:
+        raise NotProvedError(f"not proved: {rounded.reason}")
+    share = digits_up(100 * rounded.rounding / float(rounded.claim.gain.error), 2)
+    return (
+        f"  with the gain as float{bits} code computes it the region is proved too: rounding is at "
+        f"most {share} % of what is proved to leave the poles there"
+    )
+
+
+def _found(
+    plant: UncertainPlant,
+    question: tuple[Any, Any, Any, Any],
+    structure: Structure | None,
+    code: FloatCode | None,
+) -> Optimised:
+    """Return the law, of which code bears the rounding where that is asked.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none; it says so where laws were found that code does not.
+    """
+    try:
+        return optimise(plant, *question, None, structure, bears=code)
+    except NotProvedError as problem:
+        if code is None or not code.refused:
+            raise
+        count = "one law" if code.refused == 1 else f"{code.refused} laws"
+        bits = code.number.bits
+        raise NotProvedError(
+            f"{problem}; of {count} all was proved but that the poles stay in the region with the "
+            f"rounding of float{bits} code: ask for a slightly larger region, or a longer "
+            f"--sample-time{'; or take --float 64' if bits == 32 else ''}"
+        ) from problem
 
 
 def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options: Any) -> None:

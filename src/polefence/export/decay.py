@@ -45,13 +45,14 @@ from polefence.export.program import (
     Polynomial,
     Program,
     amid,
+    code_law,
     number,
     with_memory,
 )
 from polefence.export.program import program as program_of
 from polefence.export.sampled import require_usable, sampling_effect
 from polefence.export.words import with_late
-from polefence.law.laws import FixedGain, Law
+from polefence.law.laws import Law
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import least
@@ -318,13 +319,6 @@ def _unchecked(rounded: Guarantee) -> str:
     except FormatError as problem:
         return str(problem)
     return ""
-
-
-def code_law(law: Law) -> Law:
-    """Return the law as code computes it: that of one vertex is one gain."""
-    if law.W is not None and law.domain.corners == 1:
-        return FixedGain(law.gain([1.0]))
-    return law
 
 
 def _wider(program: Program, law: Law, design: Design, width: int) -> Program:

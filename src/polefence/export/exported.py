@@ -14,7 +14,6 @@ from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.certify.design import Design, check
 from polefence.certify.margins.claims import claimed_design
 from polefence.export.board import board_sources, require_drivable
-from polefence.export.decay import code_law
 from polefence.export.documents import (
     BOARD,
     FILE_NAME,
@@ -38,6 +37,7 @@ from polefence.export.program import (
     Memory,
     Program,
     amid,
+    code_law,
     number,
     program,
     scales_of,

@@ -21,7 +21,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.coordinates import Coordinates
-from polefence.law.laws import Law
+from polefence.law.laws import FixedGain, Law
 from polefence.plant.parameters import Parameter
 from polefence.plant.polynomial import Domain, Exponent, binomial
 from polefence.plant.system import Array
@@ -249,6 +249,13 @@ def program(law: Law, parameters: tuple[Parameter, ...], number: Number) -> Prog
         _held(number.nearest(coordinates.forms(W)), "W"),
         _held(number.nearest(coordinates.gains(Z)), "Z"),
     )
+
+
+def code_law(law: Law) -> Law:
+    """Return the law as code computes it: that of one vertex is one gain."""
+    if law.W is not None and law.domain.corners == 1:
+        return FixedGain(law.gain([1.0]))
+    return law
 
 
 def amid(program: Program, law: Law) -> Program:

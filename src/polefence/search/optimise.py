@@ -8,7 +8,7 @@ own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -149,6 +149,7 @@ def optimise(
     structure: Structure | None = None,
     *,
     fewer_states: bool = True,
+    bears: Callable[[Design], bool] | None = None,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -176,6 +177,9 @@ def optimise(
         Where it has states of its own the answer's plant has them too.
     fewer_states : bool
         Whether a law of a lower order is returned where that is as good to a thousandth.
+    bears : callable, optional
+        Whether a design of which all is proved may be returned: where one is not, poles farther
+        inside the region are searched. `polefence.export.FloatCode` is one.
 
     Returns
     -------
@@ -192,7 +196,7 @@ def optimise(
         If a specification does not fit the plant.
     """
     question = minimise, subject_to, region, method, budget, structure
-    done = _optimised(plant, *question, fewer_states)
+    done = _optimised(plant, *question, fewer_states, bears)
     done.design.certificate.require_checkable([bound.claim for bound in done.bounds])
     return done
 
@@ -206,6 +210,7 @@ def _optimised(
     budget: float | None,
     structure: Structure | None,
     fewer_states: bool,
+    bears: Callable[[Design], bool] | None,
 ) -> Optimised:
     """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
@@ -245,7 +250,7 @@ def _optimised(
     T, inside, plant = plant.sample_time, asked, delta_form(plant)
     if T is not None:
         inside = delta_plane(asked, T)
-    task = Task(plant, minimise, limits, inside, method, asked=(plant, limits), words=words)
+    task = Task(plant, minimise, limits, inside, method, (plant, limits), words, bears)
     if either and not is_optimisable(plant, method, count):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:

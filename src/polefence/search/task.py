@@ -5,7 +5,7 @@ One W(alpha) for region and signals is conservative: what a law keeps is proved 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -26,6 +26,7 @@ from polefence.certify.bounds import (
 )
 from polefence.certify.candidates import Deadline
 from polefence.certify.certificate import Certificate
+from polefence.certify.design import Design
 from polefence.certify.given import analysed
 from polefence.law.laws import FixedGain, Law, ScheduledGain, right_divide
 from polefence.lmi.conditions.methods import Method, options
@@ -67,6 +68,12 @@ class Task:
     asked: tuple[UncertainPlant, tuple[Specification, ...]] | None = None
     # the parts of the region in words, as they were asked for
     words: tuple[str, ...] = ()
+    # whether what runs a law keeps its region; all do where it is not asked
+    bears: Callable[[Design], bool] | None = None
+
+    def takes(self, certificate: Certificate) -> bool:
+        """Whether a law with a proof of its region is one that may be returned."""
+        return self.bears is None or self.bears(Design(certificate))
 
     @property
     def parts(self) -> dict[Region, str]:
@@ -268,7 +275,7 @@ def candidate(task: Task, law: Law) -> Candidate | Missing:
         asked = (*task.limits, *([task.minimise] if task.minimise else ()))
         recovering = with_anti_windup(task.plant, law, asked)
         certificate = analysed(task.plant, recovering, task.region, Deadline(None)).certificate
-        if certificate is None:
+        if certificate is None or not task.takes(certificate):
             return missing
         missing = Missing.LIMIT
         # of the certificate's law: its alpha may live on another domain than the search's
@@ -314,7 +321,7 @@ def together(task: Task, law: Law, point: Reached) -> tuple[Certificate, tuple[B
             elevation = options(task.method).elevation
             name, evidence = "scheduled", {"tau": np.array(0.0), "elevation": elevation}
         certificate = Certificate(task.plant, task.region, name, law, evidence)
-        if not certificate.holds():
+        if not certificate.holds() or not task.takes(certificate):
             return None
         for specification in (*asked, *task.limits):
             bound = _bound(task, law, specification, point)

@@ -10,25 +10,32 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
 from polefence.base.errors import SolverError
 from polefence.base.explained import explained
+from polefence.certify.bounds import MOST_WORK
 from polefence.certify.evidence import FORMS
-from polefence.law.laws import Law, PolynomialGain
+from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.conditions.performance import Output, Source
 from polefence.lmi.solve.loops import loop_with, with_inputs
-from polefence.lmi.solve.lyapunov import least_given
+from polefence.lmi.solve.lyapunov import least_given, work
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.plant.points import seeded
-from polefence.plant.system import Array
+from polefence.plant.system import Array, Exact, System
 from polefence.proof.laws import OWN
 from polefence.requirements.specification import Specification
 from polefence.response.closed import Loops, close
 
+# Of the square of a limit, what a gain need not go below: a loop that comes to rest with any limit
+# has no least one.
+ENOUGH = 0.25
+TOLERANCE = 1e-4  # of the gap, relative to the least: what is found is proved as it is
 POINTS = 50  # of the family, at which the fastest pole is looked for
 # How much faster than the loop's fastest pole a gain may move its input. Of an unstable lag, of its
 # samples and of the balance the least limit falls to 1.333, 1.335 and 18.46 with 4, and no lower
@@ -75,21 +82,62 @@ def with_anti_windup(plant: UncertainPlant, law: Law, asked: Iterable[Specificat
 def _found(
     plant: UncertainPlant, law: Law, specification: Specification, rows: list[int]
 ) -> Array | None:
-    """Return the gain (k, m) of the lowest limit, None where none is found."""
-    source, output = specification.condition(plant, law.domain_of(plant), 1.0)
-    loop = with_inputs(plant, law, loop_with(plant, law, output.C, output.D))
-    loop = _sought(plant, law, loop, rows)
-    best: Array | None = None
-    least = np.inf
+    """Return the gain (k, m) of the lowest limit, None where none is found.
+
+    Of a family that is too large for an LMI, that of its middle: of a van of three parameters under
+    a law of order 2 in 0.8 s for 35. With either a step of 10 cm is proved to take no more than
+    600 N, where it took 4,535 N.
+    """
+    most = specification.at_most
+    source, output, loop = _loop(plant, law, specification, rows)
+    if work(loop, source, *FORMS[-1]) > MOST_WORK:
+        plant, law = _middle(plant, law)
+        source, output, loop = _loop(plant, law, specification, rows)
+    best, least, enough = None, np.inf, 0.0 if most is None else ENOUGH
     for form in FORMS[: 1 if len(plant.vertices) == 1 else None]:
         with suppress(SolverError, np.linalg.LinAlgError):
-            point = least_given(loop, source, output, *form)
+            point = least_given(loop, source, output, *form, TOLERANCE, enough=enough)
             if point.anti_windup is not None and point.r < least:
                 best, least = point.anti_windup, point.r
+            if least <= enough:
+                break
     if best is None or loop.fastest is None:
         return None
     kept = (np.abs(best) > SLIGHT * loop.fastest) & (loop.fastest > LEAST)
     return np.where(kept, best, 0.0)
+
+
+def _loop(
+    plant: UncertainPlant, law: Law, specification: Specification, rows: list[int]
+) -> tuple[Source, Output, Loop]:
+    """Return what the limit is asked for, and the loop with the gain that is sought."""
+    unit = specification.at_most or 1.0
+    source, output = specification.condition(plant, law.domain_of(plant), unit)
+    loop = with_inputs(plant, law, loop_with(plant, law, output.C, output.D))
+    return source, output, _sought(plant, law, loop, rows)
+
+
+def _middle(plant: UncertainPlant, law: Law) -> tuple[UncertainPlant, Law]:
+    """Return the mean of the vertices as a plant, and the law's gain there."""
+    systems = plant.vertices
+    even = [1 / len(systems)] * len(systems)
+    driven = [system.exact_E for system in systems if system.exact_E is not None]
+    middle = System(
+        _mean([system.exact_A for system in systems]),
+        _mean([system.exact_B for system in systems]),
+        _mean(driven) if driven else None,
+        systems[0].name,
+    )
+    bare = replace(plant, vertices=(middle,), parameters=(), outputs=(), remainder=None)
+    return bare, FixedGain(law.gain(even))
+
+
+def _mean(matrices: list[Exact]) -> Exact:
+    count = len(matrices)
+    return tuple(
+        tuple(sum(entries, Fraction(0)) / count for entries in zip(*rows, strict=True))
+        for rows in zip(*matrices, strict=True)
+    )
 
 
 def _sought(plant: UncertainPlant, law: Law, loop: Loop, rows: list[int]) -> Loop:

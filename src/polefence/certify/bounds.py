@@ -66,6 +66,10 @@ LADDER = ((0, 0), (1, 0), (2, 0))
 # How far above what was found in floats the exact proof is attempted.
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
+# Of the square of a limit of saturated inputs, what a proof of the limit itself need not go below.
+ENOUGH = 0.5
+# Times the work of an iteration that a search may take which ends there: 31 of a van's, 2 s.
+SHORT = 6
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
@@ -472,21 +476,24 @@ def _climb(
     wide = behind(plant, law, specification)
     plant, law, specification = wide.plant, wide.law, wide.specification
     source, output = specification.condition(plant, law.domain_of(plant), unit)
-    loop = loop_with(plant, law, output.C, output.D)
+    loop, enough = loop_with(plant, law, output.C, output.D), 0.0
     if output.held:
         loop = with_inputs(plant, law, loop)
+        # a loop that comes to rest with any limit has a least one of zero, and no end of a search
+        enough = ENOUGH if unit == specification.at_most else 0.0
     for form in LADDER:
         first = form == LADDER[0]
-        if not first and (len(plant.vertices) < 2 or work(loop, source, *form) > MOST_WORK):
+        most = MOST_WORK * (SHORT if enough else 1)
+        if not first and (len(plant.vertices) < 2 or work(loop, source, *form) > most):
             continue
         if plant.remainder is None or isinstance(source, performance.Through):
-            yield _points(loop, source, output, form)
+            yield _points(loop, source, output, form, enough)
         else:
             yield _with_room(plant, law, loop, source, output, form)
     for form, pieces in finer(plant, law):
         divided = replace(loop, pieces=pieces_of(plant, pieces))
         if work(loop, source, *form) * math.prod(divided.pieces) <= MOST_WORK:
-            yield _points(divided, source, output, form)
+            yield _points(divided, source, output, form, enough)
 
 
 def _with_room(
@@ -529,7 +536,11 @@ def _norms(plant: UncertainPlant, law: Law, specification: GainNorm, unit: float
 
 
 def _points(
-    loop: Loop, source: Source, output: performance.Output, form: tuple[int, int]
+    loop: Loop,
+    source: Source,
+    output: performance.Output,
+    form: tuple[int, int],
+    enough: float = 0.0,
 ) -> Points:
     """Yield points farther and farther from the edge of what a form proves, poor ones last."""
     nearest: LyapunovPolynomial | None = None
@@ -538,7 +549,7 @@ def _points(
         for near in dict.fromkeys((nearest, None)):
             points = list[LyapunovPolynomial]()
             with suppress(SolverError):
-                points = points_given(loop, source, output, *form, tolerance, near)
+                points = points_given(loop, source, output, *form, tolerance, near, enough=enough)
             for point in points:
                 nearest = nearest or point
                 if point.r <= nearest.r * 1.05:

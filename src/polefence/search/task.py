@@ -282,12 +282,21 @@ def candidate(task: Task, law: Law) -> Candidate | Missing:
         choices = [certificate.law]
         if recovering is not law:  # the loop is the same while nothing saturates
             choices.append(law)
+            choices.sort(key=lambda choice: _least_limit(task, choice))
         for choice in choices:
             limits = _kept(task, choice)
             if limits is not None:
                 same = choice is certificate.law
                 return Candidate(certificate if same else replace(certificate, law=choice), limits)
     return missing
+
+
+def _least_limit(task: Task, law: Law) -> float:
+    """Return the limit of saturated inputs that is proved, where that is minimised; else zero."""
+    if task.minimise is None or not task.minimise.cut_off(task.plant):
+        return 0.0
+    bound = best_bound(task.plant, law, task.minimise)
+    return np.inf if bound is None else bound.level
 
 
 def _kept(task: Task, law: Law) -> tuple[Bound, ...] | None:

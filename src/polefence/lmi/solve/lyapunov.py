@@ -145,6 +145,7 @@ def least_given(
     elevation: int,
     tolerance: float = TOLERANCE,
     margin: float = 0.0,
+    enough: float = 0.0,
 ) -> LyapunovPolynomial:
     """Minimise the bound that a Lyapunov polynomial of a given loop proves for one output.
 
@@ -154,6 +155,8 @@ def least_given(
         Its C has the output's rows below those of the dynamics.
     margin : float
         By how much faster the state is to decay than it does [1/s], of `Noise` and `Points`.
+    enough : float
+        The r at which the search may end.
 
     Returns
     -------
@@ -166,7 +169,8 @@ def least_given(
         If there is no point to start from: the loop is not stable, or has no Lyapunov polynomial of
         this degree; or if floats cannot carry it.
     """
-    return points_given(loop, source, output, degree, elevation, tolerance, margin=margin)[0]
+    form = degree, elevation, tolerance
+    return points_given(loop, source, output, *form, margin=margin, enough=enough)[0]
 
 
 @singular_is_failure()
@@ -179,6 +183,7 @@ def points_given(
     tolerance: float = TOLERANCE,
     near: LyapunovPolynomial | None = None,
     margin: float = 0.0,
+    enough: float = 0.0,
 ) -> list[LyapunovPolynomial]:
     """Return the results of searches in several coordinates, the least r first.
 
@@ -189,8 +194,8 @@ def points_given(
     ----------
     near : LyapunovPolynomial, optional
         A point of this degree, to take the coordinates from.
-    margin : float
-        As `least_given` has it.
+    margin, enough : float
+        As `least_given` has them.
 
     Raises
     ------
@@ -217,12 +222,12 @@ def points_given(
             if reached.r < 1:
                 yield reached
 
-    search = _Search(loop, rate, form, demands, starts, tolerance)
+    search = _Search(loop, rate, form, demands, starts, tolerance, enough)
     points = list[LyapunovPolynomial]()
     for X in _coordinates(middle / rate, loop, source, near, loop.step * rate):
         reached = search.run(X)
         points += [] if reached is None or not reached.r > 0 else [reached]
-        if reached is not None and reached.converged:
+        if reached is not None and (reached.converged or reached.r <= enough):
             break
     if not points:
         raise SolverError("no Lyapunov matrix to start from")

@@ -85,8 +85,8 @@ def _found(
     """Return the gain (k, m) of the lowest limit, None where none is found.
 
     Of a family that is too large for an LMI, that of its middle: of a van of three parameters under
-    a law of order 2 in 0.8 s for 35. With either a step of 10 cm is proved to take no more than
-    600 N, where it took 4,535 N.
+    a law of order 2 in 0.8 s for 35. With it a step of 10 cm is proved to take no more than
+    600 N, where it takes 4,535 N in floats.
     """
     most = specification.at_most
     source, output, loop = _loop(plant, law, specification, rows)

@@ -7,7 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polefence import HalfPlane, PolynomialGain, UncertainPlant, analyse
+from polefence import (
+    Disk,
+    HalfPlane,
+    PolynomialGain,
+    Structure,
+    UncertainPlant,
+    analyse,
+    at_sample_time,
+)
 from polefence.base.errors import InputError
 from polefence.export import check_guarantee, export_c99, with_fmus
 from polefence.export.vectors import LIMITED, vectors
@@ -164,3 +172,22 @@ def test_a_unit_of_fmi_has_it(host_compiler):
     whole = with_fmus(exported(), ("2.0",))
     assert any(name.endswith(".fmu") for name in whole.files)
     assert replace(whole, files={}).program.memory.anti_windup[0, 0] == -0.375
+
+
+def test_a_pid_that_was_designed_at_samples_one_late_is_exported(tmp_path):
+    """The inputs that its code's states have besides are none of the plant's remainder."""
+    plant = design(None).plant
+    bare = UncertainPlant.from_function(
+        lambda a, b: ([[a]], [[b]]), plant.parameters, states=("x",), inputs=("u",), name="lag"
+    )
+    structure = Structure(measured=("x",), schedule=(), kind="pid", derivative_bandwidth=5.0)
+    larger, gain = structure.extended(at_sample_time(bare, 0.02, 1))
+    law = gain.law(larger, np.array([[[-6.0, -4.0, 0.0]]]))
+    law = law.with_anti_windup(np.array([[0.0], [0.0], [-0.2], [0.0]]))
+    found = analyse(larger, law, Disk(0, 0.99)).design
+    assert found.plant.remainder is not None
+    made = export_c99(found, 32, limits=LIMIT)
+    assert made.proved
+    made.save(tmp_path)
+    assert check_guarantee(tmp_path).proved
+    assert "proved at the samples" in " ".join(made.texts.statement)

@@ -7,7 +7,11 @@ moves these into the law.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from polefence.certify.design import Design
 from polefence.law.stepped import stepped
@@ -33,4 +37,20 @@ def with_rates(design: Design) -> Design:
     plant, law = stepped(design.plant, design.law)
     if law is design.law:
         return design
-    return replace(design, certificate=replace(design.certificate, plant=plant, law=law))
+    more, place = plant.shape[1] - design.plant.shape[1], sum(design.plant.shape)
+    evidence = _with_inputs(design.certificate.evidence, more, place)
+    certificate = replace(design.certificate, plant=plant, law=law, evidence=evidence)
+    return replace(design, certificate=certificate)
+
+
+def _with_inputs(evidence: Mapping[str, Any], more: int, place: int) -> dict[str, Any]:
+    """Return evidence for a plant with more inputs, that its remainder has no part in."""
+    wider = dict[str, Any](evidence)
+    for key in ("parts", "cells"):
+        if key in evidence:
+            wider[key] = tuple(_with_inputs(part, more, place) for part in evidence[key])
+    if "remainder" in evidence:
+        spread = evidence["remainder"]
+        columns = np.insert(spread["columns"], [place] * more, 0.0)
+        wider["remainder"] = dict(spread) | {"columns": columns}
+    return wider

@@ -125,6 +125,8 @@ def test_a_pid_has_it_and_an_actuator_with_a_lag(monkeypatch, kernel, bandwidth)
     assert found.states[0, :, 1].max() < 0.8 * other.states[0, :, 1].max()
 
     assert np.abs(found.applied[0, :, 0]).max() <= 1.6
+    assert found.plant is plant  # as it was given: the rates of its states are no inputs of it
+    assert found.demanded.shape == other.demanded.shape
 
 
 @BOTH

@@ -346,7 +346,7 @@ def drive(
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; drives need continuous time")
     parts = hardware or Hardware()
-    plant, law, back = _recovering(plant, law)
+    asked, (plant, law, back) = plant, _recovering(plant, law)
     trajectories = read_trajectories(plant, parameters, excitation.times)
     trajectories.check(excitation.times, outside)
     space, sampling = trajectories.space, parts.sampling
@@ -371,8 +371,10 @@ def drive(
     events, notes, covered = assessed(model, history, claims, scheduled)
     notes = (*notes, *throughout(model, sampling, learned.learner if learned else None))
     notes = (*notes, *given(model, history))
+    m = asked.shape[1]  # of a PID's own states there are no rates
+    demanded, applied = (u[..., :m] for u in (history.demanded, history.applied))
     done = Drive(
-        plant, excitation.times, history.states, history.rates, history.demanded, history.applied,
+        asked, excitation.times, history.states, history.rates, demanded, applied,
         history.disturbance, history.stops, history.parameters, history.used, events, notes,
         covered, learned.estimate() if learned else None,
     )  # fmt: skip
@@ -380,7 +382,7 @@ def drive(
         return done
     times = first if trajectories.constant else excitation.times
     alpha = np.swapaxes(space.alpha(trajectories.at(times)), 0, 1)
-    lifted = _wheels(car, alpha, done.response(tyre_forces(plant, car)))
+    lifted = _wheels(car, alpha, done.response(tyre_forces(asked, car)))
     return replace(done, events=(*events, *lifted))
 
 

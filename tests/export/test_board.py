@@ -12,6 +12,7 @@ from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound
 from polefence.cli.main import main
 from polefence.export import Sampling, check_guarantee, export_c99, with_board
+from polefence.export.documents import names, of_signals
 from polefence.plant.parameters import Parameter
 from polefence.requirements.rms import Rms
 from polefence.search.optimise import save
@@ -32,24 +33,32 @@ def spring(m, k):
 @cache
 def plant():
     bounds = [Parameter("m", 1, 2, "kg", "1/m"), Parameter("k", 4, 20, "N/m")]
-    names = {"states": ["position [m]", "speed [m/s]"], "inputs": ["force [N]"]}
-    return UncertainPlant.from_function(spring, bounds, disturbances=["gust [N]"], **names)
+    known = {"states": ["position [m]", "speed [m/s]"], "inputs": ["force [N]"]}
+    return UncertainPlant.from_function(spring, bounds, disturbances=["gust [N]"], **known)
 
 
 @cache
-def exported(kind, delay, bits=64):
+def exported(kind, delay, bits=64, size=None):
     """Return code with its board, of a law that was designed before its sample time or at it."""
     if kind in ("quadratic", "scheduled"):
         design = place(plant(), HalfPlane(DECAY), kind)
-        code = export_c99(design, bits, sampling=Sampling(T, bool(delay)))
+        code = export_c99(design, sampling=Sampling(T, bool(delay)), **numbers(design, bits, size))
     else:
         sampled = at_sample_time(plant(), T, delay)
         late = [own for own in sampled.states if "late" in own]
         structure = Structure(measured=["position", *late], order=1, schedule=[])
         with hasty():
             design = place(sampled, HalfPlane(DECAY), structure=structure)
-        code = export_c99(design, bits)
+        code = export_c99(design, **numbers(design, bits, size))
     return with_board(code, claims(design))
+
+
+def numbers(design, bits, size):
+    """Return what the code computes with: integers where the signals' size is given."""
+    if size is None:
+        return {"bits": bits}
+    known = [label.partition(" [")[0] for label in names(of_signals(design))[0]]
+    return {"fixed": bits, "ranges": dict.fromkeys(known, 20 * size) | {known[0]: size}}
 
 
 def claims(design, **more):
@@ -157,6 +166,32 @@ def test_emulated_processors_drive_the_same_bits(emulator, tmp_path, kind, bits)
         assert 5 * counts[0] < counts[1] < 100 * counts[0]
     else:
         assert 0.5 < counts[0] / counts[1] < 2
+
+
+@pytest.mark.parametrize("kind", ["quadratic", "scheduled", "order 1"])
+def test_integers_drive_as_floats_do(host_compiler, tmp_path, kind):
+    floats, words = (
+        driven(exported(kind, 1, *how), tmp_path / str(len(how)), 20_000)
+        for how in ((32,), (32, 2.0))
+    )
+    for (*_, one, where), (*_, other, there) in zip(floats, words, strict=True):
+        assert other == pytest.approx(one, rel=1e-4)
+        assert where == there
+
+
+def test_a_drive_beyond_the_range_of_words_says_so(host_compiler, tmp_path):
+    exported("quadratic", 1, 16, 1e-4).save(tmp_path)
+    said = run("make", "-s", "drive", "SAMPLES=1000", cwd=tmp_path)
+    assert re.search(r"^\d+ measured values were beyond their range$", said, re.MULTILINE)
+    assert check_guarantee(tmp_path).proved
+
+
+def test_a_processor_without_floats_runs_integers_as_fast_as_one_with(emulator, tmp_path):
+    exported("scheduled", 1, 32, 2.0).save(tmp_path)
+    said = run("make", "-s", "board", "SAMPLES=20", cwd=tmp_path)
+    counts = [int(n) for n in re.findall(r"(\d+) instructions an update", said)]
+    assert len(counts) == 2
+    assert 0.8 < counts[0] / counts[1] < 1.25
 
 
 def test_a_law_that_refuses_ends_the_drive_with_a_failure(host_compiler, tmp_path):

@@ -133,6 +133,7 @@ def board_sources(
     """
     require_drivable(claims, texts.sample_time is not None)
     given = context(program, texts) | _numbers(_board(design, program, texts, claims), program)
+    given |= {"seconds": NUMBERS[64].text(float(texts.sample_time or 0))}
     template = environment().get_template("board.c.j2")
     return {f"{texts.name}_board.c": template.render(given)} | start_sources(texts.name)
 
@@ -385,15 +386,22 @@ def _measured(
 
 
 def _given(design: Design, program: Program, alpha: Array) -> Array:
-    """Return what the code is given at a point, as numbers of its format."""
+    """Return what the code is given at a point, as numbers of its format; words as integers."""
     if isinstance(program, Fixed):
         return np.zeros(0)
     if not program.shares:
-        return program.number.nearest(alpha)
+        whole = 2.0 ** (program.number.bits - 2)
+        return program.number.nearest(alpha) if program.scales is None else np.round(alpha * whole)
     values = values_at(design.plant, alpha.tolist())
+    scales = program.scales
     if values is None:
         raise InputError("a point of the family has no parameters; export with --given alpha")
-    return program.number.nearest(np.array(list(values.values())))
+    given = np.array(list(values.values()))
+    if scales is None:
+        return program.number.nearest(given)
+    ends = np.array([(share.low, share.high) for share in program.shares]).T
+    units = 2.0 ** np.array(scales.given)
+    return np.asarray(np.round(np.clip(given, *ends) * units))
 
 
 def _root(Q: Array) -> Array:
@@ -417,13 +425,16 @@ def _numbers(board: Board, program: Program) -> dict[str, Any]:
     double, first = NUMBERS[64], board.places[0]
     total, (_, width) = len(first.step), first.seen.shape
 
+    def given(value: float) -> str:
+        return program.number.text(value) if program.scales is None else f"{value:.0f}"
+
     def table(matrix: Array) -> list[str]:
         return [", ".join(double.text(float(x)) for x in row) for row in matrix]
 
     places = [
         {
             "text": _quoted(place.text),
-            "given": [program.number.text(float(x)) for x in place.given],
+            "given": [given(float(x)) for x in place.given],
             "step": table(place.step),
             "seen": table(place.seen),
             "measured": table(place.measured),

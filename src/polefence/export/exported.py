@@ -429,8 +429,6 @@ def with_board(exported: Exported, claims: Sequence[Claim]) -> Exported:
     """
     timed = exported.texts.sample_time is not None
     require_drivable(claims, timed, exported.observer is not None)
-    if scales_of(exported.program) is not None:
-        raise InputError("--board drives a law in floats; leave out --fixed")
     more = board_sources(exported.design, exported.program, exported.texts, claims)
     files = dict(exported.files) | {name: text.encode() for name, text in more.items()}
     files["Makefile"] = makefile(exported.texts, board=True).encode()

@@ -267,3 +267,40 @@ def test_what_is_held_is_what_the_samples_are_of(spring, tmp_path):
     samples = next(claim for claim in document["claims"] if claim["kind"] == "samples")
     document["claims"].remove(samples)
     assert not is_proved(document)
+
+
+def step_at(period, at, theta):
+    """What a period makes of x at a point, by another exponential."""
+    weights = np.array([1.0])
+    for t in at:
+        weights = np.kron(weights, [1 - t, t])
+    AB = np.concatenate([period.A, period.B], axis=2).astype(float)
+    N = np.zeros((4, 4))
+    N[:3] = np.tensordot(weights, AB, 1)
+    return ((expm(N * theta * float(T)) - np.eye(4)) / float(T))[:3]
+
+
+@pytest.mark.parametrize("parameters", [0, 1])
+def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters):
+    rng = np.random.default_rng(7 + parameters)
+    family, sizes, largest = some_period(rng, parameters), (2,) * (parameters + 1), list[float]()
+    for lengths in ((Fraction(3, 4), Fraction(7, 4)), (Fraction(5, 4), Fraction(7, 4))):
+        period, width = family.between(lengths), lengths[1] - lengths[0]
+        low, high = (Fraction(1, 4),) * parameters, (Fraction(1, 4) + width / 4,) * parameters
+        with counted(10**12):
+            step = period.step_on(low, high, sizes)
+        off = np.array([[float(x) for x in row] for row in step.off])
+        largest.append(off.max())
+        for at in rng.uniform(0, 1, (8, parameters + 1)):
+            inner = [float(a) + float(b - a) * t for a, b, t in zip(low, high, at, strict=False)]
+            theta = float(lengths[0] + width * Fraction(at[-1]))
+            assert valued(step.theta, at)[0, 0] == pytest.approx(theta)
+            moved = step_at(period, inner, theta)
+            missed = np.abs(valued(step.moved, at) - moved)
+            assert np.all(missed <= off * (1 + 1e-9) + 1e-12 * np.abs(moved).max())
+            one = replace(period, lengths=None, step=Fraction(theta) * T)
+            M, V, c = by_quadrature(one, inner)
+            for P, true in ((step.mean.M, theta * M), (step.mean.V, V), (step.mean.c, theta * c)):
+                more = valued(P, at) - np.atleast_2d(true)
+                assert np.linalg.eigvalsh(more).min() > -1e-11 * np.abs(true).max()
+    assert largest[1] < largest[0] / 6

@@ -20,6 +20,13 @@ largest magnitudes in place of A, B, C, D and E, and these plus s times the larg
 their slopes: powers of s up to the third are computed, rounded up. The diagonals of A keep their
 signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the latter's series has no negative term.
 
+A clock that is not perfect makes a period theta T, theta anywhere in an interval, each time another:
+theta is one more coordinate t, of [A, B] theta T, on which neither the law nor Q depends. Then
+
+    (exp(N theta T) - 1) / T = theta int_0^1 exp(N theta T s) ds N
+
+is computed too, by G_2h = (G_h + F G_h) / 2, for the samples that are so far apart.
+
 What interpolation and rounding may miss, entry by entry R, is made up for by a diagonal matrix:
 with any w > 0 that of sum_j R_ij w_j / w_i exceeds every symmetric matrix of entries within R. So V
 and M are nowhere below the true ones; w are about the inverse roots of the diagonals of these.
@@ -32,6 +39,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 from operator import add, mul
 from typing import Any
 
@@ -57,9 +65,11 @@ ONE = 1 << FINE
 KEPT = 64  # of these, bits of values at points
 TERMS = 22  # of the series over h, where |N| h is 1/4 at most: what is left is below 2^-96
 MOST_DOUBLINGS, MAX_DELAY = 24, 64
-MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
+MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k; one more is the period
 UNBOUNDED = 10**18  # work: what the count around it leaves
 LARGE = 1 << 40  # times its units, what a period may make of a state: else too few bits are left
+
+MOST_PERIODS, MOST_PARTS = 64, 16  # of a clock
 
 Point = tuple[Fraction, ...]
 Series = list[Integers]  # coefficients of powers of s, in multiples of 2^-96
@@ -75,20 +85,69 @@ class Mean(Short):
 
 
 @dataclass(frozen=True)
+class Step(Short):
+    """What a period of theta T makes of x: (exp(N theta T) - 1) [x; k] / T, and the mean over it.
+
+    ``moved`` (n, n + k) is off by ``off``, entry by entry; ``theta`` is the polynomial of one entry
+    that is the length. M and c of the ``mean`` are those over T, of a period of theta T.
+    """
+
+    moved: Polynomial
+    off: Rationals
+    theta: Polynomial
+    mean: Mean
+
+
+@dataclass(frozen=True)
+class Clock(Short):
+    """Periods of ``least`` T to ``most`` T, each anything between; looked at in ``parts``."""
+
+    least: Fraction
+    most: Fraction
+    parts: int = 1
+
+    @classmethod
+    def read(cls, table: Table) -> Clock:
+        """Read a clock."""
+        least, most = table.number("least"), table.number("most")
+        if not 0 < least <= 1 <= most <= MOST_PERIODS or least == most:
+            raise FormatError(f"clock: least is above 0, most at most {MOST_PERIODS}, 1 between")
+        return cls(least, most, table.whole("parts", 1, MOST_PARTS))
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        return {"least": plain(self.least), "most": plain(self.most), "parts": self.parts}
+
+    @property
+    def lengths(self) -> list[tuple[Fraction, Fraction]]:
+        """The parts of the periods."""
+        ends = [
+            self.least + (self.most - self.least) * k / self.parts for k in range(self.parts + 1)
+        ]
+        return list(pairwise(ends))
+
+
+@dataclass(frozen=True)
 class _Values(Short):
-    """M, V and c at a point in multiples of 2^-96 of their units, and what each is off by."""
+    """M, V, c and G N at a point in multiples of 2^-96 of their units, and what each is off by."""
 
     M: Integers
     V: Integers
     c: int
-    off: tuple[int, int, int]
+    moved: Integers
+    off: tuple[int, int, int, int]
+
+    def of(self, k: int) -> Integers:
+        """Return one of the four."""
+        return (self.M, self.V, [[self.c]], self.moved)[k]
 
 
 @dataclass(frozen=True)
 class Period(Short):
     """x' = A x + B k + E w, z = C x + D k at every vertex, k constant for a time ``step``.
 
-    ``units`` are of x and k. E has its columns scaled; the noise has two-sided ``intensity``.
+    ``units`` are of x and k. E has its columns scaled; the noise has two-sided ``intensity``. With
+    ``lengths`` the time is any between these times ``step``: the last parameter.
     """
 
     A: list[Rationals]
@@ -99,7 +158,11 @@ class Period(Short):
     step: Fraction
     intensity: Fraction
     units: tuple[Fraction, ...]
+    lengths: tuple[Fraction, Fraction] | None = None
     _known: dict[Any, tuple[Any, int]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _of_lengths: dict[Any, Period] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -115,8 +178,8 @@ class Period(Short):
 
     @property
     def parameters(self) -> int:
-        """Number of parameters, whose box has its corners at the vertices."""
-        return len(self.A).bit_length() - 1
+        """Number of parameters, whose box has its corners at the vertices; the period is one."""
+        return self._plain + (self.lengths is not None)
 
     def on_part(self, low: Point, high: Point, sizes: Sizes) -> Mean:
         """Return upper bounds of M, V and c on a part of the box, in its own coordinates.
@@ -127,10 +190,6 @@ class Period(Short):
             If the period is too long for these rates.
         """
         low, high = low[: self.parameters], high[: self.parameters]  # of one vertex a point
-        points = lattice(low, high, 2 if self._in_middles else 1)
-        found = list(map(self._at, points))
-        ends = set(corners(low, high))
-        corner = [k for k, at in enumerate(points) if at in ends]
         n, u = self.n, self.units
         noise, energy = self._noise_unit, self._energy_unit
         V = [[noise * u[i] * u[j] for j in range(n)] for i in range(n)]
@@ -138,23 +197,71 @@ class Period(Short):
         c = [[self.step * noise * energy]]
         parts = list[Polynomial]()
         for k, unit in enumerate((M, V, c)):
-            values = [_kept((v.M, v.V, [[v.c]])[k], unit) for v in found]
-            off = max(v.off[k] for v in found)
-            remainder = self._remainders[k].inside(low, high, [_one(v, unit) for v in values])
-            P = affine([values[i] for i in corner], sizes)
-            if remainder.curve:
-                curved = [_times(rows, unit) for rows in remainder.curve]
-                P = Remainder((), tuple(curved), remainder.degree).curved(P)
-            rounding = Fraction(off, ONE) + Fraction(1, 1 << KEPT)
-            size = _sizes((found[0].M, found[0].V, [[found[0].c]])[k])
+            P, entries = self._interpolated(k, unit, low, high, sizes)
+            size = _sizes(self._at(low).of(k))
             rows = [
-                sum(((x + rounding) * b for x, b in zip(row, size, strict=True)), ZERO) * a
-                for row, a in zip(remainder.entries, size, strict=True)
+                sum((x * b for x, b in zip(row, size, strict=True)), ZERO) * a
+                for row, a in zip(entries, size, strict=True)
             ]
             less = [x * unit[i][i] / size[i] ** 2 for i, x in enumerate(rows)]
-            P = P + diagonal(less, sizes)
-            parts.append(P)
+            parts.append(P + diagonal(less, sizes))
         return Mean(*parts)
+
+    def _interpolated(
+        self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
+    ) -> tuple[Polynomial, Rationals]:
+        """Return one of M, V, c and G N on a part, and what it may miss, in units."""
+        points = lattice(low, high, 2 if self._in_middles else 1)
+        found = list(map(self._at, points))
+        ends = set(corners(low, high))
+        corner = [j for j, at in enumerate(points) if at in ends]
+        values = [_kept(v.of(k), unit) for v in found]
+        remainder = self._remainders[k].inside(low, high, [_one(v, unit) for v in values])
+        P = affine([values[i] for i in corner], sizes)
+        if remainder.curve:
+            curved = [_times(rows, unit) for rows in remainder.curve]
+            P = Remainder((), tuple(curved), remainder.degree).curved(P)
+        rounding = Fraction(max(v.off[k] for v in found), ONE) + Fraction(1, 1 << KEPT)
+        return P, [[x + rounding for x in row] for row in remainder.entries]
+
+    def between(self, lengths: tuple[Fraction, Fraction]) -> Period:
+        """Return it with periods of any length between two, times ``step``."""
+        if lengths not in self._of_lengths:
+            self._of_lengths[lengths] = replace(self, lengths=lengths)
+        return self._of_lengths[lengths]
+
+    def step_on(self, low: Point, high: Point, sizes: Sizes) -> Step:
+        """Return what a period makes of x on a part of the box of the other parameters.
+
+        Parameters
+        ----------
+        sizes : tuple of int
+            Of the box with the period as its last parameter.
+
+        Raises
+        ------
+        FormatError
+            If the period is too long for these rates.
+        """
+        if self.lengths is None:
+            raise FormatError("clock: the period is one")
+        more = self.parameters - 1
+        low, high = (*low[:more], ZERO), (*high[:more], Fraction(1))
+        u = self.units
+        unit = [[a / (b * self.step) for b in u] for a in u[: self.n]]
+        moved, off = self._interpolated(3, unit, low, high, sizes)
+        most = self.lengths[1]
+        theta = affine([[[x]] for _ in range(1 << more) for x in self.lengths], sizes)
+        mean = self.on_part(low, high, sizes)
+        return Step(
+            theta * moved,
+            [
+                [x * y * most for x, y in zip(*rows, strict=True)]
+                for rows in zip(off, unit, strict=True)
+            ],
+            theta,
+            Mean(theta * mean.M, mean.V, theta * mean.c),
+        )
 
     def require_moderate(self) -> None:
         """Count the work on what holds for all points, and do it where that was not done.
@@ -191,20 +298,36 @@ class Period(Short):
         """Return M, V and c at a point."""
 
         def computed() -> _Values:
-            spend((3 * TERMS + 5 * self._doublings) * self.count**3, FINE, FINE)
-            weights = corner_weights(point)
+            products = 3 * TERMS + 5 * self._doublings
+            if self.lengths is not None:
+                products += TERMS + self._doublings
+            spend(products * self.count**3, FINE, FINE)
+            weights = corner_weights(point[: self._plain])
             matrices = (self.A, self.B, self.C, self.D, self.E)
-            return self._computed(*(mix(weights, M) for M in matrices))
+            return self._computed(self._length(point), *(mix(weights, M) for M in matrices))
 
         values: _Values = self._counted(point, computed)
         return values
 
+    def _length(self, point: Point) -> Fraction:
+        """Return the period at a point, times ``step``."""
+        if self.lengths is None:
+            return Fraction(1)
+        least, most = self.lengths
+        return least + (most - least) * point[-1]
+
     def _computed(
-        self, A: Rationals, B: Rationals, C: Rationals, D: Rationals, E: Rationals
+        self,
+        length: Fraction,
+        A: Rationals,
+        B: Rationals,
+        C: Rationals,
+        D: Rationals,
+        E: Rationals,
     ) -> _Values:
         n, N, j = self.n, self.count, self._doublings
-        both = [[*a, *b] for a, b in zip(A, B, strict=True)]
-        rates = [[round(x * ONE / (1 << j)) for x in row] for row in self._rates(both)]
+        whole = self._rates([[*a, *b] for a, b in zip(A, B, strict=True)])
+        rates = [[round(x * length * ONE / (1 << j)) for x in row] for row in whole]
         rates += [[0] * N for _ in range(N - n)]
         Q = _rounded(self._energy([[*c, *d] for c, d in zip(C, D, strict=True)]))
         W = _rounded(self._noise(E))
@@ -215,6 +338,7 @@ class Period(Short):
         # what N rounds to changes a series by N e^(1/2) / 2 at most, its 22 terms by one each
         of_F, of_M, of_V = N + TERMS + 4, 5 * N + 2 * TERMS + 6, 5 * n + 2 * TERMS + 6
         of_c = n * n * (of_V + 2)
+        G, of_G = (_mean_exponential(rates), of_F) if self.lengths else ([], 0)
         for k in range(j, 0, -1):
             inner = [row[:n] for row in M[:n]]
             c += _inner(inner, V) >> k + 1
@@ -223,10 +347,21 @@ class Period(Short):
             M, of_M = _half_more(M, of_M, transposed(F), F, of_F)
             small = [row[:n] for row in F[:n]]
             V, of_V = _half_more(V, of_V, small, transposed(small), of_F)
+            if G:
+                more, off = _multiplied(F, of_F, G, of_G)
+                G = [
+                    [(x + y) // 2 for x, y in zip(*rows, strict=True)]
+                    for rows in zip(G, more, strict=True)
+                ]
+                of_G = (of_G + off + 1) // 2 + 1
             F, of_F = _multiplied(F, of_F, F, of_F)
             if max(bits(F), bits(M), bits(V)) > FINE + LARGE.bit_length():
                 raise FormatError("between samples: the sample time is too long for these rates")
-        return _Values(M, V, c, (of_M, of_V, of_c))
+        moved, of_moved = [[0] * N for _ in range(n)], 0
+        if G:
+            small = [row[:n] for row in G[:n]]
+            moved, of_moved = _multiplied(small, of_G, _rounded(whole), 1)
+        return _Values(M, V, c, moved, (of_M, of_V, of_c, of_moved))
 
     # --- in units --------------------------------------------------------------------------------
 
@@ -277,7 +412,10 @@ class Period(Short):
     @cached_property
     def _doublings(self) -> int:
         """How often h is doubled, where |N| h, and that of its transpose, is 1/4 at most."""
-        return self._halvings(Fraction(1, 4), [_ints(self._largest[0])])
+        most = Fraction(1) if self.lengths is None else self.lengths[1]
+        return self._halvings(
+            Fraction(1, 4), [_ints([[x * most for x in row] for row in self._largest[0]])]
+        )
 
     def _halvings(self, most: Fraction, matrices: Iterable[Integers]) -> int:
         """Return how often the period is halved for sums of rows and columns to be so small."""
@@ -291,15 +429,16 @@ class Period(Short):
 
     @property
     def _in_middles(self) -> bool:
-        return 0 < self.parameters <= MOST_IN_MIDDLES
+        return bool(self.parameters) and self._plain <= MOST_IN_MIDDLES
 
     @cached_property
-    def _remainders(self) -> tuple[Remainder, Remainder, Remainder]:
-        """Of M, V and c, in their units, without what values are off by at points."""
+    def _remainders(self) -> tuple[Remainder, ...]:
+        """Of M, V, c and G N, in their units, without what values are off by at points."""
         k = self.parameters
         every = [self._derivatives(i) for i in range(k)]
         n, N = self.n, self.count
-        zeros = [tuple((ZERO,) * size for _ in range(size)) for size in (N, n, 1)]
+        shapes = ((N, N), (n, n), (1, 1), (n, N))
+        zeros = [tuple((ZERO,) * columns for _ in range(rows)) for rows, columns in shapes]
         remainders = list[Remainder]()
         for number_of, none in enumerate(zeros):
             twice, thrice = (
@@ -308,19 +447,20 @@ class Period(Short):
             )
             third = thrice if self._in_middles else []
             remainders.append(Remainder.between(none, twice, third))
-        one, two, three = remainders
-        return one, two, three
+        return tuple(remainders)
 
-    def _derivatives(self, i: int) -> tuple[Series, Series, Series]:
-        """Return majorants of M, V and c along parameter i, as powers of s."""
-        n, N, half = self.n, self.count, 1 << (self.parameters - 1 - i)
-        rates, outputs, driven = (
-            (most, _most(_slopes(matrices, half)))
-            for most, matrices in zip(self._largest, self._in_units, strict=True)
-        )
-        pair = [_ints(_square_matrix(M, N)) for M in rates]
+    def _derivatives(self, i: int) -> tuple[Series, ...]:
+        """Return majorants of M, V, c and G N along parameter i, as powers of s."""
+        n, N = self.n, self.count
+        rates, outputs, driven = self._with_slopes(i)
+        least, most = self.lengths or (Fraction(1), Fraction(1))
+        along = (rates[0], most - least) if i == self._plain else (rates[1], most)
+        pair = [
+            _ints(_square_matrix([[x * times for x in row] for row in M], N))
+            for M, times in ((rates[0], most), along)
+        ]
         j = self._halvings(Fraction(1, 16), pair)
-        tops = [max(math.ceil(M[k][k] * ONE) for M in self._in_units[0]) for k in range(n)]
+        tops = [max(self._highest(M[k][k]) for M in self._in_units[0]) for k in range(n)]
         tops += [0] * (N - n)
         shift = max(0, -min(tops))
         shifted = [
@@ -335,14 +475,39 @@ class Period(Short):
         small = _first(wide, n)
         V = _sandwich(small, W, _turned(small))
         c = [[[-(-x[0][0] >> j + 1)]] for x in _inner_series(_first(Q, n), V)]
+        G = small
         for k in range(j, 0, -1):
             more = _inner_series(_first(M, n), V)
             c = [[[x[0][0] - (-y[0][0] >> k + 1)]] for x, y in zip(c, more, strict=True)]
             M = _halved(M, _sandwich(_turned(F), M, F))
             small = _first(F, n)
             V = _halved(V, _sandwich(small, V, _turned(small)))
+            G = _halved(G, _series_product(small, G))
             F = _series_product(F, F)
-        return M, V, c
+        known = [_ints(M) for M in rates]
+        none = [[0] * N for _ in range(n)]
+        moved = _series_product(G, [*known, none, none])
+        return M, V, c, moved
+
+    def _with_slopes(self, i: int) -> list[tuple[Rationals, Rationals]]:
+        """Return the largest magnitudes of rates, outputs and noise, and their slopes along i."""
+        if i == self._plain:  # along the period
+            return [(M, [[ZERO] * len(M[0]) for _ in M]) for M in self._largest]
+        half = 1 << (self._plain - 1 - i)
+        return [
+            (most, _most(_slopes(matrices, half)))
+            for most, matrices in zip(self._largest, self._in_units, strict=True)
+        ]
+
+    @property
+    def _plain(self) -> int:
+        """Number of parameters without the period."""
+        return len(self.A).bit_length() - 1
+
+    def _highest(self, rate: Fraction) -> int:
+        """Return the largest of a rate times a period, rounded up."""
+        least, most = self.lengths or (Fraction(1), Fraction(1))
+        return math.ceil(rate * (most if rate > 0 else least) * ONE)
 
 
 @dataclass(frozen=True)
@@ -350,7 +515,7 @@ class Held(Short):
     """x' = A x + B u + E w at every vertex, with u held between samples, ``delay`` samples late.
 
     ``units`` are of x and u. The states at a sample are x and the inputs on their way, and others
-    that do not change between samples.
+    that do not change between samples. With a ``clock`` samples are not all equally far apart.
     """
 
     A: list[Rationals]
@@ -358,6 +523,7 @@ class Held(Short):
     E: list[Rationals]
     delay: int
     units: tuple[Fraction, ...]
+    clock: Clock | None = None
     _known: dict[Any, Period] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
@@ -370,7 +536,8 @@ class Held(Short):
             for M in matrices:
                 require_shape(M, n, columns, f"held: {key}")
         common_denominator([*A, *B, *E])
-        return cls(A, B, E, table.whole("delay", 0), table.numbers("units", n + m))
+        clock = Clock.read(table.table("clock")) if "clock" in table else None
+        return cls(A, B, E, table.whole("delay", 0), table.numbers("units", n + m), clock)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -378,7 +545,8 @@ class Held(Short):
             {"A": plain(A), "B": plain(B), "E": plain(E)}
             for A, B, E in zip(self.A, self.B, self.E, strict=True)
         ]
-        return {"delay": self.delay, "units": plain(self.units), "vertices": vertices}
+        clock = {} if self.clock is None else {"clock": self.clock.write()}
+        return {"delay": self.delay, "units": plain(self.units)} | clock | {"vertices": vertices}
 
     def require(self, count: int, n: int, m: int, q: int, sizes: Sizes) -> None:
         """Refuse what does not fit samples of so many vertices, states, inputs, disturbances."""
@@ -585,6 +753,16 @@ def _exponential(rates: Integers) -> Integers:
     term = total = [[ONE * (i == j) for j in range(N)] for i in range(N)]
     for k in range(1, TERMS + 1):
         term = [[x // k for x in row] for row in _product(term, rates)]
+        total = _added(total, term)
+    return total
+
+
+def _mean_exponential(rates: Integers) -> Integers:
+    """Return int_0^1 exp(N s) ds of a small N."""
+    N = len(rates)
+    term = total = [[ONE * (i == j) for j in range(N)] for i in range(N)]
+    for k in range(1, TERMS + 1):
+        term = [[x // (k + 1) for x in row] for row in _product(term, rates)]
         total = _added(total, term)
     return total
 

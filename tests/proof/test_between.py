@@ -300,7 +300,7 @@ def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters):
             assert np.all(missed <= off * (1 + 1e-9) + 1e-12 * np.abs(moved).max())
             one = replace(period, lengths=None, step=Fraction(theta) * T)
             M, V, c = by_quadrature(one, inner)
-            for P, true in ((step.mean.M, theta * M), (step.mean.V, V), (step.mean.c, theta * c)):
+            for P, true in ((step.mean.M, theta * M), (step.mean.V, V), (step.mean.c, c)):
                 more = valued(P, at) - np.atleast_2d(true)
                 assert np.linalg.eigvalsh(more).min() > -1e-11 * np.abs(true).max()
     assert largest[1] < largest[0] / 6

@@ -20,7 +20,7 @@ largest magnitudes in place of A, B, C, D and E, and these plus s times the larg
 their slopes: powers of s up to the third are computed, rounded up. The diagonals of A keep their
 signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the latter's series has no negative term.
 
-A clock that is not perfect makes a period theta T, theta anywhere in an interval, each time another:
+A clock that is not perfect makes a period theta T, theta anywhere in an interval, each time anew:
 theta is one more coordinate t, of [A, B] theta T, on which neither the law nor Q depends. Then
 
     (exp(N theta T) - 1) / T = theta int_0^1 exp(N theta T s) ds N

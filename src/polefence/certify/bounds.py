@@ -34,7 +34,7 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve import gramians
 from polefence.lmi.solve.along_motions import Along, along_motions
-from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
+from polefence.lmi.solve.gramians import Dual, DualProblem, at_corners, duals, in_parts
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.lmi.solve.spread import spread_of
@@ -225,6 +225,8 @@ class _Question:
             worst = worst_of(sampled(plant, law, specification, alpha), by_transfer)[0]
             wide = behind(plant, law, specification)
             dual = wide.specification.dual(wide.plant, wide.law)
+            if dual is not None and dual.clocked:
+                worst = max(worst, at_corners(dual))
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only

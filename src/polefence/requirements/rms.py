@@ -163,7 +163,8 @@ class Rms(Specification):
         outputs = self.exact_outputs(plant)
         scales, intensity = tuple(map(Fraction, self.scales(plant))), Fraction(self.density) / 2
         period = held.period(outputs, scales, plant.period, intensity)
-        return replace(problem, means=OverPeriod(period, held.chosen_of(outputs)))
+        means = OverPeriod(period, held.chosen_of(outputs), clock=held.clock)
+        return replace(problem, means=means)
 
     def claim(
         self,

@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
-from polefence.proof.between import Period
+from polefence.proof.between import Clock, Period, Step
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
 from polefence.proof.polynomials import monomials, multinomial
 from polefence.proof.remainder import SHARE
@@ -57,6 +58,8 @@ COVERED, TINY = 1.0001, 1e-300  # of rows and columns that cover a remainder
 # Of all modes', what each is taken to cost: a van's limit at 10 ms takes 8 parts; with 1e-1 10,
 # with 1e-2 9, with 1e-5 10.
 LEAST_COST = 1e-3
+_ENDS = Domain((2,))
+NEXT = 2.0**-20  # side of what is next to a corner
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
@@ -103,11 +106,19 @@ class OverPeriod:
     V: Array | None = None
     c: Array | None = None
     degree: int = 0
+    clock: Clock | None = None
+    ticks: tuple[Ticks, ...] = ()
 
     def inside(self, box: Box, domain: Domain) -> OverPeriod:
         """Return the bounds on a part of the box."""
         low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
         sizes = tuple(domain.sizes)
+        if self.clock is not None:
+            wide = (*sizes, 2)
+            steps = (
+                self.period.between(ends).step_on(low, high, wide) for ends in self.clock.lengths
+            )
+            return replace(self, ticks=tuple(map(_ticks, steps)))
         mean = self.period.on_part(low, high, sizes)
         degree = max(max(P.degrees, default=0) for P in (mean.M, mean.V, mean.c))
         M, V, c = (_coefficients(P, degree) for P in (mean.M, mean.V, mean.c))
@@ -118,6 +129,51 @@ class OverPeriod:
         basis = domain.basis(alpha, self.degree)
         M, V, c = (np.tensordot(basis, P, 1) for P in (self.M, self.V, self.c) if P is not None)
         return np.swapaxes(factor(M), 1, 2), factor(V), c[:, 0, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Ticks:
+    """Periods of any length between two: Bernstein coefficients on the box with one more parameter.
+
+    Attributes
+    ----------
+    domain : Domain
+        With the period behind the parameters.
+    theta : float
+        The length in the middle, in periods.
+    moved : (count, n, k) array
+        (exp(N theta T) - 1) / T of what `OverPeriod.chosen` are, in a degree.
+    off : (n, k) array
+        What its entries are off by.
+    M, V, c : (count, ., .) arrays
+    degree : int
+    """
+
+    domain: Domain
+    theta: float
+    moved: Array
+    off: Array
+    M: Array
+    V: Array
+    c: Array
+    degree: int
+
+    def at(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
+        """Return what moves, factors of M and V, L'L and L L', and c at points."""
+        basis = self.domain.basis(alpha, self.degree)
+        moved, M, V, c = (np.tensordot(basis, P, 1) for P in (self.moved, self.M, self.V, self.c))
+        return moved, np.swapaxes(factor(M), 1, 2), factor(V), c[:, 0, 0]
+
+
+def _ticks(step: Step) -> Ticks:
+    mean = step.mean
+    every = (step.moved, mean.M, mean.V, mean.c)
+    degree = max(max(P.degrees) for P in every)
+    theta = _coefficients(step.theta, 1)
+    off = np.array([[float(x) for x in row] for row in step.off])
+    moved, M, V, c = (_coefficients(P, degree) for P in every)
+    domain = Domain(tuple(step.theta.sizes))
+    return Ticks(domain, float(theta.mean()), moved, off, M, V, c, degree)
 
 
 def _coefficients(P: ExactPolynomial, degree: int) -> Array:
@@ -188,6 +244,16 @@ class DualProblem:
         return np.asarray(sizes / np.where(entering > 0, entering, 1.0))
 
     @property
+    def clocked(self) -> bool:
+        """Whether it is about periods of any length."""
+        return self.means is not None and self.means.clock is not None
+
+    @property
+    def ticking(self) -> bool:
+        """Whether it is about a part of the box, with periods of any length."""
+        return self.means is not None and bool(self.means.ticks)
+
+    @property
     def rows(self) -> int:
         """Degree of A W + B Z, and at most that of C W + D Z."""
         return loop_degree(self.plant, self.law)
@@ -254,6 +320,8 @@ class DualProblem:
         Of a part of the box alpha are weights of its own corners.
         """
         here = alpha
+        if self.means is not None and self.means.ticks:
+            return self.ticked(self.means.ticks[-1], _longest(alpha))[:5]
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
         A, B = self.plant.at(alpha)
@@ -269,8 +337,44 @@ class DualProblem:
         E[:, : noise.shape[1]] = noise
         return W, A @ W + B @ Z, Y, E, np.zeros((len(W), Y.shape[1], E.shape[2]))
 
+    def ticked(self, ticks: Ticks, alpha: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """Return what `at` does, and what no law changes, for periods of any length.
+
+        Parameters
+        ----------
+        alpha : (count, N) array
+            Weights of the corners of the part of the box with the period.
+        """
+        own = alpha.reshape(len(alpha), -1, 2).sum(axis=2)
+        at = own if self.box is None or self.between else self.box.alpha(self.domain, own)
+        A, B = self.plant.at(at)
+        moved, energy, noise, more = ticks.at(alpha)
+        first, n = moved.shape[1], A.shape[1]
+        AB = np.concatenate([A, B], axis=2)
+        AB[:, :first] = 0.0
+        chosen = [] if self.means is None else self.means.chosen
+        AB[:, :first, chosen] = moved
+        form = self.form(own)
+        W, Y = form[:, :n], energy @ form[:, chosen]
+        E = np.zeros((len(own), n, noise.shape[-1]))
+        E[:, : noise.shape[1]] = noise
+        return W, AB @ form, Y, E, np.zeros((len(own), Y.shape[1], E.shape[2])), more
+
+    def entries(self, ticks: Ticks | None) -> Array | None:
+        """Return what each entry of [A, B, E] may be off by."""
+        remainder = self.plant.remainder
+        if remainder is None:
+            return None
+        entries = np.array(remainder.entries, dtype=float)
+        if ticks is not None and self.means is not None:
+            entries[: len(ticks.off)] = 0.0
+            entries[: len(ticks.off), self.means.chosen] = ticks.off
+        return entries
+
     def more(self, alpha: Array) -> Array:
         """Return what no law changes of the bound's square, at points of the part."""
+        if self.means is not None and self.means.ticks:  # as `at`
+            return self.ticked(self.means.ticks[-1], _longest(alpha))[5]
         if self.means is None or self.means.c is None:
             return np.zeros(len(alpha))
         return self.means.at(self.domain, alpha)[2]
@@ -281,6 +385,16 @@ class DualProblem:
         if self.law.W is None:
             return N, Y, E, F
         return right_divide(N, W), right_divide(Y, W), E, F
+
+
+def _beside(alpha: Array, ends: Array) -> Array:
+    """Return weights of the corners of a box with one more parameter."""
+    return np.asarray((alpha[:, :, None] * ends[:, None, :]).reshape(len(alpha), -1))
+
+
+def _longest(alpha: Array) -> Array:
+    """Return weights of points with the longest period."""
+    return _beside(alpha, np.tile((0.0, 1.0), (len(alpha), 1)))
 
 
 def riccati(A: Array, S: Array, Q: Array) -> Array | None:
@@ -329,11 +443,25 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
             return
         dual: Dual | None = None
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            dual = _Interpolation(problem, degree).least(worst)
+            dual = _of(problem, degree).least(worst)
         if dual is not None:
             yield dual
             if dual.level <= worst * (1 + near):
                 return
+
+
+def at_corners(problem: DualProblem) -> float:
+    """Return the largest level that is proved next to a corner of the box; inf where none is.
+
+    For periods of any length it lies above samples: one Q has to do for all of them.
+    """
+    count, worst = len(problem.domain.sizes), 0.0
+    for corner in product((0.0, 1.0 - NEXT), repeat=count if problem.domain.corners > 1 else 0):
+        low = corner or (0.0,) * count
+        box = Box(low, tuple(x + NEXT for x in low))
+        dual = next(_duals(problem.inside(box), np.inf, [0]), None)
+        worst = max(worst, np.inf if dual is None else dual.level)
+    return worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -402,7 +530,7 @@ def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterat
     """Yield dual polynomials of some degrees on a part, for a gain at the level itself."""
     for degree in degrees:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            dual = _Interpolation(problem, degree).proving(level)
+            dual = _of(problem, degree).proving(level)
             if dual is not None:
                 yield dual
 
@@ -467,8 +595,9 @@ class _Interpolation:
         """Return the dual below the level, for a gain somewhat below it."""
         if self.problem.gain:
             return self._grown(level * (1 - ROOM))
-        dual = self._even(level) if self.problem.between else None
-        if dual is None and (not self.problem.between or self.problem.plant.curve_degree > 1):
+        dual = self._even(level) if self.problem.between and level < np.inf else None
+        curved = self.problem.plant.curve_degree > 1 or self.problem.ticking
+        if dual is None and (not self.problem.between or curved):
             return self._grown(None)
         return dual
 
@@ -783,6 +912,122 @@ class _Interpolation:
             from_E = varies * problem.plant.curve_degree
             squares.append(2 * (self.degree + problem.left + from_E))
         return max(self.degree + problem.degree, *squares)
+
+
+def _of(problem: DualProblem, degree: int) -> _Interpolation:
+    """Return the search for R, over a clock where the samples have one."""
+    if problem.ticking:
+        return _OverClock(problem, degree)
+    return _Interpolation(problem, degree)
+
+
+@dataclass(frozen=True, eq=False)
+class _OverClock(_Interpolation):
+    """The search for R where Q has to do for periods of any length.
+
+    Q is the Gramian of the longest; R makes up for what it misses of the others too.
+    """
+
+    @cached_property
+    def own(self) -> list[Ticks]:
+        """The parts of the periods."""
+        return [] if self.problem.means is None else list(self.problem.means.ticks)
+
+    @property
+    def lengths(self) -> int:
+        """Degree of what moves in the length of a period, one more than in the parameters."""
+        return max(ticks.degree for ticks in self.own)
+
+    @property
+    def degrees(self) -> tuple[int, int]:
+        """Of the inequality, in the parameters and in the length of a period."""
+        rows = self.lengths - 1 + self.problem.law.degree
+        return max(self.degree + self.problem.left + rows, self.degree + 2 * rows), 2 * self.lengths
+
+    @property
+    def degrees_of_noise(self) -> tuple[int, int]:
+        """The same of what the noise adds."""
+        return self.degree + self.lengths - 1, self.lengths
+
+    @cached_property
+    def looped(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:
+        """For each the weights, Q's basis and the loops at the nodes of the inequality."""
+        return [self._at(ticks, self.degrees) for ticks in self.own]
+
+    @cached_property
+    def driven(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:
+        """The same at those of what the noise adds."""
+        return [self._at(ticks, self.degrees_of_noise) for ticks in self.own]
+
+    def _at(self, ticks: Ticks, degrees: tuple[int, int]) -> tuple[Array, Array, tuple[Array, ...]]:
+        plain, theta = self.problem.domain.nodes(degrees[0]), _ENDS.nodes(degrees[1])
+        alpha = _grid(plain, theta)
+        own = np.repeat(plain, len(theta), axis=0)
+        basis = self.problem.domain.basis(own, self.degree)
+        return own, basis, self.problem.ticked(ticks, alpha)
+
+    def _coefficients(self, values: Array, degrees: tuple[int, int]) -> Array:
+        """Return Bernstein coefficients of what has these values at the nodes."""
+        plain, count = self.problem.domain, degrees[1] + 1
+        table = values.reshape(-1, count, *values.shape[1:])
+        table = plain.interpolated(table, degrees[0])
+        turned = _ENDS.interpolated(np.swapaxes(table, 0, 1), degrees[1])
+        return np.asarray(np.swapaxes(turned, 0, 1).reshape(values.shape))
+
+    def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
+        entries, sizes = list[Array](), list[tuple[Array, Array]]()
+        for ticks, (own, basis, (W, N, *_)) in zip(self.own, self.looped, strict=True):
+            known = self.problem.entries(ticks)
+            entries += [] if known is None else [known]
+            P = (W + self.problem.step * N).swapaxes(-1, -2) @ np.tensordot(basis, Q, 1)
+            V = self.problem.form(own)
+            a = np.square(units.T @ P).sum(axis=-2).max(axis=0)
+            sizes.append((a, np.square(V @ units).sum(axis=-1).max(axis=0)))
+        a, b = (np.max(each, axis=0) for each in zip(*sizes, strict=True))
+        return cheapest(np.max(entries, axis=0), a, b)
+
+    def _missed(
+        self, coefficients: Array, level: float | None, cover: Cover | None = None
+    ) -> tuple[Array, float]:
+        if level is not None:
+            raise np.linalg.LinAlgError("a gain has no periods of any length")
+        step, every, longest = self.problem.step, list[Array](), self.own[-1].theta
+        degrees = self.degrees
+        for ticks, (own, basis, (W, N, Y, *_)) in zip(self.own, self.looped, strict=True):
+            Q = np.tensordot(basis, coefficients, 1)
+            P = (W + step * N).swapaxes(-1, -2) @ Q
+            both = W @ Q @ N
+            both = both + both.swapaxes(-1, -2) + step * N.swapaxes(-1, -2) @ Q @ N
+            both = both + Y.swapaxes(-1, -2) @ Y
+            if cover is not None:
+                form = self.problem.form(own)
+                V = cover.columns[: form.shape[1], None] * form
+                both = both + (1 + step * cover.kappa) * V.swapaxes(-1, -2) @ V
+            missed = self._coefficients(both, degrees)
+            if cover is not None:
+                PH = self._coefficients(P * cover.rows[: P.shape[-1]], degrees)
+                missed = missed + PH @ PH.swapaxes(-1, -2)
+            if self.problem.law.W is not None:
+                middle = np.linalg.inv(W.mean(axis=0))
+                missed = middle.T @ missed @ middle
+            # a short period makes up for less
+            every.append(missed * (longest / ticks.theta))
+        bound = float(np.sqrt(max(self._ratios(coefficients).max(), 0.0)))
+        return np.concatenate(every), bound
+
+    def _ratios(self, Q: Array) -> Array:
+        every = list[Array]()
+        for _, basis, (_, _, _, E, _, more) in self.driven:
+            squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E) + more
+            every.append(self._coefficients(squares, self.degrees_of_noise))
+        return np.concatenate(every)
+
+
+def _grid(plain: Array, theta: Array) -> Array:
+    """Return weights of the corners of the box with the period, at every pair of nodes."""
+    one = np.repeat(plain, len(theta), axis=0)
+    other = np.tile(theta, (len(plain), 1))
+    return _beside(one, other)
 
 
 def made_up(missed: Array, V: Any, inside: Array, E: Array) -> Array:

@@ -88,7 +88,7 @@ class Gain(SignalClaim):
         lemma[1][0] = lemma[1][0] - entering.T * QE
         if spread is None:
             return {"of the gain": lemma}
-        loss, PH = loop.loss(spread, self.subject.law)
+        loss, PH = loop.loss(spread, self.subject.law.form(loop.Q.sizes))
         share = 1 + step * spread.kappa
         driven = [share * x * x for x in spread.driving(self.scales, self.subject.q)]
         lemma[0][0] = lemma[0][0] - loss

@@ -22,8 +22,9 @@ from fractions import Fraction
 from functools import cached_property, partial
 from typing import Any, ClassVar, Self
 
-from polefence.proof.between import Held, Mean, Period
+from polefence.proof.between import Held, Mean, Period, Step
 from polefence.proof.claims.base import Claim
+from polefence.proof.claims.clock import noises, of_noise, rows_of_clock, steps_of
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
@@ -98,7 +99,10 @@ class Rms(SignalClaim):
         """Refuse what does not fit, or is too much."""
         super().require()
         if self.held is not None:
-            self._period.require_moderate()
+            clock = self.held.clock
+            periods = [self._period] if clock is None else map(self._period.between, clock.lengths)
+            for period in periods:
+                period.require_moderate()
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:
         """Say that the plant is not the samples of what is held between them."""
@@ -116,7 +120,13 @@ class Rms(SignalClaim):
         """Between samples too, where it is so."""
         if self.held is None:
             return super().time_text
-        return f", at all times, with inputs held for {milliseconds_text(self.subject.step)} ms"
+        step, clock = self.subject.step, self.held.clock
+        times = milliseconds_text(step)
+        if clock is not None:
+            ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
+            times = f"{' to '.join(ends)} ms, each time anew"
+            return f", at all times, with inputs held for {times}"
+        return f", at all times, with inputs held for {times} ms"
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
@@ -129,14 +139,32 @@ class Rms(SignalClaim):
             raise FormatError("held: the plant is no samples")
         return self.held.period(self.outputs, self.scales, self.subject.step, self.intensity)
 
+    @property
+    def _part(self) -> tuple[Period, Point, Point]:
+        """What goes on in a period, and the part of the box that it is about."""
+        if self.part is not None:
+            return self.part
+        count = self._period.parameters
+        return self._period, (Fraction(0),) * count, (Fraction(1),) * count
+
     def _mean(self) -> Mean:
         """Return what bounds the mean over a period, in the part that it is about."""
-        sizes = self.subject.sizes
-        if self.part is not None:
-            period, low, high = self.part
-            return period.on_part(low, high, sizes)
-        count = self._period.parameters
-        return self._period.on_part((Fraction(0),) * count, (Fraction(1),) * count, sizes)
+        period, low, high = self._part
+        return period.on_part(low, high, self.subject.sizes)
+
+    def _steps(self) -> list[Step]:
+        """Return the same for periods of any length."""
+        period, low, high = self._part
+        if self.held is None:
+            raise FormatError("held: the plant is no samples")
+        return steps_of(period, self.held, low, high, self.subject)
+
+    def _require_remainder(self) -> None:
+        """Refuse evidence that does not cover a remainder: with a clock that is not the plant's."""
+        if self.held is None or self.held.clock is None:
+            super()._require_remainder()
+        elif self.subject.evidence.spread is None and not self.subject.evidence.cells:
+            raise FormatError("a clock has evidence of what its periods may be off by")
 
     @property
     def largest(self) -> int:
@@ -154,10 +182,12 @@ class Rms(SignalClaim):
         square = number(self.level**2, self.subject.sizes)
         if self.held is None:
             return dual_of_noise(self, square, self.intensity)
+        if self.held.clock is not None:
+            return rows_of_clock(self.subject, self.outputs, self.held, self._steps(), self.level)
         form = self.held.chosen(self.outputs, self.subject.law.form(self.subject.sizes))
         mean = self._mean()
         energy = form.T.half_times(mean.M * form)
-        return dual_of_noise(self, square, self.intensity, energy, partial(_noise, mean))
+        return dual_of_noise(self, square, self.intensity, energy, partial(of_noise, mean))
 
     @property
     def least_square(self) -> Fraction | None:
@@ -168,7 +198,9 @@ class Rms(SignalClaim):
         if not evidence.dual or evidence.cells:
             return None
         Q = bernstein(evidence.X, self.subject.sizes, evidence.degree)
-        return largest_coefficient(_noise(self._mean(), Q), evidence.elevation)
+        clock = self.held.clock
+        moved = noises(Q, self._steps()) if clock else [of_noise(self._mean(), Q)]
+        return max(largest_coefficient(one, evidence.elevation) for one in moved)
 
     def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D, and g^2 D - S N, where the variance is S N / D."""
@@ -184,12 +216,3 @@ class Rms(SignalClaim):
     def under(self) -> str:
         """The noise."""
         return f" at density {digits_down(2 * self.intensity, 4)}"
-
-
-def _noise(mean: Mean, Q: Polynomial) -> Polynomial:
-    """Return c + tr Q V."""
-    total, V = mean.c, mean.V
-    for i in range(V.shape[0]):
-        row = slice(i, i + 1)
-        total = total + Q.part(row, slice(V.shape[0])) * V.part(slice(None), row)
-    return total

@@ -110,13 +110,13 @@ class DualLoop(Short):
         both = self.WQM + self.WQM.T
         return both + self.M.T.half_times(self.QM).times(self.step) if self.step else both
 
-    def loss(self, spread: Spread, law: Law) -> tuple[Polynomial, Polynomial]:
-        """Return what a remainder costs: (1 + step kappa) V'V, and P H.
+    def loss(self, spread: Spread, form: Polynomial) -> tuple[Polynomial, Polynomial]:
+        """Return what a remainder costs: (1 + step kappa) V'V, and P H, with a law's [W; Z].
 
         With M off by H Delta V, P H Delta V and its transpose are at most P H H'P' + V'V, with
         P = W Q + step M'Q, and step V'Delta'H'Q H Delta V at most step kappa V'V.
         """
-        V = spread.moving(law.form(self.Q.sizes))
+        V = spread.moving(form)
         P = self.WQ + self.QM.T.times(self.step)
         loss = V.T.half_times(V).times(1 + self.step * spread.kappa)
         return loss, P * diagonal(spread.rows, self.Q.sizes)
@@ -196,6 +196,16 @@ class Subject(Short):
     def lifted(self) -> Polynomial:
         """[X; K X]."""
         return lifted(self.law, self.evidence, self.sizes)
+
+    @property
+    def plant_form(self) -> Polynomial:
+        """[A, B], with the curve of a remainder."""
+        rows = [
+            [left + right for left, right in zip(*AB, strict=True)]
+            for AB in zip(self.A, self.B, strict=True)
+        ]
+        both = bernstein(rows, self.sizes, 1, MAX_BITS)
+        return both if self.remainder is None else self.remainder.curved(both)
 
     def _plant(self, outputs: Sequence[Output]) -> Polynomial:
         """Return [A, B; C, D]."""
@@ -932,10 +942,16 @@ def dual_of_noise(
     noise: Rows = {"of the noise": [[square - moved]]}
     if spread is None:
         return {"of the output": [[inner]]} | noise
-    loss, PH = loop.loss(spread, claim.subject.law)
-    eye = constant(identity(claim.subject.n), Q.sizes)
-    bordered = [[inner - loss, PH], [eye]]
+    bordered = with_remainder(inner, loop, spread, claim.subject.law.form(Q.sizes))
     return {"of the output": bordered} | noise | below_kappa(Q, spread)
+
+
+def with_remainder(
+    inner: Polynomial, loop: DualLoop, spread: Spread, form: Polynomial
+) -> list[list[Polynomial]]:
+    """Return the blocks of an inequality of the dual form, less what a remainder costs."""
+    loss, PH = loop.loss(spread, form)
+    return [[inner - loss, PH], [constant(identity(inner.shape[0]), inner.sizes)]]
 
 
 def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomial:

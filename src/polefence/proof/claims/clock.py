@@ -1,0 +1,154 @@
+"""Inequalities of the dual form for a clock that is not perfect.
+
+The states at the next sample are those that a period of theta T leaves, for every theta of the
+clock's interval. On the box of the parameters and of theta, with Q(p) that does not depend on theta
+and F of the loop in its difference form, F = (exp(N theta T) - 1) / T in the rows that move,
+
+    -(Q F + F'Q + T F'Q F + theta [I; K]'M [I; K]) > 0,  g^2 - theta c - tr Q V > 0.
+
+So Q never rises by more in a period than what is lost in it, whatever the periods before it were:
+over any sequence of them the mean of z'z is below g^2. See `polefence.proof.between`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+from polefence.proof.between import Held, Mean, Period, Point, Step
+from polefence.proof.claims.signal import (
+    DualLoop,
+    Rows,
+    Subject,
+    below_kappa,
+    with_remainder,
+)
+from polefence.proof.matrices import ZERO, Rationals
+from polefence.proof.plant import Output
+from polefence.proof.polynomials import Polynomial, below, bernstein, number
+from polefence.proof.remainder import Remainder, Spread
+from polefence.proof.work import FormatError
+
+
+def steps_of(period: Period, held: Held, low: Point, high: Point, subject: Subject) -> list[Step]:
+    """Return what periods of the clock make of x on a part of the box, in parts of their lengths.
+
+    Raises
+    ------
+    FormatError
+        If there is no clock, or its periods are too long for these rates.
+    """
+    if held.clock is None:
+        raise FormatError("clock: the period is one")
+    sizes = (*subject.sizes, 2)
+    return [period.between(ends).step_on(low, high, sizes) for ends in held.clock.lengths]
+
+
+def rows_of_clock(
+    subject: Subject,
+    outputs: Sequence[Output],
+    held: Held,
+    steps: Sequence[Step],
+    level: Fraction,
+) -> Rows:
+    """Return the blocks that bound the mean square of outputs over periods of any length.
+
+    Raises
+    ------
+    FormatError
+        If the evidence does not cover what interpolation may miss.
+    """
+    law, evidence, spread = subject.law, subject.evidence, subject.evidence.spread
+    plain = law.form(subject.sizes)
+    form, shown = _wide(plain), _wide(held.chosen(outputs, plain))
+    Q = _wide(bernstein(evidence.X, subject.sizes, evidence.degree))
+    rows: Rows = {}
+    for k, step in enumerate(steps):
+        loop = _loop(subject, outputs, held, step, Q, form)
+        energy = shown.T.half_times(step.mean.M * shown)
+        inner = -(loop.falling + energy)
+        blocks = [[inner]]
+        if spread is not None:
+            _require_cover(spread, _missed(subject, outputs, held, step))
+            blocks = with_remainder(inner, loop, spread, form)
+        moved = of_noise(step.mean, Q)
+        rows[f"of the output, periods {k + 1}"] = blocks
+        rows[f"of the noise, periods {k + 1}"] = [[number(level**2, Q.sizes) - moved]]
+    return rows if spread is None else rows | below_kappa(Q, spread)
+
+
+def of_noise(mean: Mean, Q: Polynomial) -> Polynomial:
+    """Return c + tr Q V."""
+    total, V = mean.c, mean.V
+    for i in range(V.shape[0]):
+        row = slice(i, i + 1)
+        total = total + Q.part(row, slice(V.shape[0])) * V.part(slice(None), row)
+    return total
+
+
+def noises(Q: Polynomial, steps: Sequence[Step]) -> list[Polynomial]:
+    """Return c + tr Q V of every part of the periods."""
+    return [of_noise(step.mean, _wide(Q)) for step in steps]
+
+
+def _wide(P: Polynomial) -> Polynomial:
+    """Return a polynomial on the box with the period as one more parameter."""
+    terms = {(*e, 0, 0): M for e, M in P.terms.items()}
+    return replace(P, terms=terms, sizes=(*P.sizes, 2), degrees=(*P.degrees, 0))
+
+
+def _loop(
+    subject: Subject,
+    outputs: Sequence[Output],
+    held: Held,
+    step: Step,
+    Q: Polynomial,
+    form: Polynomial,
+) -> DualLoop:
+    """Return the loop over a period in the dual form."""
+    n, first = subject.n, len(held.A[0])
+    AB = _placed(step.moved, held.chosen_of(outputs), n + subject.m)
+    if n > first:  # inputs on their way, and states of the law's own
+        AB = below(AB, _wide(subject.plant_form.part(slice(first, None))))
+    M = AB * form
+    QM = Q * M
+    if subject.law.K is not None:
+        return DualLoop(Q, Q, M, QM, QM, M, subject.step)
+    WQ = form.part(slice(n)) * Q
+    return DualLoop(Q, WQ, M, QM, WQ * M, M, subject.step)
+
+
+def _placed(P: Polynomial, columns: Sequence[int], width: int) -> Polynomial:
+    """Return a polynomial with its columns among others, that are zero."""
+
+    def wider(M: list[list[int]]) -> list[list[int]]:
+        rows = []
+        for row in M:
+            whole = [0] * width
+            for k, x in zip(columns, row, strict=True):
+                whole[k] = x
+            rows.append(whole)
+        return rows
+
+    return replace(P, terms={e: wider(M) for e, M in P.terms.items()})
+
+
+def _missed(subject: Subject, outputs: Sequence[Output], held: Held, step: Step) -> Remainder:
+    """Return what each entry of [A, B, E] may be off by."""
+    n, m, first = subject.n, subject.m, len(held.A[0])
+    columns = held.chosen_of(outputs)
+    entries: Rationals = []
+    for row in step.off:
+        whole = [ZERO] * (n + m + subject.q)
+        for k, x in zip(columns, row, strict=True):
+            whole[k] = x
+        entries.append(whole)
+    known = subject.remainder
+    rest = [(ZERO,) * (n + m + subject.q)] * n if known is None else known.entries
+    return Remainder(tuple(map(tuple, [*entries, *rest[first:]])))
+
+
+def _require_cover(spread: Spread, remainder: Remainder) -> None:
+    """Refuse rows and columns that do not cover what interpolation may miss."""
+    spread.require(remainder, omega=False, kappa=True)

@@ -30,10 +30,12 @@ from polefence.plant.system import Array
 from polefence.plant.vehicle import Vehicle
 from polefence.proof import laws
 from polefence.proof import plant as files
+from polefence.proof.between import Clock
 from polefence.proof.claims.base import Claim, Verdict, prove, undecided
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.poles import Poles
+from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document, loads
 from polefence.proof.laws import read_law
@@ -268,7 +270,8 @@ class Certificate(Short):
         plant, observed = plant_of(document.plant), None
         samples: Samples | None = document.first(Samples)
         if samples is not None:
-            plant = replace(plant, sampling=sampling_of(samples, plant, document.plant.vehicle))
+            origin = sampling_of(samples, plant, document.plant.vehicle)
+            plant = replace(plant, sampling=replace(origin, clock=_clock_of(document)))
         if claim is None and observer is not None:
             claim, observed = observer.dual, plant
             C = tuple(tuple(map(tuple, matrix)) for matrix in observer.C)
@@ -283,6 +286,12 @@ class Certificate(Short):
         region = region_of([(part.kind, part.numbers) for part in claim.region])
         law = law_of(claim.law, plant, claim.sizes)
         return cls(plant, region, claim.method, law, _evidence(claim), observed)
+
+
+def _clock_of(document: Document) -> Clock | None:
+    """Return the clock that claims of a file are for; None of one that is perfect."""
+    held = (claim.held for claim in document.claims if isinstance(claim, Rms))
+    return next((one.clock for one in held if one is not None and one.clock is not None), None)
 
 
 def _samples(plant: UncertainPlant) -> Samples:

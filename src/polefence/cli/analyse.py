@@ -110,7 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="halve a cell of a table up to N times; default: 4",
     )
-    sampling_arguments(parser, "analyse the loop of a")
+    sampling_arguments(parser, "analyse the loop of a", clock=True)
     result_arguments(
         parser, "write DIR/design.json, or DIR/table.json", "the poles, or the table's cells"
     )

@@ -54,7 +54,13 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
         ]
     weighted = any(any(one.filters) for one in asked)
     which = "rms without weight" if weighted else "rms"
-    return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
+    if sampling.clock is None:
+        return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
+    ends = (plant.sample_time * end for end in (sampling.clock.least, sampling.clock.most))
+    return [
+        f"  inputs held for {' to '.join(map(milliseconds_text, ends))} ms, each time anew{late}: "
+        f"{which} at all times, and the loop is stable; all else at samples every {time} ms"
+    ]
 
 
 def motion_lines(

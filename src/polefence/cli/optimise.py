@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     road_arguments(parser)
     poles_argument(parser)
     method_arguments(parser, SIGNAL_METHODS)
-    sampling_arguments(parser)
+    sampling_arguments(parser, clock=True)
     structure_arguments(parser)
     parser.add_argument(
         "--float",

@@ -43,8 +43,10 @@ def design_argument(parser: argparse.ArgumentParser, others: str = "") -> None:
     )
 
 
-def sampling_arguments(parser: argparse.ArgumentParser, what: str = "design for a") -> None:
-    """Declare --sample-time and --delay."""
+def sampling_arguments(
+    parser: argparse.ArgumentParser, what: str = "design for a", clock: bool = False
+) -> None:
+    """Declare --sample-time and --delay, and what a clock may be off by."""
     parser.add_argument(
         "--sample-time",
         type=float,
@@ -58,6 +60,21 @@ def sampling_arguments(parser: argparse.ArgumentParser, what: str = "design for 
         help="an input acts K samples late: 1 where computing the law takes up to a sample; "
         "default: 0",
     )
+    parser.set_defaults(jitter=None, lost=None)
+    if clock:
+        parser.add_argument(
+            "--jitter",
+            type=float,
+            metavar="SHARE",
+            help="each period may be longer or shorter by this share of T: an rms is bounded for "
+            "periods in any order; default: 0",
+        )
+        parser.add_argument(
+            "--lost",
+            type=int,
+            metavar="K",
+            help="up to K samples in a row may be lost, the input held; default: 0",
+        )
 
 
 def at_samples(plant: UncertainPlant, options: Any) -> UncertainPlant:
@@ -67,9 +84,13 @@ def at_samples(plant: UncertainPlant, options: Any) -> UncertainPlant:
     if options.sample_time is None:
         if options.delay is not None:
             raise InputError("--delay counts samples: give --sample-time too")
+        for name in ("jitter", "lost"):
+            if getattr(options, name) is not None:
+                raise InputError(f"--{name} is of the sample time: give --sample-time too")
         return plant
+    clock = {"jitter": options.jitter or 0, "lost": options.lost or 0}
     try:
-        return at_sample_time(plant, options.sample_time, options.delay or 0)
+        return at_sample_time(plant, options.sample_time, options.delay or 0, **clock)
     except InputError as error:
         raise InputError(
             f"{options.spec}: --sample-time {options.sample_time:g}: {error}"

@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     result_arguments(parser, plot="the curves", json="write the rows, kept up to date; -: stdout")
     sweep_arguments(parser)
     structure_arguments(parser)
-    sampling_arguments(parser)
+    sampling_arguments(parser, clock=True)
 
 
 def tradeoff_command(options: Any) -> int:

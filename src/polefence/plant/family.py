@@ -31,7 +31,7 @@ from polefence.plant.parameters import Parameter, check_label, check_name, exact
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, floats, read_matrix
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
-from polefence.proof.between import Held
+from polefence.proof.between import Clock, Held
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
 from polefence.proof.reading import MAX_VERTICES
@@ -59,12 +59,15 @@ class SamplesOf(Short):
         Of the exponential's series, with which the remainder is proved.
     units : tuple of Fraction
         Of states, inputs and disturbances, in which it is evaluated.
+    clock : Clock, optional
+        How far apart samples may be, where that is not always the same.
     """
 
     plant: UncertainPlant
     delay: int
     terms: int
     units: tuple[Fraction, ...]
+    clock: Clock | None = None
 
     @cached_property
     def known(self) -> dict[tuple[Fraction, ...], list[list[Fraction]]]:
@@ -78,7 +81,8 @@ class SamplesOf(Short):
             [list(map(list, M)) for v in self.plant.vertices if (M := getattr(v, key)) is not None]
             for key in ("exact_A", "exact_B", "exact_E")
         )
-        return Held(A, B, E, self.delay, self.units[: sum(self.plant.shape)]) if E else None
+        units = self.units[: sum(self.plant.shape)]
+        return Held(A, B, E, self.delay, units, self.clock) if E else None
 
 
 @dataclass(frozen=True, repr=False)

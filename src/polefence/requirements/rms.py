@@ -32,7 +32,7 @@ from polefence.requirements.weights import (
 )
 from polefence.response.between import factor, held_of, means
 from polefence.response.closed import close
-from polefence.response.stationary import lyapunov, needed, stationary
+from polefence.response.stationary import lyapunov, needed, stationary, unstable
 from polefence.response.weighting import Weighting
 
 PLAIN = "none"  # of an entry that goes through no filter
@@ -198,17 +198,43 @@ class Rms(Specification):
         channel = Specification.channel(wide.specification, wide.plant, alpha)
         more = wide.plant.shape[0] - plant.shape[0]
         channel = replace(channel, E=(self.density / 2) ** 0.5 * channel.E, filters=more)
+        if self.held(plant) is None:
+            return channel
+        return self.over(plant, alpha, self.lengths(plant)[-1])
+
+    def lengths(self, plant: UncertainPlant) -> list[float]:
+        """Return periods to look at, in sample times; the longest is searched for a law."""
+        held = self.held(plant)
+        clock = None if held is None else held.clock
+        return [1.0] if clock is None else [float(clock.least), 1.0, float(clock.most)]
+
+    def over(self, plant: UncertainPlant, alpha: Array, length: float) -> Channel:
+        """Return the channel of what goes on between samples so many sample times apart.
+
+        Parameters
+        ----------
+        plant : UncertainPlant
+            In its delta form.
+        """
+        channel = Specification.channel(self, plant, alpha)
         held = self.held(plant)
         if held is None:
-            return channel
+            raise InputError(f"{self.title}: {plant.name} is no sampled plant")
         n, (count, m) = plant.shape[0], (len(alpha), plant.shape[1])
-        outputs = self.exact_outputs(plant)
-        mean = means(plant, held, outputs, self.scales(plant), self.density, alpha)
+        outputs, scales = self.exact_outputs(plant), self.scales(plant)
+        mean = means(plant, held, outputs, scales, self.density, alpha, length)
         E, rows = np.zeros((count, n, mean.V.shape[-1])), np.zeros((count, len(mean.chosen), n + m))
-        E[:, : mean.V.shape[-1]] = factor(mean.V)
+        E[:, : mean.V.shape[-1]] = length**0.5 * factor(mean.V)
         rows[:, :, mean.chosen] = np.swapaxes(factor(mean.M), 1, 2)
         F = np.zeros((count, rows.shape[1], E.shape[2]))
-        return replace(channel, E=E, C=rows[..., :n], D=rows[..., n:], F=F, more=mean.c)
+        A, B = channel.A, channel.B
+        if length != 1:
+            AB = np.concatenate([A, B], axis=2)
+            AB[:, : mean.moved.shape[1]] = 0.0
+            AB[:, : mean.moved.shape[1], mean.chosen] = mean.moved
+            A, B = AB[..., :n], AB[..., n:]
+        channel = replace(channel, A=A, B=B, E=E, C=rows[..., :n], D=rows[..., n:], F=F)
+        return replace(channel, more=mean.c, own=length != 1)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
@@ -251,10 +277,19 @@ def _at_all_times(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array) -> 
     at_samples = _at_samples(plant, law, limit, alpha)  # refuses what has none
     if limit.held(plant) is None:
         return at_samples
-    loops, channel = close(plant, law, alpha), limit.channel(delta_form(plant), alpha)
-    kept = needed(channel.C + channel.D @ loops.K, loops.closed)
-    A, E = loops.closed[:, kept][:, :, kept], channel.E[:, kept]
-    C = (channel.C + channel.D @ loops.K)[:, :, kept]
+    lengths = limit.lengths(plant)
+    every = [_of_periods(plant, law, limit, alpha, length) for length in lengths]
+    return np.asarray(np.max(every, axis=0))
+
+
+def _of_periods(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array, length: float) -> Array:
+    """Return the rms at all times where every period is so many sample times; inf if unstable."""
+    loops, channel = close(plant, law, alpha), limit.over(delta_form(plant), alpha, length)
+    closed, shown = channel.A + channel.B @ loops.K, channel.C + channel.D @ loops.K
+    if len(unstable(closed, loops.step)) and length != 1:
+        return np.full(len(alpha), np.inf)
+    kept = needed(shown, closed)
+    A, E, C = closed[:, kept][:, :, kept], channel.E[:, kept], shown[:, :, kept]
     X = lyapunov(A, E @ np.swapaxes(E, 1, 2), loops.step)
     return np.asarray(np.sqrt(np.maximum(((C @ X) * C).sum(axis=(1, 2)) + channel.more, 0.0)))
 

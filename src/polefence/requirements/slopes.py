@@ -24,6 +24,8 @@ class Channel:
         How many of the states, the last ones, are those of filters: no gain is of them.
     more : (count,) array or zero
         What no law changes of the square of what is measured.
+    own : bool
+        Whether A and B are not the plant's: those of another sample time.
     """
 
     A: Array
@@ -34,6 +36,7 @@ class Channel:
     F: Array
     filters: int = 0
     more: Any = 0.0
+    own: bool = False
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more
@@ -62,7 +65,7 @@ class Channel:
 
     def closed(self, K: Array, modes: Modes) -> Loops:
         """Return the loops under gains K (count, m, n), with the modes of A + B K."""
-        if self.filters:
+        if self.filters or self.own:
             K = np.pad(K, ((0, 0), (0, 0), (0, self.filters)))
             modes = Modes(self.A + self.B @ K, modes.step)
         return Loops(modes, self.E, self.C + self.D @ K, self.F, self.more)

@@ -32,12 +32,15 @@ class Means:
     c : (count,) array
     chosen : list of int
         Numbers of these in (x, u).
+    moved : (count, n, k) array
+        What the period makes of x, less x, over the sample time.
     """
 
     M: Array
     V: Array
     c: Array
     chosen: list[int]
+    moved: Array
 
 
 def held_of(plant: UncertainPlant) -> Held | None:
@@ -55,8 +58,9 @@ def means(
     scales: Sequence[float],
     density: float,
     alpha: Array,
+    length: float = 1.0,
 ) -> Means:
-    """Return the means at points of the family.
+    """Return the means at points of the family, over a period of so many sample times.
 
     Parameters
     ----------
@@ -75,13 +79,13 @@ def means(
         for M in (period.A, period.B, period.C, period.D, period.E)
     )
     units = np.array(period.units, dtype=float)
-    M, V, c = _computed(A, B, C, D, E, float(T), density / 2, units)
-    return Means(M, V, c, held.chosen_of(outputs))
+    M, V, c, moved = _computed(A, B, C, D, E, length * float(T), density / 2, units)
+    return Means(M, V, c, held.chosen_of(outputs), moved * length)
 
 
 def _computed(
     A: Array, B: Array, C: Array, D: Array, E: Array, T: float, intensity: float, units: Array
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     count, n, k = len(A), A.shape[-1], A.shape[-1] + B.shape[-1]
     N = np.zeros((count, k, k))
     N[:, :n] = np.concatenate([A, B], axis=2) * T * units / units[:n, None]
@@ -104,7 +108,8 @@ def _computed(
         M = (M + np.swapaxes(F, 1, 2) @ M @ F) / 2
         V = (V + F[:, :n, :n] @ V @ np.swapaxes(F[:, :n, :n], 1, 2)) / 2
         F = F @ F
-    return M / units / units[:, None], V * units[:n] * units[:n, None], T * c
+    moved = (F - np.eye(k))[:, :n] * units[:n, None] / units / T
+    return M / units / units[:, None], V * units[:n] * units[:n, None], T * c, moved
 
 
 def _integral(N: Array, Q: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, require_type
+from polefence.base.errors import InputError, PlantError, require_type
 from polefence.base.explained import explained
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
@@ -24,6 +24,7 @@ from polefence.plant.parameters import exact
 from polefence.plant.parts import ends, inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
+from polefence.proof.between import Clock
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
@@ -39,6 +40,7 @@ ENOUGH = 1e-5
 # nodes. A van's with an actuator and two sensors, three parameters, takes 1.9e7 at 0.5 ms: 7 s,
 # and its laws of an order have no proof there on the whole box; between nodes both take 1 s.
 LONG = 4e6
+MOST_LOST = 16  # samples in a row
 MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
 
 
@@ -49,6 +51,8 @@ def at_sample_time(
     delay: int = 0,
     degree: int | None = None,
     remainder: float = ENOUGH,
+    jitter: Any = 0,
+    lost: int = 0,
 ) -> UncertainPlant:
     """Return a plant's samples as a plant in discrete time, for designs at the sample time.
 
@@ -69,6 +73,12 @@ def at_sample_time(
         small.
     remainder : float
         What is small beside what a sample changes, where no degree is given.
+    jitter : number
+        By what share of T a period may be longer or shorter, each time anew; below 1.
+    lost : int
+        How many samples in a row may be lost: the input is held, and the law waits. With both, an
+        rms is bounded for periods of (1 - jitter) T to (1 + lost) (1 + jitter) T in any order, and
+        the loop is stable for them; all else is about samples T apart.
 
     Returns
     -------
@@ -95,6 +105,7 @@ def at_sample_time(
     counts = isinstance(degree, int) and not isinstance(degree, bool)
     if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
+    clock = _clock(plant, jitter, lost)
     held = _held(plant, T)
     bare, units = _on_the_way(plant, held, T, delay), _units(plant)
     tried = _degrees(plant) if degree is None else [degree]
@@ -111,7 +122,39 @@ def at_sample_time(
     verdict = prove(claim_of_samples(samples))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
-    return samples
+    origin = samples.sampling
+    return replace(samples, sampling=origin and replace(origin, clock=clock)) if clock else samples
+
+
+def _clock(plant: UncertainPlant, jitter: Any, lost: Any) -> Clock | None:
+    """Return how far apart samples may be; None where that is always the same."""
+    try:
+        share = exact(jitter, "jitter")
+    except PlantError as error:
+        raise InputError(f"jitter = {jitter!r} must be a number, a share of the period") from error
+    if isinstance(jitter, float):
+        share = Fraction(repr(jitter))
+    if not 0 <= share < 1:
+        raise InputError(
+            f"jitter = {float(share):g} must be at least 0 and below 1: by that share of it a "
+            "period may be longer or shorter"
+        )
+    if not isinstance(lost, int) or isinstance(lost, bool) or not 0 <= lost <= MOST_LOST:
+        raise InputError(f"lost = {lost!r} must be 0 to {MOST_LOST}, in samples")
+    if not share and not lost:
+        return None
+    if not plant.parameters and len(plant.vertices) > 1:
+        raise InputError(
+            f"{plant.name} is given by its vertices; jitter and lost samples are for plants with "
+            "parameters"
+        )
+    if not plant.disturbance_count:
+        raise InputError(
+            f"{plant.name} names no disturbance (no E); what jitter and lost samples cost is "
+            "bounded by an rms, which needs one"
+        )
+    least, most = 1 - share, (1 + lost) * (1 + share)
+    return Clock(least, most, math.ceil(math.log2(most / least)))
 
 
 def _degrees(plant: UncertainPlant) -> list[int]:

@@ -199,3 +199,31 @@ def test_a_sample_time_at_which_nothing_moves_the_plant_is_said(tmp_path, monkey
     assert "no disk within the unit circle" in said
     assert "is hardly controllable at this sample time" in said
     assert main([*words, "0.3"]) == 0
+
+
+def test_a_clock_that_jitters_is_in_the_bounds_and_in_the_file(folder, capsys):
+    said = ran(capsys, "optimise", "spring.toml", *AT, "--jitter", "0.1", "-o", "out")
+    assert "  inputs held for 18 to 22 ms, each time anew, inputs act 1 sample late" in said
+    found = ran(capsys, "check", "out", "--spec", "spring.toml")
+    assert "rms of 'x' = x1 <= " in found
+    assert "at all times, with inputs held for 18 to 22 ms, each time anew" in found
+    document = json.loads((folder / "out" / "design.json").read_text())
+    clocks = [claim["held"]["clock"] for claim in document["claims"] if "held" in claim]
+    assert clocks == [{"least": "9/10", "most": "11/10", "parts": 1}] * 2
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--jitter", "0.1"], "--jitter is of the sample time: give --sample-time too"),
+        (["--lost", "1"], "--lost is of the sample time: give --sample-time too"),
+        ([*AT, "--jitter", "1"], "jitter = 1 must be at least 0 and below 1"),
+        ([*AT, "--lost", "99"], "lost = 99 must be 0 to 16"),
+    ],
+)
+def test_a_clock_that_cannot_be_is_one_line(folder, capsys, words, told):
+    assert main(["optimise", "spring.toml", *words, "-o", "out"]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert not (folder / "out").exists()

@@ -65,7 +65,7 @@ class Channel:
 
     def closed(self, K: Array, modes: Modes) -> Loops:
         """Return the loops under gains K (count, m, n), with the modes of A + B K."""
-        if self.filters or self.own:
+        if self.filters:
             K = np.pad(K, ((0, 0), (0, 0), (0, self.filters)))
             modes = Modes(self.A + self.B @ K, modes.step)
         return Loops(modes, self.E, self.C + self.D @ K, self.F, self.more)

@@ -8,7 +8,7 @@ does not drown the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,7 @@ from polefence.base.effort import spend
 from polefence.lmi.conditions.target import Side
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region.regions import Region
+from polefence.region.regions import Region, stable
 from polefence.requirements.slopes import Channel
 from polefence.requirements.specification import Specification
 from polefence.response.modes import Modes
@@ -97,6 +97,12 @@ class Task:
         return sides_of(self.region, self.sizes.rate, float(self.plant.step))
 
     @property
+    def stability(self) -> list[Side]:
+        """The inequalities of stability."""
+        step = float(self.plant.step)
+        return sides_of(stable(step), self.sizes.rate, step)
+
+    @property
     def requirements(self) -> tuple[Specification, ...]:
         """Those on signals or the law, what is minimised first."""
         first = (self.minimise,) if isinstance(self.minimise, Specification) else ()
@@ -113,14 +119,11 @@ class Task:
         d = self.unknowns.states
         none = np.zeros((len(alpha), 0, self.plant.shape[0]))
         empty = np.zeros((len(alpha), 0, 0))
+        asked = [requirement.channel(self.plant, alpha) for requirement in self.requirements]
         A, B = self.plant.at(alpha)
         D = np.zeros((len(alpha), 0, self.plant.shape[1]))
         bare = Channel(A, B, np.swapaxes(none, 1, 2), none, D, empty)
-        channels = [
-            bare,
-            *(requirement.channel(self.plant, alpha) for requirement in self.requirements),
-        ]
-        scaled = _shared([channel.in_units(d) for channel in channels])
+        scaled = _shared([channel.in_units(d) for channel in (bare, *asked)])
         return Points(self, alpha, self.unknowns.at(alpha), scaled)
 
 
@@ -141,6 +144,22 @@ class Points:
     alpha: Array
     unknowns: At
     channels: tuple[Channel, ...]
+    known: dict[str, tuple[Array, Modes]] = field(default_factory=dict, repr=False)
+
+    @property
+    def longest(self) -> Channel | None:
+        """A channel with the longest period of a clock; None of one that is perfect."""
+        return next((channel for channel in self.channels if channel.own), None)
+
+    def late_modes(self, K: Array) -> Modes | None:
+        """Return the modes with the longest period; None of a clock that is perfect."""
+        longest = self.longest
+        if longest is None:
+            return None
+        if "K" not in self.known or self.known["K"][0] is not K:
+            modes = Modes(longest.A + longest.B @ K, float(self.task.plant.step))
+            self.known["K"] = K, modes
+        return self.known["K"][1]
 
     def modes(self, K: Array) -> Modes | None:
         """Return the modes under gains of all states (count, m, n), None where they overflow."""
@@ -148,37 +167,46 @@ class Points:
         good = np.all(np.isfinite(A)) and np.abs(A).max() < 1e100
         return Modes(A, float(self.task.plant.step)) if good else None
 
-    def evaluable(self, modes: Modes) -> Any:
+    def evaluable(self, modes: Modes, late: Modes | None) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
         poles, minimise = modes.poles, self.task.minimise
         turning = isinstance(minimise, tuple) and any(np.any(side.M1) for side in minimise)
         if not self.task.requirements and not turning:
             return np.full(len(poles), True)
-        rates = growth_of(poles, modes.step)
-        return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
+        stable = np.full(len(poles), True)
+        for own in (modes, late):
+            if own is not None:
+                rates = growth_of(own.poles, own.step)
+                stable &= np.all(rates < -1e-12 * np.abs(own.poles).max(axis=1)[:, None], axis=1)
+        return stable
 
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
         """Return the k-th requirement."""
-        channel = self.channels[k + 1]
-        measure = self.task.requirements[k].slopes(channel.closed(K, modes))
+        channel, late = self.channels[k + 1], self.late_modes(K)
+        own = late if channel.own and late is not None else modes
+        measure = self.task.requirements[k].slopes(channel.closed(K, own))
         return Found(measure.values, measure.points, lambda: channel.slopes(measure))
 
-    def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
+    def side(
+        self, side: Side, modes: Modes, kappa: float | None = None, B: Array | None = None
+    ) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
 
         Parameters
         ----------
+        B : (count, n, m) array, optional
+            Of other loops than the plant's.
         kappa : float, optional
             Of one that is smooth, where the side has one.
         """
+        B = self.channels[0].B if B is None else B
         curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
         if kappa is not None and curve is not None:
             values, dA = smooth_growth(side, curve, modes, kappa)
-            up = np.swapaxes(self.channels[0].B, 1, 2)
+            up = np.swapaxes(B, 1, 2)
             return Found(values, np.arange(len(values)), lambda: up @ dA)
         points, which = np.nonzero(modes.poles.imag >= 0)
         values, dx, dy = growth(side, modes.poles[points, which])
-        B = self.channels[0].B
         return Found(values, points, lambda: slopes(modes, B, points, which, dx, dy))
 
     def speed(self, modes: Modes) -> Found:
@@ -209,9 +237,12 @@ class Points:
         return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
     def bounds(
-        self, K: Array, modes: Modes, kappa: float | None = None
+        self, K: Array, modes: Modes, late: Modes | None, kappa: float | None = None
     ) -> list[tuple[Found, float]]:
-        """Return what loops must keep, but for requirements: kept where zero or less; margins."""
+        """Return what loops must keep, but for requirements: kept where zero or less; margins.
+
+        With the longest period of a clock, too, they are to be stable.
+        """
         measures = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
         if np.isfinite(self.task.fastest):
             measure = self.speed(modes)
@@ -220,6 +251,10 @@ class Points:
         if np.any(np.isfinite(largest)):
             measure = self.entries(K, largest)
             measures.append((replace(measure, values=measure.values - 1), MARGIN))
+        longest = self.longest
+        if late is not None and longest is not None:
+            B, whole = longest.B, self.task.stability
+            measures += [(self.side(side, late, kappa, B), MARGIN) for side in whole]
         return measures
 
     def limited(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
@@ -271,9 +306,12 @@ class Points:
         spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), 1)
         if modes is None or not np.all(np.isfinite(modes.left)):
             return None
-        measures = self.bounds(inner, modes, kappa if phase == REGION else None)
+        late = self.late_modes(K)
+        if late is not None and not np.all(np.isfinite(late.left)):
+            return None
+        measures = self.bounds(inner, modes, late, kappa if phase == REGION else None)
         if phase != REGION:
-            if not np.all(self.evaluable(modes)):
+            if not np.all(self.evaluable(modes, late)):
                 return None
             measures += self.limited(K, modes)
         kept = [_kept(measure, margin) for measure, margin in measures]
@@ -312,10 +350,11 @@ class Points:
         modes = self.modes(K)
         if modes is None:
             return np.full((2, len(K)), np.inf)
-        good = self.evaluable(modes)
+        late = self.late_modes(K)
+        good = self.evaluable(modes, late)
         some = self if np.all(good) else self[good]
         evaluated = Modes(modes.A[good], modes.step)
-        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes)]
+        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes, late)]
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):
             measures = [some.level(K[good], inner[good], evaluated)]

@@ -1,0 +1,161 @@
+"""A clock that is not perfect: bounds for periods of any length, against loops and drives."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import polefence as pf
+from polefence.base.errors import InputError
+from polefence.certify.bounds import best_bound, kept_bound
+from polefence.plant.spec import loads
+from polefence.proof.document import check, from_plain
+from polefence.proof.work import FormatError
+from polefence.response.between import held_of, means
+from support.specs import SPRING
+
+T = Fraction(1, 50)
+LAW = pf.FixedGain(np.array([[-30.0, -12.0, -0.2]]))
+ASKED = pf.Rms("x", density=1.0)
+AT_PERIODS = pf.FixedGain(np.array([[-3.75, -11.5]]))  # of a plant that many have published
+
+
+@pytest.fixture(scope="module")
+def spring():
+    return loads(SPRING)
+
+
+@pytest.fixture(scope="module")
+def published():
+    """x' = A x + B u of the literature on sampling at irregular times, with a disturbance."""
+    A, B, E = [[0, 1], [0, "-1/10"]], [[0], ["1/10"]], [[0], [1]]
+    return pf.UncertainPlant.from_vertices([A], [B], [E])
+
+
+def test_a_published_loop_is_stable_for_periods_of_any_length_up_to_1_72(published):
+    """Its largest constant period is 1.7294."""
+    asked = pf.Rms("x1", density=1.0)
+    seen = pf.at_sample_time(published, Fraction("0.861"), 0, jitter=Fraction("0.998"))
+    assert seen.sampling.clock.most * seen.sample_time > Fraction("1.72")
+    assert best_bound(seen, AT_PERIODS, asked) is not None
+    late = pf.at_sample_time(published, Fraction("1.5"), 0, jitter=Fraction("0.153"))
+    assert late.sampling.clock.most * Fraction("1.5") > Fraction("1.7294")
+    assert best_bound(late, AT_PERIODS, asked) is None
+    assert np.isinf(asked.values(late, AT_PERIODS, np.eye(1))[0])
+
+
+@pytest.mark.parametrize("jitter", ["0.05", "0.2"])
+def test_a_bound_is_above_every_order_of_periods(spring, jitter):
+    seen = pf.at_sample_time(spring, T, 1, jitter=Fraction(jitter))
+    bound = best_bound(seen, LAW, ASKED)
+    assert bound is not None
+    alike = best_bound(pf.at_sample_time(spring, T, 1), LAW, ASKED)
+    assert alike.level < bound.level < alike.level * (1 + Fraction(jitter))
+    rng, worst = np.random.default_rng(3), 0.0
+    ends = [1 - float(Fraction(jitter)), 1 + float(Fraction(jitter))]
+    for k in range(len(spring.vertices)):
+        for order in ([ends[1]], ends, rng.choice(ends, 12), rng.uniform(*ends, 40)):
+            worst = max(worst, over(seen, k, list(order)))
+    assert worst < bound.level
+    corners = np.eye(len(seen.vertices))
+    assert ASKED.values(seen, LAW, corners).max() == pytest.approx(
+        max(over(seen, k, [length]) for k in range(4) for length in (*ends, 1.0)), rel=1e-6
+    )
+
+
+def over(seen, vertex, lengths):
+    """The rms of a loop at a corner, where these periods follow one another again and again."""
+    held, plant = held_of(seen), seen.sampling.plant
+    outputs, at = ASKED.exact_outputs(seen), np.eye(len(seen.vertices))[vertex : vertex + 1]
+    A, B = (M[0] for M in plant.at(at))
+    N = np.zeros((3, 3))
+    N[:2, :2], N[:2, 2:] = A, B
+    every = []
+    for length in lengths:
+        F = expm(N * length * float(T))
+        closed = np.vstack([F[:2], LAW.K[0] if LAW.K.ndim == 3 else LAW.K])
+        mean = means(seen, held, outputs, (), 1.0, at, length)
+        noise = np.zeros((3, 3))
+        noise[:2, :2] = length * float(T) * mean.V[0]
+        every.append((closed, noise, mean.M[0], mean.c[0]))
+    P, total, time = np.zeros((3, 3)), 0.0, 0.0
+    rounds = 600 // len(lengths) + 2
+    for k in range(rounds):
+        for length, (closed, noise, M, c) in zip(lengths, every, strict=True):
+            if k == rounds - 1:
+                total, time = total + length * (np.trace(M @ P) + c), time + length
+            P = closed @ P @ closed.T + noise
+    return (total / time) ** 0.5
+
+
+def is_proved(document):
+    """Whether a file of a design is proved."""
+    try:
+        return check(from_plain(document)).proved
+    except FormatError:
+        return False
+
+
+def test_what_a_file_says_of_its_clock_is_proved(published, tmp_path):
+    seen = pf.at_sample_time(published, Fraction(1, 5), 1, jitter=Fraction(1, 10), lost=1)
+    done = pf.optimise(seen, pf.Rms("x1", density=1.0), [pf.Rms("u1", density=1.0, at_most=10.0)])
+    done.save(tmp_path)
+    document = json.loads((tmp_path / "design.json").read_text())
+    assert is_proved(document)
+    again = pf.Design.load(tmp_path / "design.json")
+    assert again.plant.sampling.clock == seen.sampling.clock
+    claim = next(one for one in document["claims"] if one["kind"] == "rms")
+    evidence = claim["evidence"]
+    faults = [
+        (claim["held"]["clock"], "most", "7/2"),
+        (claim["held"]["clock"], "least", "1/1000000000"),
+        (evidence["remainder"], "rows", [0 for _ in evidence["remainder"]["rows"]]),
+        (evidence["remainder"], "columns", [0 for _ in evidence["remainder"]["columns"]]),
+        (evidence["remainder"], "kappa", "1e-30"),
+        (evidence["Q"][0][0], 0, 0),
+        (claim, "level", float(claim["level"]) * 0.99),
+        (claim["held"], "delay", 0),
+    ]
+    for table, key, other in faults:
+        known, table[key] = table[key], other
+        assert not is_proved(document), key
+        table[key] = known
+    assert is_proved(document)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"jitter": 1.0}, "jitter = 1 must be at least 0 and below 1"),
+        ({"jitter": -0.1}, "jitter = -0.1 must be at least 0"),
+        ({"jitter": "much"}, "jitter = 'much' must be a number"),
+        ({"lost": 17}, "lost = 17 must be 0 to 16"),
+        ({"lost": 0.5}, "lost = 0.5 must be 0 to 16"),
+    ],
+)
+def test_a_clock_that_cannot_be_is_refused_in_one_line(spring, given, words):
+    with pytest.raises(InputError, match=words):
+        pf.at_sample_time(spring, T, 1, **given)
+
+
+def test_a_clock_needs_parameters_and_a_disturbance(published):
+    two = pf.UncertainPlant.from_vertices([[[0]], [[-1]]], [[[1]], [[1]]], [[[1]], [[1]]])
+    with pytest.raises(InputError, match="is given by its vertices"):
+        pf.at_sample_time(two, T, 0, lost=1)
+    bare = pf.UncertainPlant.from_vertices([[[0]]], [[[1]]])
+    with pytest.raises(InputError, match="names no disturbance"):
+        pf.at_sample_time(bare, T, 0, jitter=0.1)
+
+
+def test_more_lost_samples_than_the_loop_bears_prove_nothing(published):
+    asked = pf.Rms("x1", density=1.0, at_most=100.0)
+    kept = [
+        kept_bound(pf.at_sample_time(published, Fraction("0.5"), 0, lost=lost), AT_PERIODS, asked)
+        for lost in (0, 1, 2, 3)
+    ]
+    assert [bound is not None for bound in kept] == [True, True, True, False]

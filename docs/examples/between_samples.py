@@ -38,24 +38,26 @@ def drives(least, done, rng, lengths=(1.0,)):
     A, B, E = (np.array(M[worst], dtype=float) for M in (held.A, held.B, held.E))
     n, m = B.shape
     first = n + (held.delay - 1) * m
-    (C, D), size = (np.array(y, float)[worst] for y in least.outputs(plant)[0].exact(plant)[:2]), 0
+    C, D = (np.array(y, float)[worst] for y in least.outputs(plant)[0].exact(plant)[:2])
     K, moves = loop.K[0], np.eye(plant.shape[0]) + T * loop.closed[0]
-    noise = (least.density / 2 * least.squares(plant)) ** 0.5
-    known = {length: parts_of(A, B, E * noise, T * length / PARTS) for length in set(lengths)}
+    E = E * (least.density / 2 * least.squares(plant)) ** 0.5
+    known = {length: parts_of(A, B, E, T * length / PARTS) for length in set(lengths)}
     added = np.zeros_like(loop.closed)  # about what a period adds: where drives begin
-    added[0, :n, :n] = E @ E.T * noise**2
+    added[0, :n, :n] = E @ E.T
     P = lyapunov(loop.closed, added, T)[0]
     x = root(P) @ rng.normal(size=(len(P), DRIVES))
-    total = 0.0
+    total = size = 0.0
     for _ in range(int(SECONDS / T)):
         u = K @ x
         acting = x[first : first + m] if held.delay else u[:m]
         following, moved = moves @ x, x[:n].copy()
-        F, G, W = known[rng.choice(lengths)] if len(lengths) > 1 else known[lengths[0]]
+        length = lengths[0] if len(lengths) == 1 else rng.choice(lengths)
+        F, G, W = known[length]
         whole = x.copy()
         for _ in range(PARTS):
             whole[:n] = moved
-            total, size = total + ((C @ whole + D @ u) ** 2).mean(), size + 1
+            total += length * ((C @ whole + D @ u) ** 2).mean()
+            size += length
             moved = F @ moved + G @ acting + W @ rng.normal(size=(n, DRIVES))
         x = following
         x[:n] = moved

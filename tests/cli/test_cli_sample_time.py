@@ -227,3 +227,29 @@ def test_a_clock_that_cannot_be_is_one_line(folder, capsys, words, told):
     assert told in error
     assert error.count("\n") == 1
     assert not (folder / "out").exists()
+
+
+CART = """
+name = "cart"
+states = ["x [m]", "v [m/s]"]
+inputs = ["f [N]"]
+disturbances = ["w [N]"]
+[matrices]
+A = [[0, 1], [0, "-1/10"]]
+B = [[0], ["1/10"]]
+E = [[0], [1]]
+"""
+
+
+@pytest.mark.parametrize(("lost", "answer"), [("2", "proved"), ("3", "refuted")])
+def test_analyse_says_how_many_lost_samples_a_loop_bears(folder, capsys, lost, answer):
+    """Of a loop that is stable for constant periods up to 1.7294 s."""
+    (folder / "cart.toml").write_text(CART)
+    words = ["analyse", "cart.toml", "--gain", "[[-3.75, -11.5]]", "--region", "half_plane(0)"]
+    words += ["--limit", "rms of x <= 100 with density 1", "--sample-time", "0.5", "--lost", lost]
+    main(words)
+    said = capsys.readouterr().out
+    assert f"{answer}: rms of x <= 100; " in said
+    bears = "the loop bears at most 2 lost samples in a row" in said
+    assert bears == (answer == "refuted") == ("unstable where every period is the longest" in said)
+    assert ("and the loop is stable" in said) == (answer == "proved")

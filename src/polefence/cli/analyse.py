@@ -174,8 +174,9 @@ def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
     say(*_lyapunov_lines(analysis))
     for verified in analysis.bounds:
         say(_bound_text(plant, verified), verdict=verified.answer)
-    signals = [verified.specification for verified in analysis.bounds]
-    samples = samples_text(plant, signals)
+    known = (verified for verified in analysis.bounds if verified.bound is not None)
+    signals = [verified.specification for verified in known]
+    samples = [*_clock_text(analysis), *samples_text(plant, signals)]
     say(*image_text(plant, asked, kept), *samples, *given.text(options))
     _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
@@ -199,14 +200,29 @@ def _lyapunov_lines(analysis: Analysis) -> list[str]:
 def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
     most = verified.specification.at_most
     limit = verified.specification.title + ("" if most is None else f" <= {exactly(most)}")
-    sampled = f"{digits_down(verified.worst)}{where_text(plant, verified.alpha)}"
+    sampled = f"sampled {digits_down(verified.worst)}{where_text(plant, verified.alpha)}"
+    if verified.worst == np.inf:  # of a clock
+        sampled = "unstable where every period is the longest"
     if verified.answer == "refuted":
-        return f"refuted: {limit}; sampled {sampled}, computed in floats"
+        return f"refuted: {limit}; {sampled}, computed in floats"
     if verified.bound is None:
-        return f"{verified.answer}: {limit}; no bound is proved, sampled {sampled}"
+        return f"{verified.answer}: {limit}; no bound is proved, {sampled}"
     level = verified.bound.level
     loose = "; not tight: the worst case lies between" * is_loose(level, verified.worst)
-    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, sampled {sampled}{loose}"
+    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, {sampled}{loose}"
+
+
+def _clock_text(analysis: Analysis) -> list[str]:
+    """Say how many lost samples the loop bears, where bounds for a clock are not proved."""
+    for verified in analysis.bounds:
+        borne = verified.specification.borne(analysis.plant, analysis.law)
+        if borne is None or verified.bound is not None:
+            continue
+        bears = f"bears at most {plural(borne, 'lost sample')} in a row"
+        if borne < 0:
+            bears = "is unstable with the longest period of the jitter alone"
+        return [f"  the loop {bears}: by floats, at the corners, with periods all alike"]
+    return []
 
 
 def _summary(analysis: Analysis) -> dict[str, Any]:
@@ -232,7 +248,8 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
                 "limit": verified.specification.at_most,
                 "answer": verified.answer,
                 "proved": None if verified.bound is None else verified.bound.level,
-                "sampled": verified.worst,
+                "sampled": None if verified.worst == np.inf else verified.worst,
+                "lost samples borne": verified.specification.borne(analysis.plant, analysis.law),
                 "alpha": list(verified.alpha),
                 "values": verified.values,
             }

@@ -20,7 +20,7 @@ from polefence.plant.outputs import Output
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.proof.between import Held
+from polefence.proof.between import MOST_PERIODS, Held
 from polefence.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.requirements.specification import Row, Specification, is_number, listed
 from polefence.requirements.weights import (
@@ -207,6 +207,24 @@ class Rms(Specification):
         held = self.held(plant)
         clock = None if held is None else held.clock
         return [1.0] if clock is None else [float(clock.least), 1.0, float(clock.most)]
+
+    def borne(self, plant: UncertainPlant, law: Any) -> int | None:
+        """Return how many samples in a row may be lost, as loops at the corners with floats tell.
+
+        With as many lost each time, and the longest period of the jitter, they are stable. None of
+        a clock that is perfect; -1 where they are not stable even with none lost.
+        """
+        held = self.held(plant)
+        if held is None or held.clock is None:
+            return None
+        plant, corners = delta_form(plant), np.eye(len(plant.vertices))
+        loops = close(plant, law, corners)
+        for lost in range(MOST_PERIODS):
+            length = (1 + lost) * float(2 - held.clock.least)
+            channel = self.over(plant, corners, length)
+            if len(unstable(channel.A + channel.B @ loops.K, loops.step)):
+                return lost - 1
+        return MOST_PERIODS
 
     def over(self, plant: UncertainPlant, alpha: Array, length: float) -> Channel:
         """Return the channel of what goes on between samples so many sample times apart.

@@ -391,6 +391,10 @@ class Specification(Short):
         """Whether the bound is proved by a polynomial about as large as the covariance, too."""
         return True
 
+    def borne(self, plant: UncertainPlant, law: Any) -> int | None:  # noqa: ARG002
+        """Return how many samples in a row the loop bears to lose; None where it is not said."""
+        return None
+
     def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:  # noqa: ARG002
         """Return the value at samples alone, where the bounded one is another; else None."""
         return None

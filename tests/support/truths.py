@@ -272,6 +272,10 @@ def false_signal(plant, law, claim):
         y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales
         if kind != "gain" and np.any(through) and not filters:
             return True
+        if "held" in claim:
+            if between(plant, claim, alpha, K, (mix(alpha, C), mix(alpha, D)), scales) > level:
+                return True
+            continue
         for A, B, E in plant.near(alpha):
             poles = np.linalg.eigvals(A + B @ K)
             if (np.abs(poles).max() - 1 if plant.T else poles.real.max()) > SLACK:
@@ -282,6 +286,66 @@ def false_signal(plant, law, claim):
             if _reached(kind, claim, loop, behind(claim, passive, plant.T), plant.T) > level:
                 return True
     return False
+
+
+def between(plant, claim, alpha, K, rows, scales):
+    """The largest rms at all times, for periods all alike, or in a few orders; inf if unstable."""
+    held, (C, D) = claim["held"], rows
+    A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
+    clock = held.get("clock")
+    ends = [number(clock["least"]), number(clock["most"])] if clock else [1.0]
+    orders = [[end] for end in ends]
+    if clock:
+        orders += [ends, list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
+    first, m = len(A) + (held["delay"] - 1) * B.shape[1], B.shape[1]
+    acting = np.eye(len(plant.A[0]))[first : first + m] if held["delay"] else K[:m]
+    size, worst = number(claim.get("intensity", 1)), 0.0
+    one, other, _ = plant.at(alpha)
+    for order in orders:
+        known = [
+            period(A, B, E * scales * size**0.5, C, D @ K, acting, end * plant.T) for end in order
+        ]
+        steps = []
+        for moved, *_ in known:
+            whole = one + other @ K
+            whole[: len(A)] = moved
+            steps.append(whole)
+        through = np.eye(len(one))
+        for whole in steps:
+            through = whole @ through
+        if np.abs(np.linalg.eigvals(through)).max() > 1 - 1e-9:
+            return np.inf
+        noise = np.zeros_like(one)
+        for whole, (_, added, *_) in zip(steps, known, strict=True):
+            noise = whole @ noise @ whole.T
+            noise[: len(A), : len(A)] += added
+        P, total = solve_discrete_lyapunov(through, noise, "bilinear"), 0.0
+        for whole, (_, added, energy, more) in zip(steps, known, strict=True):
+            total += np.trace(energy @ P) + more
+            P = whole @ P @ whole.T
+            P[: len(A), : len(A)] += added
+        worst = max(worst, float(np.sqrt(total / (plant.T * sum(order)))))
+    return worst
+
+
+def period(A, B, E, C, DK, acting, time, parts=24):
+    """What a period makes of the states, the noise it adds, and the integral of z'z in parts."""
+    n, m = B.shape
+    F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time / parts)
+    both = expm(np.block([[-A, E @ E.T], [np.zeros((n, n)), A.T]]) * time / parts)
+    W = both[n:, n:].T @ both[:n, n:]
+    moved, added = np.eye(n, C.shape[1]), np.zeros((n, n))
+    energy, more, width = np.zeros((C.shape[1],) * 2), 0.0, time / parts
+    for k in range(parts + 1):
+        part = np.eye(C.shape[1])
+        part[:n] = moved
+        row, weight = C @ part + DK, width * (0.5 if k in (0, parts) else 1.0)
+        energy += weight * row.T @ row
+        more += weight * np.trace(C[:, :n] @ added @ C[:, :n].T)
+        if k < parts:
+            moved = F[:n, :n] @ moved + F[:n, n:] @ acting
+            added = F[:n, :n] @ added @ F[:n, :n].T + W
+    return moved, added, energy, more
 
 
 def behind(claim, loop, T):

@@ -112,7 +112,10 @@ class Clock(Short):
         least, most = table.number("least"), table.number("most")
         if not 0 < least <= 1 <= most <= MOST_PERIODS or least == most:
             raise FormatError(f"clock: least is above 0, most at most {MOST_PERIODS}, 1 between")
-        return cls(least, most, table.whole("parts", 1, MOST_PARTS))
+        parts = table.whole("parts", 1)
+        if not 1 <= parts <= MOST_PARTS:
+            raise FormatError(f"clock: parts is 1 to {MOST_PARTS}")
+        return cls(least, most, parts)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -380,7 +383,7 @@ class Period(Short):
     def _noise(self, E: Rationals) -> Rationals:
         """Return S E E' in the units, over its own."""
         columns = _columns([[x / u for x in row] for row, u in zip(E, self.units, strict=False)])
-        return _square(columns, self._noise_unit / self.intensity)
+        return _square(columns, self._noise_unit, self.intensity)
 
     @cached_property
     def _largest(self) -> tuple[Rationals, Rationals, Rationals]:
@@ -407,7 +410,7 @@ class Period(Short):
     @cached_property
     def _noise_unit(self) -> Fraction:
         """A power of two, no entry of S E E' in units is above it."""
-        return _power_above(_square(self._largest[2], 1 / self.intensity))
+        return _power_above(_square(self._largest[2], Fraction(1), self.intensity))
 
     @cached_property
     def _doublings(self) -> int:
@@ -470,7 +473,7 @@ class Period(Short):
         wide = _grown(pair, j)
         F = _over(_grown([shifted, pair[1]], j), Fraction(shift, ONE << j))
         Q = _squared(outputs, self._energy_unit)
-        W = _squared(driven, self._noise_unit / self.intensity)
+        W = _squared(driven, self._noise_unit, self.intensity)
         M = _sandwich(_turned(wide), Q, wide)
         small = _first(wide, n)
         V = _sandwich(small, W, _turned(small))
@@ -641,13 +644,13 @@ def _columns(M: Rationals) -> Rationals:
     return [list(column) for column in zip(*M, strict=True)]
 
 
-def _square(rows: Rationals, unit: Fraction) -> Rationals:
-    """Return rows' rows over a unit."""
+def _square(rows: Rationals, unit: Fraction, times: Fraction = Fraction(1)) -> Rationals:
+    """Return so many times rows' rows over a unit."""
     common = common_denominator([rows])
     columns = [[int(x * common) for x in column] for column in zip(*rows, strict=True)]
     spend(len(columns) ** 2 * len(rows), bits(columns), bits(columns))
-    over = unit * common**2
-    return [[sum(map(mul, a, b)) / over for b in columns] for a in columns]
+    each = times / (unit * common**2)
+    return [[sum(map(mul, a, b)) * each for b in columns] for a in columns]
 
 
 def _most(matrices: Sequence[Rationals]) -> Rationals:
@@ -858,12 +861,14 @@ def _first(X: Series, n: int) -> Series:
     return [[row[:n] for row in M[:n]] for M in X]
 
 
-def _squared(pair: tuple[Rationals, Rationals], unit: Fraction) -> Series:
-    """Return (R + s S)'(R + s S) over a unit."""
+def _squared(
+    pair: tuple[Rationals, Rationals], unit: Fraction, times: Fraction = Fraction(1)
+) -> Series:
+    """Return so many times (R + s S)'(R + s S) over a unit."""
     R, S = (_columns(M) for M in pair)
 
     def product(X: Rationals, Y: Rationals) -> Rationals:
-        return [[sum(map(mul, a, b), ZERO) / unit for b in Y] for a in X]
+        return [[sum(map(mul, a, b), ZERO) * times / unit for b in Y] for a in X]
 
     RS = product(R, S)
     pairs = zip(RS, _columns(RS), strict=True)

@@ -309,7 +309,9 @@ def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters):
 def test_a_file_without_noise_is_read(spring, tmp_path):
     """Its rms is zero, and so is less than any level."""
     seen = pf.at_sample_time(spring, T, 1)
-    pf.optimise(seen, pf.Rms("x", density=1.0), [pf.Rms("f", density=1.0, at_most=3.0)]).save(tmp_path)
+    pf.optimise(seen, pf.Rms("x", density=1.0), [pf.Rms("f", density=1.0, at_most=3.0)]).save(
+        tmp_path
+    )
     document = json.loads((tmp_path / "design.json").read_text())
     for claim in document["claims"]:
         if "held" in claim:

@@ -226,7 +226,9 @@ class _Question:
             wide = behind(plant, law, specification)
             dual = wide.specification.dual(wide.plant, wide.law)
             if dual is not None and dual.clocked:
-                worst = max(worst, at_corners(dual))
+                nearest = at_corners(dual)
+                dual = dual if np.isfinite(nearest) else None  # nor is there one for more
+                worst = max(worst, nearest)
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only

@@ -124,7 +124,7 @@ class Rms(SignalClaim):
         times = milliseconds_text(step)
         if clock is not None:
             ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
-            times = f"{' to '.join(ends)} ms, each time anew"
+            times = f"{' to '.join(ends)} ms, each time anew, and the loop stable"
             return f", at all times, with inputs held for {times}"
         return f", at all times, with inputs held for {times} ms"
 

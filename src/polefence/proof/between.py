@@ -578,17 +578,8 @@ class Held(Short):
     ) -> Period:
         """Return what is between samples, with outputs in terms of the states at a sample."""
         key = (repr([(y.C, y.D) for y in outputs]), tuple(scales), step, intensity)
-        if key not in self._known:
-            self._known[key] = self._period(outputs, scales, step, intensity)
-        return self._known[key]
-
-    def _period(
-        self,
-        outputs: Sequence[Output],
-        scales: Sequence[Fraction],
-        step: Fraction,
-        intensity: Fraction,
-    ) -> Period:
+        if key in self._known:
+            return self._known[key]
         n = len(self.A[0])
         every, acting = self.constant(outputs), self._acting(len(outputs[0].C[0][0]))
         B = [
@@ -603,7 +594,9 @@ class Held(Short):
             for M in self.E
         ]
         units = [self.units[n + acting.index(k)] if k in acting else Fraction(1) for k in every]
-        return Period(self.A, B, C, D, E, step, intensity, (*self.units[:n], *units))
+        every_unit = (*self.units[:n], *units)
+        self._known[key] = Period(self.A, B, C, D, E, step, intensity, every_unit)
+        return self._known[key]
 
     def chosen(self, outputs: Sequence[Output], form: Polynomial) -> Polynomial:
         """Return the rows of [x; u] at a sample that outputs between samples depend on."""

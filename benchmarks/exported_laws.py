@@ -43,9 +43,15 @@ from polefence.export.damper import damper_sources
 from polefence.export.exported import Exported
 from polefence.export.guarantee import roundings
 from polefence.export.program import Fixed
+from polefence.export.sources import context
 from polefence.plant.points import seeded
 from polefence.proof.claims.clipped import Clipped
-from polefence.proof.claims.rounding import answer_errors, gain_errors, rounding_error
+from polefence.proof.claims.rounding import (
+    answer_errors,
+    gain_errors,
+    recovery_errors,
+    rounding_error,
+)
 from polefence.proof.claims.words import largest
 from polefence.region.text import digits_down, digits_up
 from polefence.requirements.asked import wanted
@@ -58,7 +64,10 @@ RANGES = {
     "m": 0.15, "m/s": 5.0, "m/s2": 45.0, "N": 4500.0, "rad": 0.15, "rad/s": 3.0, "m s": 0.06,
     "kN": 4.5, "": 1.5,
 }  # fmt: skip
+OWN = "law state "  # begins the names of a law's own states
+PID_RANGES = (("x", 1.5), ("pid integral of x", 0.6), ("pid filter of x", 6.0))
 FORMATS = (("float", 32), ("fixed", 32), ("fixed", 16))
+LIMIT = 1.4  # of the input of the law with anti-windup, as its spec has it
 CHUNK = 20_000  # inputs at a time: integers of Python take room
 FINE = 400  # bits behind the point of stated errors, which are rounded down
 FLOAT = 149  # bits behind the point of which every float32 is a whole number
@@ -69,16 +78,19 @@ BARE = re.sub(r"\[actuator.*?(?=\[road\])", "", ALL_STATES, flags=re.DOTALL)
 WEIGHED = VAN.replace(
     'signal = "sprung-mass acceleration"', 'signal = "sprung-mass acceleration"\nweight = "Wk"'
 )
+PAGE = Path(__file__).parents[1] / "docs" / "input-limits.md"
+WOUND = re.search(r"```toml\n(# An unstable lag.*?)```", PAGE.read_text(), re.DOTALL)[1]
 MOVING = VAN.replace('unit = "kg"', 'unit = "kg"\nrate = [-50, 50]', 1)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A design: its name, its spec, and options of `optimise`."""
+    """A design: its name, its spec, options of `optimise`, and ranges that its spec cannot say."""
 
     name: str
     spec: str
     options: tuple[str, ...] = ()
+    ranges: tuple[tuple[str, float], ...] = ()
 
     @property
     def folder(self) -> str:
@@ -95,6 +107,7 @@ CASES = (
     Case("van, the same, 2 ms late", VAN, LATE),
     Case("van, the same, Wk", WEIGHED),
     Case("van, the same, load moves", MOVING),
+    Case("lag, PID with anti-windup", WOUND, (), PID_RANGES),
     Case("half car", spec_text("half-car")),
     Case("half car, 5 ms late", spec_text("half-car"), ("--sample-time", "0.005", "--delay", "1")),
     Case("half car, one gain", spec_text("half-car"), ONE),
@@ -210,6 +223,10 @@ class Law:
         self.claim, self.code = claim, claim.code
         self.order = self.code.memory.states if self.code.memory else 0
         self.time = self.code.memory.sample_time if self.code.memory else Fraction(1)
+        self.G, gain = [], self.law.anti_windup
+        if gain is not None and self.order:
+            rows = gain[-self.order :, : gain.shape[1] - self.order].tolist()
+            self.G = [[self.time * Fraction(g) for g in row] for row in rows]
 
     def coordinates(self, given: Any, bits: Sequence[int]) -> tuple[list[Any], list[Any]]:
         """Return the numerators a and b of each parameter, or those of weights; and d of each."""
@@ -359,15 +376,18 @@ class Numbers:
                 [FLOAT] * n,
                 [FLOAT] * m,
             )
-            self.one, self.most, self.tops = 1.0, list(ranges), []
+            self.one, self.most = 1.0, list(ranges)
+            held = (program.number.outward(Fraction(v), up=False) for v in made.texts.limits)
+            self.tops = [int(Fraction(v) * 2**FLOAT) for v in held]
             self.ends = [(share.low, share.high) for share in self.shares]
             return
         scales, top = self.scales, largest(bits)
+        self.cuts = context(program, made.texts)["cuts"]
         self.given, self.answers = scales.given, scales.answers
         self.signals = [*scales.signals[: self.n], *scales.answers[self.m :]]
         self.reads = [t - s for t, s in zip(self.signals, scales.signals, strict=True)]
         self.one, self.most = (top + 1) // 2, [top << r for r in self.reads]
-        self.tops = [top] * self.m + self.most[self.n :]
+        self.tops = [*self.cuts, *self.most[self.n :]]
         self.ends = [
             tuple(int(Fraction(end) * Fraction(2) ** s) for end in (share.low, share.high))
             for share, s in zip(self.shares, scales.given, strict=True)
@@ -458,6 +478,25 @@ class Stated:
             pairs = zip(answer_errors(law.code), units, strict=True)
             self.off = np.array([math.floor(e * u) << self.bits for e, u in pairs], dtype=object)
 
+        # of floats nothing is stated of anti-windup but that it is zero where nothing is cut
+        self.more, self.G = [], []
+        if law.code.G is not None:
+            rows = zip(recovery_errors(law.claim), units[numbers.m :], strict=True)
+            self.more = [math.floor(e * u) << self.bits for e, u in rows]
+            units = [Fraction(2) ** t for t in numbers.answers]
+            self.G = [
+                [abs(g) * unit / own for g, own in zip(row, units, strict=False)]
+                for row, unit in zip(law.code.G, units[numbers.m :], strict=True)
+            ]
+
+    def recovering(self, y: Any) -> list[Any]:
+        """Return what they are more of each state while an input is cut."""
+        of_gain = abs(y) @ self.E.T
+        return [
+            more + sum(of_gain[:, i] * g.numerator // g.denominator for i, g in enumerate(row))
+            for more, row in zip(self.more, self.G, strict=True)
+        ]
+
     def of(self, y: Any) -> Any:
         """Return them in units of 2^-(FINE + bits) of an answer's, rounded down."""
         if self.T is None:
@@ -503,11 +542,13 @@ def measured(made: Exported, ranges: Sequence[float], count: int, folder: Path) 
             top = np.concatenate([per * top[:, :m], steps], axis=1)
         found = integers(np.concatenate([u, after], axis=1).astype(code.exact))
         unit = below[:, None] << (behind - least)
-        exact = top * scale  # in units of the answer, times `unit`
+        exact, allowed = top * scale, stated.of(y)  # in units of the answer, times `unit`
+        if law.G:
+            exact, unit = recovered(law, stated, numbers, (exact, unit), (y, allowed))
         for i, edge in enumerate(numbers.tops):
             exact[:, i] = np.clip(exact[:, i], -edge * unit[:, 0], edge * unit[:, 0])
-        error, allowed = abs(found * unit - exact), stated.of(y)
-        room = allowed * below[:, None] << -least
+        error = abs(found * unit - exact)
+        room = allowed * unit >> behind
         part = (error * 2**FINE / (room + (error == 0))).astype(float)
         shares = np.maximum(shares, part.max(axis=0))
         most = max(most, float((allowed / 2 ** (FINE + behind) * units)[:, :m].max()))
@@ -515,15 +556,45 @@ def measured(made: Exported, ranges: Sequence[float], count: int, folder: Path) 
     return Row(most, seen, shares[:m].max(), shares[m:].max(initial=0.0))
 
 
-def ranges_of(design: Design, spec: Path) -> dict[str, float]:
+def recovered(law: Law, stated: Stated, numbers: Numbers, answers: Any, errors: Any) -> Any:
+    """Return the answers with what anti-windup makes of steps, and their unit; raise the errors."""
+    (exact, unit), (y, allowed) = answers, errors
+    units = [Fraction(2) ** t for t in numbers.answers]
+    G = [
+        [g * unit / own for g, own in zip(row, units, strict=False)]
+        for row, unit in zip(law.G, units[numbers.m :], strict=True)
+    ]
+    per = math.lcm(*(g.denominator for row in G for g in row))
+    exact, unit = exact * per, unit * per
+    near, cut_off = np.zeros(len(exact), dtype=bool), list[Any]()
+    for i, edge in enumerate(numbers.tops[: numbers.m]):
+        most = edge * unit[:, 0]
+        cut_off.append(np.clip(exact[:, i], -most, most) - exact[:, i])
+        off = allowed[:, i] * unit[:, 0] >> stated.bits + FINE
+        near |= (abs(exact[:, i]) + off + 1 > most).astype(bool)
+    added = stated.recovering(y) or [10**9 * (1 + allowed[:, k]) for k in range(len(G))]
+    for k, (row, more) in enumerate(zip(G, added, strict=True), numbers.m):
+        if numbers.scales is not None:
+            most = numbers.tops[k] * unit[:, 0]
+            exact[:, k] = np.clip(exact[:, k], -most, most)
+        exact[:, k] += sum(int(g * per) * off // per for g, off in zip(row, cut_off, strict=True))
+        allowed[:, k] += np.where(near, more, 0)
+    return exact, unit
+
+
+def ranges_of(case: Case, design: Design, spec: Path) -> dict[str, float]:
     """Return the largest size of each signal: of a law's own states six times their rms."""
     law, plant = design.law, design.plant
     signals = law.measured or [plant.signal(name) for name in map(bare, plant.states)]
-    known = {signal.name: RANGES[signal.unit] for signal in signals}
-    for name in known:
-        if re.fullmatch(r"law state \d+", name):
-            rms, _ = wanted(plant, spec, f"rms of {name}")
-            known[name] = 6 * float(sampled(plant, design, rms, seeded(plant)[:200]).worst)
+    if case.ranges:  # all of them, of a PID its states in code
+        return dict(case.ranges)
+    known = dict[str, float]()
+    for signal in signals:
+        if signal.name.startswith(OWN):
+            rms, _ = wanted(plant, spec, f"rms of {signal.name}")
+            known[signal.name] = 6 * float(sampled(plant, design, rms, seeded(plant)[:200]).worst)
+        else:
+            known[signal.name] = RANGES[signal.unit]
     return known
 
 
@@ -535,12 +606,14 @@ def exported(design: Design, kind: str, bits: int, ranges: dict[str, float]) -> 
     """Return the code of a design, None of none, and whether its loop is proved, or why not."""
     sampling = None if design.plant.sample_time is not None else Sampling(0.001, delayed=True)
     asked: dict[str, Any] = {"sampling": sampling, "bits": 32}
+    if design.law.anti_windup is not None:
+        asked["limits"] = LIMIT
     asked |= {"fixed": bits, "ranges": ranges} if kind == "fixed" else {}
     try:
         return export_c99(design, **asked), "yes"
     except (NotProvedError, InputError) as refused:
         why = str(refused)
-    if not any(name.startswith("law state") for name in ranges):
+    if not any(name.startswith(OWN) for name in ranges):
         asked["sampling"] = None  # there is no proof of the loop at samples to look for
     try:
         return export_c99(design, allow_unproved=True, **asked), why
@@ -551,7 +624,7 @@ def exported(design: Design, kind: str, bits: int, ranges: dict[str, float]) -> 
 def print_case(case: Case, folder: Path, count: int) -> bool:
     """Print the rows of a design; return whether an error is larger than is stated."""
     design, wrong = Design.load(found(case, folder)), False
-    ranges = ranges_of(design, folder / f"{case.folder}.toml")
+    ranges = ranges_of(case, design, folder / f"{case.folder}.toml")
     for kind, bits in FORMATS:
         made, proved = exported(design, kind, bits, ranges)
         if made is None:

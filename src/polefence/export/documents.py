@@ -42,7 +42,13 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import states
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.observer import Observer as ObserverClaim
-from polefence.proof.claims.rounding import Code, Rounded, answer_errors, rounding_error
+from polefence.proof.claims.rounding import (
+    Code,
+    Rounded,
+    answer_errors,
+    recovery_errors,
+    rounding_error,
+)
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
@@ -281,7 +287,8 @@ def rebuilt_program(code: Code, certificate: Certificate) -> Program:
     held = code.memory
     memory = None
     if held is not None:
-        memory = Memory(held.states, float(held.step), float(held.sample_time))
+        own = None if code.G is None else _floats(code.G)
+        memory = Memory(held.states, float(held.step), float(held.sample_time), own)
     if code.K is not None or law.K is not None:
         return Fixed(form, _floats(code.K), measured, memory, code.scales)
     pairs = zip(certificate.plant.parameters, code.shares, strict=False)
@@ -563,11 +570,15 @@ def _outside(facts: Facts) -> str:
 def _anti_windup(facts: Facts) -> str:
     """Say what the code does while inputs are cut, and where what that leads to is proved."""
     time = "at the samples" if facts.sample_time is not None else "in continuous time"
+    errors = [] if facts.rounded is None else recovery_errors(facts.rounded)
+    told = ", ".join(digits_up(error, 3) for error in errors)
+    told = f" Each step is off by at most {told} more then, and by G times the error of u."
+    rounded = told if errors else ""
     return (
         "While an input is cut its code adds G (sat(u) - u) to the rates of the law's own states: "
-        "anti-windup, which is exactly zero while nothing is cut. The limits with which the loop "
-        f"then comes to rest are those of the design's saturation, proved {time} and without "
-        "rounding."
+        f"anti-windup, which is exactly zero while nothing is cut.{rounded} The limits with "
+        f"which the loop then comes to rest are those of the design's saturation, proved {time} "
+        "and without rounding."
     )
 
 

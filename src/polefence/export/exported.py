@@ -178,7 +178,7 @@ def export_c99(
     design = of_signals(with_rates(design)) if observer is None else design
     order = kept(design)
     cuts = _limits(limits, design.plant.shape[1] - order)
-    _require_anti_windup(design.law, cuts, fixed)
+    _require_anti_windup(design.law, cuts)
     _require_observer(design, observer, sampling, allow_unproved)
     period = _period(design, order, sampling)
     if fixed not in (None, *WORDS):
@@ -308,16 +308,9 @@ def _needs(length: int | None) -> str:
     return f"; it needs {length} bits: take {'--fixed 32, or ' if length <= 32 else ''}--float"
 
 
-def _require_anti_windup(law: Law, cuts: tuple[float, ...], fixed: int | None) -> None:
+def _require_anti_windup(law: Law, cuts: tuple[float, ...]) -> None:
     """Refuse code without the anti-windup that the law has."""
-    if law.anti_windup is None:
-        return
-    if fixed is not None:
-        raise InputError(
-            f"--fixed {fixed}: code in integers has no anti-windup, which this law has; take "
-            "--float 32"
-        )
-    if not cuts:
+    if law.anti_windup is not None and not cuts:
         raise InputError(
             "limits: the law has anti-windup, so its code must know where the inputs end; give "
             "--limit U, in the input's unit (limits=U)"

@@ -330,21 +330,22 @@ def _refusal(claim: Rounded, needed: float, tolerated: float, given: bool) -> st
 def code_of(program: Program, plant: UncertainPlant) -> Code:
     """Return the code's constants as rationals."""
     bits = program.number.bits
-    held = memory_of(program)
-    memory = None
+    held, scales = memory_of(program), scales_of(program)
+    memory, G = None, None
     if held is not None:
         T = plant.sample_time
         time = Fraction(held.sample_time) if T is None else T
         memory = Memory(held.states, Fraction(held.step), time, T is not None)
-    scales = scales_of(program)
+        if scales is not None and held.anti_windup is not None:
+            G = exactly(held.anti_windup)
     if isinstance(program, Fixed):
-        return Code(bits, K=exactly(program.K), memory=memory, scales=scales)
+        return Code(bits, K=exactly(program.K), memory=memory, scales=scales, G=G)
     shares = tuple(
         Share(Fraction(s.low), Fraction(s.high), Fraction(s.scale)) for s in program.shares
     )
     if not isinstance(program, Scheduled):
         terms = tuple(map(exactly, program.gains))
-        return Code(bits, shares=shares, terms=terms, memory=memory, scales=scales)
+        return Code(bits, shares=shares, terms=terms, memory=memory, scales=scales, G=G)
     W, Z = (tuple(map(exactly, rows)) for rows in (program.W, program.Z))
     L = None if program.L is None else exactly(program.L)
     return Code(bits, None, exactly(program.T), W, Z, shares, L=L, scales=scales)

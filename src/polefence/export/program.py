@@ -65,7 +65,8 @@ class Memory(Short):
     step, sample_time : float
         From one update to the next [s]: a number of the format, and what it is to be.
     anti_windup : (states, inputs) array, optional
-        What the part of u that is cut off adds to their rates, as the code has it.
+        What the part of u that is cut off adds to their rates, as the code has it; in fixed point
+        to their steps.
     """
 
     states: int
@@ -300,6 +301,8 @@ def with_anti_windup(program: Program, law: Law) -> Program:
     """Return the program of code that cuts its inputs, with the law's anti-windup gain."""
     memory, gain = memory_of(program), law.anti_windup
     if memory is None or gain is None or isinstance(program, Scheduled):
+        return program
+    if program.scales is not None:  # made with it
         return program
     inputs = program.shape[1] - memory.states
     own = program.number.nearest(gain[-memory.states :, :inputs])

@@ -93,7 +93,7 @@ def solved_in_words(
     sums, answers = list[int](), list[int]()
     for i, cut in enumerate(cuts):
         row = [[Fraction(entries[i, j] * ROOM) * two(-s)] for j, s in enumerate(of_signals)]
-        r, t = row_of(row, cut, bits, None)
+        r, t = row_of(row, cut, bits)
         # no finer than what it is made of
         r = min(r - attempt, of_rows[i] + min(map(int.__add__, of_columns, of_signals)))
         sums.append(r)

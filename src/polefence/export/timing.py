@@ -72,6 +72,8 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
     told = [(law.degree, law.powers, law.measured) for law in laws]
     if (code.bits, code.shares, _scales(code)) != (plain.bits, plain.shares, _scales(plain)):
         return False
+    if code.G != plain.G:
+        return False
     # at products of the parameters' weights a law of degree one is the same on box and simplex
     alike = plain.K is not None or (plain.T is not None and told[0][0] == 1)
     if told[0] != told[1] or (sizes[0] != sizes[1] and not alike):
@@ -106,7 +108,10 @@ def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:
 def _scales(code: Code) -> tuple[tuple[int, ...], ...]:
     """Return the exponents of fixed-point code, but those of signals and of columns of T."""
     fixed = code.scales
-    return () if fixed is None else (fixed.given, fixed.rows, fixed.answers, fixed.solving)
+    if fixed is None:
+        return ()
+    others = fixed.beyond, fixed.recovering
+    return fixed.given, fixed.rows, fixed.answers, fixed.solving, *others
 
 
 def _spread(matrix: Sequence[Sequence[Fraction]], n: int, late: int) -> Rationals:

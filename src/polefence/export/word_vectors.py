@@ -17,7 +17,12 @@ from polefence.export.program import Fixed, Program, memory_of, scales_of
 from polefence.export.sources import Texts, context, environment
 from polefence.export.vectors import CLAMPED, LIMITED, OK, exact_gains
 from polefence.law.laws import Law
-from polefence.proof.claims.rounding import Rounded, answer_errors, gain_errors
+from polefence.proof.claims.rounding import (
+    Rounded,
+    answer_errors,
+    gain_errors,
+    recovery_errors,
+)
 from polefence.proof.claims.words import largest, two
 
 FINE = 10  # bits of a unit of u
@@ -62,6 +67,7 @@ def word_vectors(
     m, n = len(scales.rows) - q, len(scales.signals) - q
     E, off = gain_errors(claim), answer_errors(claim.code)
     time = claim.code.memory.sample_time if claim.code.memory else Fraction(1)
+    recovery, G, own_G = recovery_errors(claim), _anti_windup(law, q, m), claim.code.G or []
     ranges = [top << (t - s) for s, t in zip(scales.signals[n:], scales.answers[m:], strict=True)]
     random = np.random.default_rng(seed)
     for k in range(count):
@@ -71,25 +77,65 @@ def word_vectors(
         values = [Fraction(v) * two(-s) for v, s in zip(x, scales.signals, strict=False)]
         values += [Fraction(v) * two(-t) for v, t in zip(own, scales.answers[m:], strict=True)]
         (K,) = exact_gains(program, law, np.array([taken], dtype=float))
-        u, allowed, sure = list[int](), list[int](), ~0
+        seen, cut_off, u, allowed = _Flags(flags), list[Fraction](), list[int](), list[int]()
+        of_gain = [
+            sum((e * abs(v) for e, v in zip(row, values, strict=True)), Fraction(0)) for row in E
+        ]
         for i, t in enumerate(scales.answers):
             exact = sum((Fraction(g) * v for g, v in zip(K[i], values, strict=True)), Fraction(0))
-            error = sum((e * abs(v) for e, v in zip(E[i], values, strict=True)), Fraction(0))
-            if i >= m:
-                exact, error = values[n + i - m] + time * exact, time * error
-            most = Fraction(cuts[i] if i < m else ranges[i - m])
-            unit, fine = two(t), 1 << FINE if i < m else 1
-            exact, error = exact * unit, (error + off[i]) * unit
-            flag = LIMITED if i < m else SATURATED
-            if abs(abs(exact) - most) <= error + 1:
-                sure &= ~flag
-            elif abs(exact) > most:
-                flags |= flag
-            cut = max(-most, min(most, exact))
-            u.append(round(cut * fine))
-            allowed.append(ceil(error * fine) + 1)
-        flags_seen = CLAMPED | LIMITED | SATURATED
-        yield WordVector(given, x, own, tuple(u), tuple(allowed), flags & sure, sure & flags_seen)
+            error, unit = of_gain[i] + off[i], two(t)
+            if i < m:
+                cut = seen.cut(exact * unit, error * unit, cuts[i], LIMITED)
+                if abs(exact) * unit + error * unit + 1 <= cuts[i]:
+                    of_gain[i] = Fraction(0)  # nothing is cut off, and nothing of it is off
+                cut_off.append(cut / unit - exact)
+                u.append(round(cut * (1 << FINE)))
+                allowed.append(ceil(error * unit * (1 << FINE)) + 1)
+                continue
+            exact, error = values[n + i - m] + time * exact, time * of_gain[i] + off[i]
+            cut = seen.cut(exact * unit, error * unit, ranges[i - m], SATURATED)
+            if G and any((*cut_off, *of_gain[:m])):
+                row = zip(G[i - m], cut_off, strict=True)
+                added = time * sum((g * v for g, v in row), Fraction(0))
+                error += recovery[i - m]
+                row = zip(own_G[i - m], of_gain, strict=False)
+                error += sum((abs(g) * e for g, e in row), Fraction(0))
+                cut = seen.cut(cut + added * unit, error * unit, ranges[i - m], SATURATED)
+            u.append(round(cut))
+            allowed.append(ceil(error * unit) + 1)
+        known = CLAMPED | LIMITED | SATURATED
+        yield WordVector(
+            given,
+            x,
+            own,
+            tuple(u),
+            tuple(allowed),
+            seen.flags & seen.sure,
+            seen.sure & known,
+        )
+
+
+@dataclass
+class _Flags:
+    """What happens to a vector, and which of it rounding does not decide."""
+
+    flags: int
+    sure: int = ~0
+
+    def cut(self, exact: Fraction, error: Fraction, most: int, flag: int) -> Fraction:
+        """Return a number cut to the largest; all in units of its answer."""
+        if abs(abs(exact) - most) <= error + 1:
+            self.sure &= ~flag
+        elif abs(exact) > most:
+            self.flags |= flag
+        return max(-Fraction(most), min(Fraction(most), exact))
+
+
+def _anti_windup(law: Law, states: int, inputs: int) -> list[list[Fraction]]:
+    """Return the anti-windup gain, a row a state; none without."""
+    if law.anti_windup is None or not states:
+        return []
+    return [[Fraction(g) for g in row[:inputs]] for row in law.anti_windup[-states:].tolist()]
 
 
 def _integers(random: np.random.Generator, most: list[int], k: int) -> tuple[int, ...]:

@@ -75,25 +75,40 @@ def in_words(
     of_signals = tuple(exponent_of(Fraction(size), bits) for size in sizes)
     cuts: list[Fraction | None] = [Fraction(limit) for limit in limits]
     cuts += [None] * (len(terms[0]) - len(cuts))
-    rows, answers = list[int](), list[int]()
-    for i, cut in enumerate(cuts):
-        row = [[K[i][j] * two(-s) for K in terms] for j, s in enumerate(of_signals)]
-        kept = i - len(cuts) + states
-        state = of_signals[len(of_signals) - states + kept] if kept >= 0 else None
-        r, t = row_of(row, cut, bits, state)
-        if state is not None and t < state:
+    m, first = len(cuts) - states, len(of_signals) - states
+    entries = [
+        [[K[i][j] * two(-s) for K in terms] for j, s in enumerate(of_signals)]
+        for i in range(len(cuts))
+    ]
+    pairs = [row_of(row, cut, bits) for row, cut in zip(entries[:m], cuts, strict=False)]
+    beyond, G = _recovering(law, memory, entries, pairs, bits)
+    recovering = list[int]()
+    for k, row in enumerate(entries[m:]):
+        state = of_signals[first + k]
+        adding = [[g * two(-b)] for g, b in zip(G[k], beyond, strict=True)] if G else [[]]
+        _, finest = row_of(adding, None, bits, state + bits)
+        r, t = row_of(row, None, bits, finest)
+        if t < state:
             raise InputError(
-                f"{signals[len(signals) - states + kept]}: moves by more than its range in one "
-                "sample; give a larger --range, or a shorter --sample-time"
+                f"{signals[first + k]}: moves by more than its range in one sample; give a larger "
+                "--range, or a shorter --sample-time"
             )
-        rows.append(r)
-        answers.append(t)
+        pairs.append((r, t))
+        recovering += [row_of(adding, None, bits, t)[0]] if G else []
+    rows, answers = ([pair[end] for pair in pairs] for end in (0, 1))
+    own_G = [
+        [float(whole_of(g, r - b) * two(b - r)) for g, b in zip(row, beyond, strict=True)]
+        for row, r in zip(G, recovering, strict=True)
+    ]
+    if memory and G:
+        memory = replace(memory, anti_windup=np.array(own_G))
     shares, given = list[Share](), list[int]()
     for parameter in () if law.fixed else parameters:
         share, exponent = share_of(parameter, bits)
         shares.append(share)
         given.append(exponent)
-    scales = Scales(of_signals, tuple(given), tuple(rows), tuple(answers))
+    lists = (of_signals, given, rows, answers, (), (), beyond, recovering)
+    scales = Scales(*map(tuple, lists))
     units = [[r - s for s in of_signals] for r in rows]
     own = np.array([[[float(whole_of(k, e) * two(-e)) for k, e in zip(*pair, strict=True)]
                      for pair in zip(K, units, strict=True)] for K in terms])  # fmt: skip
@@ -101,6 +116,31 @@ def in_words(
     if law.K is not None or law.fixed:
         return Fixed(number, own[0], measured, memory, scales)
     return Polynomial(number, tuple(shares), law.domain, law.powers, own, measured, memory, scales)
+
+
+def _recovering(
+    law: Law,
+    memory: Memory | None,
+    entries: Sequence[Sequence[Sequence[Fraction]]],
+    pairs: Sequence[tuple[int, int]],
+    bits: int,
+) -> tuple[list[int], Exact]:
+    """Return the exponents of what is cut off each input, and T G; none without anti-windup.
+
+    What is cut off is no more than all that an input can be: so many bits are rounded off that this
+    fits a word.
+    """
+    if memory is None or law.anti_windup is None:
+        return [], []
+    beyond, top, m = list[int](), largest(bits), len(pairs)
+    for row, (r, t) in zip(entries, pairs, strict=False):
+        most = sum(sum(abs(whole_of(k, r)) for k in terms) for terms in row) * (top + 1)
+        most, shift = (most + (1 << (r - t) >> 1)) >> (r - t), 0
+        while (most + (1 << shift >> 1)) >> shift > top:
+            shift += 1
+        beyond.append(t - shift)
+    time, gain = Fraction(memory.sample_time), law.anti_windup[-memory.states :, :m]
+    return beyond, [[time * Fraction(g) for g in row] for row in gain.tolist()]
 
 
 def whole_of(value: Fraction, exponent: int) -> int:
@@ -119,24 +159,30 @@ def exponent_of(size: Fraction, bits: int) -> int:
 
 
 def row_of(
-    entries: Sequence[Sequence[Fraction]], cut: Fraction | None, bits: int, state: int | None
+    entries: Sequence[Sequence[Fraction]],
+    cut: Fraction | None,
+    bits: int,
+    finest: int | None = None,
 ) -> tuple[int, int]:
-    """Return the exponents of a row's sum and of its answer; entries are of signals' integers."""
+    """Return the exponents of a row's sum and of its answer; entries are of signals' integers.
+
+    An answer that is kept is a wide one, with ``finest`` bits behind the point at most.
+    """
     top, wide = largest(bits), largest(2 * bits)
     most = max(sum(map(abs, terms), Fraction(0)) for terms in entries)
     if not most:
-        return (0, 0) if state is None else (state + bits, state + bits)
+        return (0, 0) if finest is None else (finest, finest)
     r = exponent_of(most, bits) + 1
     while True:
         r -= 1
         whole = [sum(abs(whole_of(k, r)) for k in terms) for terms in entries]
         reached = sum(whole) * (top + 1)
-        if state is None:
+        if finest is None:
             size = reached * two(-r)
             size = size if cut is None or cut > size else cut
             t = min(exponent_of(size, bits), r)
         else:
-            t = min(state + bits, r)
+            t = min(finest, r)
         if max(whole) <= top and reached + (1 << (r - t) >> 1) <= wide and r - t <= 2 * bits - 2:
             return r, t
 
@@ -268,8 +314,24 @@ def constants(program: Program, limits: Sequence[float]) -> dict[str, Any]:
         "cuts": cuts or [top] * m,
         "reads": [t - s for s, t in kept],
         "tops": [top << (t - s) for s, t in kept],
+        **_recovery(memory, scales, m),
         "scales": scales,
         "own": states,
+    }
+
+
+def _recovery(memory: Memory | None, scales: Scales, m: int) -> dict[str, Any]:
+    """Return the integers of anti-windup, none without."""
+    if memory is None or memory.anti_windup is None:
+        return {"G": []}
+    ends = zip(scales.recovering, scales.answers[m:], strict=True)
+    return {
+        "G": [
+            [_integer(g, r - b) for g, b in zip(row, scales.beyond, strict=True)]
+            for row, r in zip(memory.anti_windup, scales.recovering, strict=True)
+        ],
+        "beyond": [t - b for t, b in zip(scales.answers, scales.beyond, strict=False)],
+        "recovering": [r - t for r, t in ends],
     }
 
 

@@ -123,7 +123,8 @@ class Code(Short):
     One gain, that of one vertex too, has ``K`` alone. ``shares`` has one entry a parameter, none
     where the code is given alpha itself. W and Z are Bernstein coefficients; of a polynomial law
     ``terms`` has the gains. ``memory`` is of a law of gains with states of its own. ``scales`` are
-    of code in fixed point; rows of such states then hold the gains times the sample time.
+    of code in fixed point; rows of such states then hold the gains times the sample time, and so
+    does ``G``, of anti-windup.
     """
 
     bits: int
@@ -136,6 +137,7 @@ class Code(Short):
     memory: Memory | None = None
     L: Rationals | None = None
     scales: words.Scales | None = None
+    G: Rationals | None = None
 
     @property
     def numbers(self) -> str:
@@ -183,7 +185,7 @@ class Rounded(Short, Claim):
         gain_table, code_table = table.table("gain"), table.table("code")
         gain_table.word("kind", [GainError.kind])
         gain = GainError.read(gain_table, plant, law, on)
-        K, T, L = (code_table.matrix(key) if key in code_table else None for key in ("K", "T", "L"))
+        K, T, L, G = (code_table.matrix(key) if key in code_table else None for key in "KTLG")
         keys = ("W", "Z", "terms")
         W, Z, terms = (
             tuple(code_table.matrices(key, None, None)) if key in code_table else () for key in keys
@@ -192,7 +194,7 @@ class Rounded(Short, Claim):
         fixed = code_table.table("scales") if "scales" in code_table else None
         scales = None if fixed is None else words.Scales.read(fixed)
         shares = _read_shares(code_table)
-        code = Code(code_table.at("bits"), K, T, W, Z, shares, terms, memory, L, scales)
+        code = Code(code_table.at("bits"), K, T, W, Z, shares, terms, memory, L, scales, G)
         smallest, size = (code_table.number(key, 0) for key in ("smallest", "size"))
         return cls(gain, code, smallest, size, code_table.whole("elevation", 0))
 
@@ -210,6 +212,7 @@ class Rounded(Short, Claim):
             table["memory"] = {key: plain(getattr(code.memory, key)) for key in keys}
         if code.scales is not None:
             table["scales"] = code.scales.write()
+        table |= {} if code.G is None else {"G": plain(code.G)}
         if code.T is not None:
             table |= {} if code.L is None else {"L": plain(code.L)}
             table |= {"smallest": plain(self.smallest), "size": plain(self.size)}
@@ -230,6 +233,8 @@ class Rounded(Short, Claim):
             raise FormatError("code.bits must be 32 or 64, in fixed point 16 or 32")
         if not fixed:
             _require_numbers(code)
+            if code.G is not None:
+                raise FormatError("code.G is of fixed point: in floats it is that of the law")
         if code.K is not None or code.terms:
             self._require_gains()
             return
@@ -261,8 +266,8 @@ class Rounded(Short, Claim):
     def _require_scheduled(self) -> None:
         code, gain = self.code, self.gain
         design = gain.subject.design
-        if code.memory:
-            raise FormatError("code.memory is of a law of gains")
+        if code.memory or code.G is not None:
+            raise FormatError("code.memory and code.G are of a law of gains")
         m, n, law, sizes = len(design.B[0][0]), len(design.A[0]), design.law, design.sizes
         count = count_of(sizes, law.degree)
         if len(code.W) != count or len(code.Z) != count:
@@ -364,6 +369,11 @@ def _require_words(code: Code, scales: words.Scales, subject: Subject) -> None:
     states = code.memory.states if code.memory else 0
     words.require(code.bits, code.gains, scales, states, len(code.shares))
     _require_shares(code, scales, subject)
+    if (code.G is None) != (subject.design.law.anti_windup is None):
+        raise FormatError("code.G: the law and its constants do not belong together")
+    if code.G is not None:
+        require_shape(code.G, states, len(scales.rows) - states, "code.G")
+        words.require_recovering(code.bits, code.gains, code.G, scales)
     if not code.shares and code.terms and not is_alpha(subject.design.law, subject.design.sizes):
         raise FormatError("code.shares: in fixed point a law of parameters is given these")
 
@@ -516,6 +526,19 @@ def answer_errors(code: Code) -> list[Fraction]:
     if code.scales is None:
         return []
     return words.answer_errors(code.gains, code.scales, code.memory.states if code.memory else 0)
+
+
+def recovery_errors(claim: Rounded) -> list[Fraction]:
+    """Return bounds on what anti-windup adds to the errors of a step in fixed point, none without.
+
+    Besides what T G makes of the error of u as one of the gain; zero while nothing is cut.
+    """
+    code, gain = claim.code, claim.gain.subject.design.law.anti_windup
+    if code.G is None or code.scales is None or code.memory is None or gain is None:
+        return []
+    m, time = len(code.G[0]), code.memory.sample_time
+    exact = [[time * g for g in row[:m]] for row in gain[len(gain) - len(code.G) :]]
+    return words.step_errors(code.bits, code.gains, code.G, exact, code.scales)
 
 
 def _with_steps(E: Rationals, terms: Sequence[Rationals], memory: Memory, bits: int) -> Rationals:

@@ -16,6 +16,12 @@ All but the last are errors of the gain, as those of floats are. The last is an 
 most half a unit of the answer whatever the signals are. States that the code keeps have t_i > s_j
 bits, of which it multiplies the s_j nearest: an absolute error of each answer too. Rows of such
 states hold the gain times the time T between updates.
+
+Anti-windup adds T G (sat(u) - u) to such a step, sat the cut at the integers' own limits: what is
+cut off an input is rounded to b_i <= t_i bits behind the point, in which it always fits a word, and
+a row's sum of r'_k bits to those of the state. It is zero, exactly, where nothing is cut; while an
+input is, the step is off by the rounding of T G, of its sum and of what is cut off, and by T G
+times the error of u.
 """
 
 from __future__ import annotations
@@ -40,6 +46,7 @@ class Scales(Short):
     ``signals`` are those that are measured and, last, the code's own states as they are multiplied;
     ``given`` the parameters, none for alpha; ``answers`` the inputs and, last, the states as they
     are kept. ``columns`` and ``solving`` are of a law that solves equations: see `solving`.
+    ``beyond`` is of what is cut off each input, ``recovering`` of the sums that it adds to states.
     """
 
     signals: tuple[int, ...]
@@ -48,6 +55,8 @@ class Scales(Short):
     answers: tuple[int, ...]
     columns: tuple[int, ...] = ()
     solving: tuple[int, ...] = ()
+    beyond: tuple[int, ...] = ()
+    recovering: tuple[int, ...] = ()
 
     @classmethod
     def read(cls, table: Table) -> Scales:
@@ -127,6 +136,66 @@ def answer_errors(code: Sequence[Rationals], scales: Scales, states: int) -> lis
         own = row[len(row) - states :]
         errors.append(rounded + sum((k * e for k, e in zip(own, read, strict=True)), Fraction(0)))
     return errors
+
+
+def reached(bits: int, code: Sequence[Rationals], scales: Scales) -> list[int]:
+    """Return the largest integers that answers have before they are cut."""
+    found = []
+    for row, r, t in zip(sizes(code), scales.rows, scales.answers, strict=True):
+        whole = sum((k * two(r - s) for k, s in zip(row, scales.signals, strict=True)), Fraction(0))
+        found.append(int(whole * (largest(bits) + 1) + (1 << (r - t) >> 1)) >> (r - t))
+    return found
+
+
+def step_errors(
+    bits: int,
+    code: Sequence[Rationals],
+    recovering: Rationals,
+    exact: Rationals,
+    scales: Scales,
+) -> list[Fraction]:
+    """Return bounds on the absolute errors that anti-windup adds to a step, while inputs are cut.
+
+    That is besides what it makes of the error of u as one of the gain.
+
+    Parameters
+    ----------
+    recovering, exact
+        T G as the code has it, and itself: a row a state, a column an input.
+    """
+    q = len(recovering)
+    most = [n * two(-t) for n, t in zip(reached(bits, code, scales), scales.answers, strict=True)]
+    of_u = answer_errors(code, scales, q)
+    pairs = zip(scales.beyond, scales.answers, strict=False)
+    rounded = [two(-b - 1) if t > b else Fraction(0) for b, t in pairs]
+    errors = []
+    ends = zip(scales.recovering, scales.answers[len(scales.answers) - q :], strict=True)
+    for own, row, (r, t) in zip(recovering, exact, ends, strict=True):
+        error = two(-t - 1) if r > t else Fraction(0)
+        for j, (k, g) in enumerate(zip(own, row, strict=True)):
+            error += abs(k) * (of_u[j] + rounded[j]) + abs(g - k) * most[j]
+        errors.append(error)
+    return errors
+
+
+def require_recovering(
+    bits: int, code: Sequence[Rationals], recovering: Rationals, scales: Scales
+) -> None:
+    """Refuse anti-windup that is no integers of so many bits, or whose sums may leave no room."""
+    q, m = len(recovering), len(scales.rows) - len(recovering)
+    if len(scales.beyond) != m or len(scales.recovering) != q:
+        raise FormatError("code.scales must hold one exponent an input and a state of anti-windup")
+    top, wide = largest(bits), largest(2 * bits)
+    for n, t, b in zip(reached(bits, code, scales), scales.answers, scales.beyond, strict=False):
+        shift = t - b
+        half = 1 << shift >> 1 if 0 <= shift <= 2 * bits - 2 else wide
+        if n + half > wide or (n + half) >> shift > top:
+            raise FormatError("code: what is cut off an input may take more than a word")
+    for row, r, t in zip(recovering, scales.recovering, scales.answers[m:], strict=True):
+        whole = [k * two(r - b) for k, b in zip(row, scales.beyond, strict=True)]
+        if any(k.denominator != 1 for k in whole):
+            raise FormatError(f"code.G is no integer of {bits} bits")
+        require_sums(bits, [abs(k) for k in whole], r - t)
 
 
 def require(bits: int, code: Sequence[Rationals], scales: Scales, states: int, given: int) -> None:

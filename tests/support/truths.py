@@ -512,8 +512,11 @@ def false_saturation(plant, law, claim):
     """Whether a loop that is cut off runs away, at rest or from pushes."""
     level = number(claim["level"])
     outputs = claim["outputs"] if "outputs" in claim else [claim["output"]]
-    D = np.concatenate([stacked(plant, output, "D") for output in outputs], axis=1)[0]
-    chosen = np.flatnonzero(np.any(D, axis=0))
+    C, D = (
+        np.concatenate([stacked(plant, output, key) for output in outputs], axis=1)[0]
+        for key in "CD"
+    )
+    moving = [int(np.flatnonzero(row)[0]) for row in D]
     alphas = plant.alphas(domain_of(claim, law), 2)
     A, B, E = map(np.stack, zip(*(next(plant.near(alpha)) for alpha in alphas), strict=True))
     K = np.stack([law.gain(alpha) for alpha in alphas])
@@ -529,7 +532,9 @@ def false_saturation(plant, law, claim):
     drive, (A, B, K) = (E @ norms)[:, None, :], (np.swapaxes(M, 1, 2) for M in (A, B, K))
     for k in range(min(int(30 / dt.min()), 6000)):
         u = x @ K
-        u[..., chosen] = np.clip(u[..., chosen], -level, level)
+        for c, d, j in zip(C, D, moving, strict=True):
+            middle, half = -(x @ c) / d[j], level / abs(d[j])
+            u[..., j] = np.clip(u[..., j], middle - half, middle + half)
         push = 0.0 if starts else np.where(k * dt < lengths, lengths**-0.5, 0.0) * drive
         moved = x @ A + u @ B + push
         x = moved if plant.T else x + dt * moved

@@ -378,14 +378,23 @@ def test_claims_that_are_none(claim, changes, says):
         prove(replace(claim, **changes))
 
 
-def test_an_output_is_no_input(claim):
+def test_a_signal_that_no_input_or_a_parameter_moves_is_none(claim):
     (own,) = claim.outputs
-    other = replace(own, C=[[[Fraction(1), Fraction(0)]]] * 4)
-    with pytest.raises(FormatError, match="saturation applies to single inputs"):
-        prove(replace(claim, outputs=(other,)))
-    twice = replace(own, D=[[[Fraction(2)]]] * 4)
-    with pytest.raises(FormatError, match="saturation applies to single inputs"):
-        prove(replace(claim, outputs=(twice,)))
+    one, zero = Fraction(1), Fraction(0)
+    for other in (
+        replace(own, C=[[[one, zero]]] * 4, D=[[[zero]]] * 4),
+        replace(own, D=[[[one]]] * 3 + [[[2 * one]]]),
+        replace(own, C=[[[zero, zero]]] * 3 + [[[zero, one]]]),
+        replace(own, F=([[one]],) * 4),
+    ):
+        with pytest.raises(FormatError, match="saturation applies to signals that one input"):
+            prove(replace(claim, outputs=(other,)))
+    # half as large a signal, and half the limit
+    half = replace(own, D=[[[one / 2]]] * 4)
+    assert prove(replace(claim, outputs=(half,), level=claim.level / 2)).proved
+    assert not prove(replace(claim, outputs=(half,), level=claim.level * Fraction(49, 100))).proved
+    # with part of a state in it another limit is none
+    assert not prove(replace(claim, outputs=(replace(own, C=[[[9 * one, zero]]] * 4),))).proved
 
 
 @pytest.mark.parametrize(
@@ -396,7 +405,10 @@ def test_an_output_is_no_input(claim):
         (lambda: Saturation("u"), "give points or an impulse"),
         (lambda: Saturation("u", points=[(1.0, 0.0)], norm=1.0), "give initial states, or a norm"),
         (lambda: Saturation("u", norm=-1.0), "norm = -1.0 must be"),
-        (lambda: Saturation("x", points=[(1.0, 0.0)]).require_fit(pendulum()), "'x' is none of u"),
+        (
+            lambda: Saturation("x", points=[(1.0, 0)]).require_fit(pendulum()),
+            "'x': none of u moves",
+        ),
     ],
 )
 def test_questions_that_are_none(asked, says):

@@ -26,7 +26,15 @@ from polefence.base.explained import explained, explained_fields
 from polefence.plant.card import card
 from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.expression import RationalFunction, counted, evaluate
-from polefence.plant.outputs import Output, disturbances, inputs, pick, split, states
+from polefence.plant.outputs import (
+    Output,
+    disturbances,
+    inputs,
+    pick,
+    rate_named,
+    split,
+    states,
+)
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, Exact, System, floats, read_matrix
@@ -421,7 +429,7 @@ class UncertainPlant(Short):
         return (*states(self), *inputs(self), *self.every_output)
 
     def signal(self, name: str) -> Output:
-        """Return a state, an input or an output by its name without the unit.
+        """Return a state, an input or an output by its name without the unit, or the rate of one.
 
         Raises
         ------
@@ -429,11 +437,12 @@ class UncertainPlant(Short):
             If there is none of that name.
         """
         known = self.signals
-        if (
-            self.vehicle is None
-            and name in OF_A_CAR
-            and name not in [signal.name for signal in known]
-        ):
+        if name in [signal.name for signal in known]:
+            return pick(known, name)
+        rate = rate_named(self, name)
+        if rate is not None:
+            return rate
+        if self.vehicle is None and name in OF_A_CAR:
             raise InputError(
                 f"no signal {name!r}: cars have it by a table [vehicle], and {self.name} has none"
             )

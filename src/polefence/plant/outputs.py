@@ -15,6 +15,7 @@ from polefence.base.errors import InputError, PlantError, suggest
 from polefence.base.explained import explained, explained_fields
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
+from polefence.proof.plant import RATE
 from polefence.proof.short import Short
 
 if TYPE_CHECKING:
@@ -198,15 +199,62 @@ def rate_of(plant: UncertainPlant, state: str, name: str = "", unit: str = "") -
     known = states(plant)
     signal = pick(known, state)
     i = known.index(signal)
-    unit = unit or _RATES.get(signal.unit) or f"{signal.unit or 1}/s"
-    return Output(name or f"rate of {signal.name}", unit, *rate_rows(plant, i))
+    return Output(name or RATE + signal.name, unit or _rate_unit(signal), *rate_rows(plant, i))
+
+
+def _rate_unit(signal: Signal) -> str:
+    return _RATES.get(signal.unit) or f"{signal.unit or 1}/s"
 
 
 def rate_rows(plant: UncertainPlant, state: int) -> tuple[Exact, Exact, Exact]:
-    """Return rows C, D, F of a state's rate, one per vertex: the state's rows of A, B and E."""
+    """Return rows C, D, F of a state's rate, one per vertex: the state's rows of A, B and E.
+
+    In discrete time the rate is the change in a sample over its time.
+    """
     A, B = (tuple(getattr(v, key)[state] for v in plant.vertices) for key in ("exact_A", "exact_B"))
     E = tuple(v.exact_E[state] for v in plant.vertices if v.exact_E is not None)
+    T = plant.sample_time
+    if T is None:
+        return A, B, E
+    A = tuple((*row[:state], row[state] - 1, *row[state + 1 :]) for row in A)
+    A, B, E = (tuple(tuple(x / T for x in row) for row in M) for M in (A, B, E))
     return A, B, E
+
+
+def rate_named(plant: UncertainPlant, name: str) -> Output | None:
+    """Return the signal "rate of NAME" of a state, or of an input at a sample time.
+
+    The rate of an input is that of the state that it is a sample later. None of another name.
+
+    Raises
+    ------
+    InputError
+        If the state's change is known only near, or an input has no rate.
+    """
+    own = name.removeprefix(RATE)
+    known = [state.name for state in states(plant)]
+    if own == name or own not in [*known, *(signal.name for signal in inputs(plant))]:
+        return None
+    if own not in known:
+        state = f"{own}, 1 sample late"
+        if state not in known:
+            raise InputError(f"no signal {name!r}: {_no_rate(plant, own)}")
+        signal = inputs(plant)[[signal.name for signal in inputs(plant)].index(own)]
+        return rate_of(plant, state, name, _rate_unit(signal))
+    near, i = plant.remainder, known.index(own)
+    if near is not None and near.moves(i):
+        raise InputError(
+            f"no signal {name!r}: between its samples {own} is known only near; name the rate of "
+            "an input"
+        )
+    return rate_of(plant, own, name)
+
+
+def _no_rate(plant: UncertainPlant, name: str) -> str:
+    """Say why an input has no rate."""
+    if plant.period:
+        return f"{name} acts at once, and is not held a sample before; take a delay of 1 sample"
+    return f'{name} moves at once; give it [actuator."{name}"], or a sample time and a delay'
 
 
 def rates_in(plant: UncertainPlant, output: Output) -> Array | None:

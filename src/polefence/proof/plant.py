@@ -18,6 +18,7 @@ from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS = 8
+RATE = "rate of "  # begins the name of a state's rate, or an input's
 ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
 
 
@@ -166,7 +167,7 @@ class Plant(Short):
             raise FormatError(f"{what}: the plant has no E: no disturbance acts on it")
 
     def signal(self, name: str) -> Output | None:
-        """Return the state, input or output of a name that no other has."""
+        """Return the state, input or output of a name that no other has, or the rate of one."""
         zero = Fraction(0)
         known = [output for output in self.outputs if output.name == name]
         for labels, letter, count in ((self.states, "x", self.n), (self.inputs, "u", self.m)):
@@ -177,7 +178,26 @@ class Plant(Short):
                     C = unit if letter == "x" else [zero] * self.n
                     D = unit if letter == "u" else [zero] * self.m
                     known.append(Output([[C]] * len(self.A), [[D]] * len(self.A), name))
-        return known[0] if len(known) == 1 else None
+        return known[0] if len(known) == 1 else None if known else self._rate(name)
+
+    def _rate(self, name: str) -> Output | None:
+        """Return the signal "rate of NAME" of a state, or of an input at samples.
+
+        Its change in a sample over the time of one; of an input that of the state that it is a
+        sample later.
+        """
+        names = [split(label)[0] for label in self.states]
+        names = names or [f"x{i + 1}" for i in range(self.n)]
+        own = name.removeprefix(RATE)
+        same = [i for i, state in enumerate(names) if state == own]
+        same = same or [i for i, state in enumerate(names) if state == f"{own}, 1 sample late"]
+        if own == name or len(same) != 1:
+            return None
+        if self.remainder is not None and self.remainder.moves(same[0]):
+            return None  # its change is known only near
+        delta = self.in_differences
+        A, B, E = ([[M[same[0]]] for M in matrices] for matrices in (delta.A, delta.B, delta.E))
+        return Output(A, B, name, tuple(E) if any(any(row[0]) for row in E) else ())
 
     @classmethod
     def read(cls, table: Table) -> Plant:

@@ -115,6 +115,10 @@ class Remainder(Short):
             )
         )
 
+    def moves(self, state: int) -> bool:
+        """Whether a row is known only near, or is more than the combination of the vertices."""
+        return any(any(M[state]) for M in (self.entries, *self.curve))
+
     def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
         """Return it with every matrix changed."""
         entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()

@@ -1,4 +1,4 @@
-"""Inputs that are cut off: the least limit at which the loop still comes to rest.
+"""Inputs that saturate, or their rates: the least limit at which the loop still comes to rest.
 
 From initial states, or from rest under disturbances of bounded energy. A set of states that is
 larger asks for a limit that is larger by the same factor: where a limit of U is there and u is
@@ -9,24 +9,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, SpecError, shown
 from polefence.base.explained import explained_fields
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import inputs
+from polefence.plant.outputs import Output, inputs, stacked, weighted_sum
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.claims.saturation import MAX_INPUTS
+from polefence.proof.text import exactly
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.initial_peak import InitialPeak, axes_of
 from polefence.requirements.slopes import Loops, Slopes
-from polefence.requirements.specification import Specification, is_number
+from polefence.requirements.specification import (
+    LARGEST,
+    SMALLEST,
+    Row,
+    Specification,
+    is_number,
+    number,
+)
 from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 
@@ -35,7 +43,10 @@ LEVELS = 10  # parts of an interval of limits at which a loop is simulated, divi
 
 @dataclass(frozen=True)
 class Saturation(InitialPeak):
-    """The least limit of an input, or of several, at which the loop still comes to rest.
+    """The least limit of an input, or of its rate, at which the loop still comes to rest.
+
+    Or of several: of each signal that an input moves directly, by constants, and no disturbance. An
+    input is held back so that all of them stay within the limit.
 
     Attributes
     ----------
@@ -44,11 +55,15 @@ class Saturation(InitialPeak):
     norm : float
         In place of initial states, from rest: of disturbances in L2, at most [the disturbance's
         unit times s^0.5]; zero for none.
+    limits : tuple of float
+        Of each of several signals, in its unit: what is bounded is the largest share of its limit
+        that one takes. Without, all have one limit.
     """
 
     norm: float = 0.0
+    limits: tuple[float, ...] = ()
     kind = "saturation"
-    keys = ("points", "impulse", "ellipsoid", "norm", "disturbances")
+    keys = ("points", "impulse", "ellipsoid", "norm", "limits", "disturbances")
     vector = True
 
     @explained_fields
@@ -56,6 +71,17 @@ class Saturation(InitialPeak):
         if not (is_number(self.norm) and self.norm >= 0):
             raise InputError(f"norm = {self.norm!r} must be a number, zero or more")
         super().__post_init__()
+        self._settle("limits", tuple(self.limits))
+        if self.limits and len(self.limits) != len(self.entries):
+            raise InputError(
+                f"{self.name!r}: limits has {len(self.limits)} numbers for {len(self.entries)} "
+                "signals; give one each"
+            )
+        if not all(is_number(x) and SMALLEST <= x <= LARGEST for x in self.limits):
+            raise InputError(
+                f"{self.name!r}: limits = {list(self.limits)} must be numbers from {SMALLEST:g} to "
+                f"{LARGEST:g}, in the signals' units"
+            )
         if self.norm and (self.points or self.impulse or self.ellipsoid):
             raise InputError(
                 f"{self.name!r}: give initial states, or a norm of disturbances: then the loop "
@@ -66,6 +92,32 @@ class Saturation(InitialPeak):
     def _sizes(self) -> tuple[float, ...]:
         return self.impulse, self.norm
 
+    @property
+    def title(self) -> str:
+        """Kind, signals and their limits."""
+        numbers = ", ".join(map(exactly, self.limits))
+        return f"{super().title} at [{numbers}]" if self.limits else super().title
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        asked, limits = super().read(row), row.table.get("limits", [])
+        if not isinstance(limits, list):
+            raise SpecError(f"limits = {shown(limits)} must be a list, a number for each signal")
+        return replace(asked, limits=tuple(number(x, "limits") for x in limits))
+
+    def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return the signals, as shares of their limits where these are given."""
+        signals = super().outputs(plant)
+        if not self.limits:
+            return signals
+        return tuple(
+            weighted_sum(
+                f"{y.name} over {exactly(x)} {y.unit}".rstrip(), "", [(1 / Fraction(x), y)]
+            )
+            for y, x in zip(signals, self.limits, strict=True)
+        )
+
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse signals that are no inputs, too."""
         super().require_fit(plant)
@@ -74,21 +126,17 @@ class Saturation(InitialPeak):
             self.entering(plant)
 
     def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:
-        """Return the numbers of the inputs.
+        """Return the numbers of the inputs that are held back, each once.
 
         Raises
         ------
         InputError
-            If a signal is none, or there are too many.
+            If no input moves a signal, or there are too many.
         """
-        names = [signal.name for signal in inputs(plant)]
-        signals = [signal.name for signal in self.outputs(plant)]
-        for name in signals:
-            if name not in names:
-                raise InputError(f"saturation is of inputs: {name!r} is none of {', '.join(names)}")
+        signals = self.outputs(plant)
         if len(signals) > MAX_INPUTS:
-            raise InputError(f"saturation of {len(signals)} inputs; at most {MAX_INPUTS}")
-        return tuple(names.index(name) for name in signals)
+            raise InputError(f"saturation of {len(signals)} signals; at most {MAX_INPUTS}")
+        return tuple(dict.fromkeys(_moving(plant, signal) for signal in signals))
 
     def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
         """Return the initial states, or disturbances of unit norm as noise."""
@@ -102,7 +150,7 @@ class Saturation(InitialPeak):
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
     ) -> tuple[conditions.Source, conditions.Output]:
-        """Return it with the numbers of the inputs that are cut off."""
+        """Return it with the numbers of the inputs that are held back."""
         source, output = super().condition(plant, domain, unit)
         return source, replace(output, held=self.cut_off(plant))
 
@@ -129,14 +177,18 @@ class Saturation(InitialPeak):
     def tuned(self, times: float) -> tuple[Specification, ...]:
         """Return limits on the unsaturated inputs' peaks, multiples of the saturation limit."""
         level = None if self.at_most is None else times * self.at_most
-        names = self.signal if isinstance(self.signal, tuple) else (self.signal,)
         common: dict[str, Any] = {"disturbances": self.disturbances}
         if level == np.inf:
             return ()
+        units = self.limits or (1.0,) * len(self.entries)
+        pairs = [
+            (signal, None if level is None else unit * level)
+            for signal, unit in zip(self.entries, units, strict=True)
+        ]
         if self.norm:
-            return tuple(EnergyPeak(name, level, norm=self.norm, **common) for name in names)
+            return tuple(EnergyPeak(y, most, norm=self.norm, **common) for y, most in pairs)
         common |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
-        return tuple(InitialPeak(name, level, **common) for name in names)
+        return tuple(InitialPeak(y, most, **common) for y, most in pairs)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return limits at which simulated loops do not come to rest, zero where none is found.
@@ -150,8 +202,9 @@ class Saturation(InitialPeak):
         at = np.unique(np.linspace(0, len(alpha) - 1, 300).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
-        chosen, gain = list(self.cut_off(plant)), getattr(law, "anti_windup", None)
-        limits[at] = _least_limits(loops, starts, chosen, step, gain)
+        C, D = (M[0] for M in stacked(plant, self.outputs(plant))[:2])
+        gain = getattr(law, "anti_windup", None)
+        limits[at] = _least_limits(loops, starts, (C, D), step, gain)
         return limits
 
     def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
@@ -166,13 +219,45 @@ class Saturation(InitialPeak):
         )
 
 
+def _moving(plant: UncertainPlant, signal: Output) -> int:
+    """Return the number of the input that moves a signal, and nothing else of it but states.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    C, D, F = signal.exact(plant)
+    names = [own.name for own in inputs(plant)]
+    moving = [j for j, x in enumerate(D[0]) if x]
+    if not any(map(any, D)):
+        why = f"none of {', '.join(names)} moves it directly"
+    elif any(map(any, F)):
+        why = "a disturbance passes straight into it"
+    elif len({*C}) > 1 or len({*D}) > 1:
+        why = "it changes with the parameters"
+    elif len(moving) > 1:
+        why = f"{names[moving[0]]} and {names[moving[1]]} move it; one input is held back for it"
+    else:
+        return moving[0]
+    raise InputError(
+        f"saturation of {signal.name!r}: {why}; it is of an input, or of the rate of one"
+    )
+
+
 def _least_limits(
-    loops: Closed, starts: list[Array], chosen: list[int], step: float, gain: Array | None
+    loops: Closed,
+    starts: list[Array],
+    signals: tuple[Array, Array],
+    step: float,
+    gain: Array | None,
 ) -> Array:
     """Return for each loop the largest limit at which its simulation does not settle.
 
     Parameters
     ----------
+    signals : (p, n) and (p, m) arrays
+        What saturates, C x + D u, each moved by one input.
     gain : (n, m) array, optional
         Of the law's anti-windup.
     """
@@ -186,7 +271,9 @@ def _least_limits(
     x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
     A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
     size = np.linalg.norm(x0, axis=-1)
-    back = None if gain is None else gain.T[chosen]
+    (C, D), back = signals, None if gain is None else gain.T
+    moving = [int(np.flatnonzero(row)[0]) for row in D]
+    per = D[np.arange(len(D)), moving]
 
     def run(limit: Array) -> tuple[Array, Array]:
         """Return whether loops diverge at limits (..., starts, loops), and their largest demand."""
@@ -194,13 +281,13 @@ def _least_limits(
         most, cut = np.zeros(limit.shape), limit[..., None, None]
         before = most
         for k in range(steps):
-            u = x @ K
-            asked = u[..., chosen]
-            most = np.maximum(most, np.abs(asked).max(axis=(-1, -2)))
-            cut_off = np.clip(asked, -cut, cut)
-            more = 0.0 if back is None else (cut_off - asked) @ back
-            u[..., chosen] = cut_off
-            slope = x @ A + u @ B + more
+            asked = x @ K
+            most = np.maximum(most, np.abs(x @ C.T + asked @ D.T).max(axis=(-1, -2)))
+            u = asked.copy()
+            for c, j, d in zip(C, moving, per, strict=True):
+                middle, half = -(x @ c) / d, cut[..., 0] / abs(d)
+                u[..., j] = np.clip(u[..., j], middle - half, middle + half)
+            slope = x @ A + u @ B + (0.0 if back is None else (u - asked) @ back)
             if not step:  # the input held within a step
                 slope = slope + dt / 2 * slope @ A
             x = np.clip(x + dt * slope, -1e100, 1e100)

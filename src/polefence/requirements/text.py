@@ -280,7 +280,10 @@ def _scaled(items: list[tuple[str, Fraction | None]], text: str, what: str) -> d
 
 def _value(word: str) -> Any:
     if word.startswith("[") and word.endswith("]"):
-        return [name.strip() for name in word[1:-1].split(",")]
+        return [
+            Fraction(entry) if re.fullmatch(_NUMBER, entry) else entry
+            for entry in map(str.strip, word[1:-1].split(","))
+        ]
     return Fraction(word) if re.fullmatch(_NUMBER, word) else word
 
 
@@ -316,6 +319,8 @@ def _read(
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
         raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
+    if "limits" in table and not minimised:  # at most as large as they are
+        table = {"at_most": 1} | dict(table)
     specification = _specification(table, where, road)
     if minimised == ("at_most" in table):
         raise SpecError(

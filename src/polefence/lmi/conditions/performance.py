@@ -176,7 +176,7 @@ class Output:
     square : polynomial, optional
         A positive scalar: the bound's square is level^2 times this, not level^2.
     held : tuple of int
-        Numbers of inputs that are cut off at the bound, y being these.
+        Numbers of inputs that are held back so that y stays within the bound.
     """
 
     name: str
@@ -549,16 +549,19 @@ def _recovering(
 
 
 def _held(name: str, form: Form, t: Linear, weight: float, output: Output) -> Iterator[Block]:
-    """Yield the bound on each row of H x, and on the inputs without saturation.
+    """Yield the bound on each signal under H, and on the inputs without saturation.
 
     Of those Y is free, and a block keeps it near K X.
     """
-    Y, m = form.cut[output.name].Y, output.D.shape[2]
-    rows = np.concatenate([output.D[0], np.delete(np.eye(m), output.held, axis=0)])
-    for k, row in enumerate(rows[:, None]):
+    (Y, X), (n, m) = (form.cut[output.name].Y, form.X), (output.C.shape[2], output.D.shape[2])
+    free = np.delete(np.eye(m), output.held, axis=0)
+    D = np.concatenate([output.D[0], free])
+    C = np.concatenate([output.C[0], np.zeros((len(free), n))])
+    for k, (c, d) in enumerate(zip(C[:, None], D[:, None], strict=True)):
+        signal = c @ X + d @ Y if np.any(c) else d @ Y
         fixed = output.fixed or k >= output.rows
         row_output = replace(output, C=output.C[:, :1], D=output.D[:, :1], fixed=fixed)
-        yield _bound(f"{name}, row {k + 1}", form.X, row @ Y, t, weight, row_output)
+        yield _bound(f"{name}, row {k + 1}", X, signal, t, weight, row_output)
 
 
 def _kept(

@@ -210,7 +210,8 @@ def points_given(
         shift, step = margin / rate, loop.step * rate
         target = Target((), motion=loop.motion.changed(rate))
         pieces = equal(loop.pieces)
-        return Demands(target, (moved,), (output,), margin=shift, step=step, pieces=pieces)
+        signal = output.changed(T, np.eye(output.D.shape[2]))
+        return Demands(target, (moved,), (signal,), margin=shift, step=step, pieces=pieces)
 
     def starts() -> Iterator[Start]:
         n = len(middle)

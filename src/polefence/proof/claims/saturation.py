@@ -1,12 +1,20 @@
-"""Inputs that are cut off at a limit: a region of attraction, or disturbances that are borne.
+"""Signals that saturate: a region of attraction, or disturbances that are borne.
 
-With s the inputs that are cut off at +-g, and any H(alpha) with |H_i x| <= g for i of s where
-x'X^-1 x <= 1, what acts lies there between K x and H x (Hu & Lin, 2001). So with Y = H X, another
-polynomial, the loop's N = (A + B K) X becomes N + B_S (Y - K X)_S for every part S of s, nothing
-among them, and [ g^2, Y_i ; Y_i', X ] > 0 for each i. If all of them fall, the ellipsoid is kept
-and left by no motion in it: -(N + N') > 0 and [ 1, x0' ; x0, X ] > 0, or X - X0 > 0, from initial
-states; -(N + N' + E s^2 E') > 0, s = diag(norms), from rest for all w = diag(norms) v, v of unit
-norm in L2. A remainder of the plant asks for an Omega that is enough for every part.
+Each signal is c x + d u_i, d not zero: an input, or its rate c x + d u_i = (u_i - x_k) / T where
+x_k is the input a sample before, or w (u_i - x_k) where x_k follows it. Inputs are held back so
+that all signals stay within +-g: u_i is moved to the nearest value at which those that it moves do.
+Some may be of one input, as a limit and a rate limit are. In whatever order they are met: moved
+into one interval, then into another that meets it, a number is in both, and no farther than it has
+to be.
+
+With s the inputs that are held back, and any H(alpha) with |c x + d H_i x| <= g for all signals
+where x'X^-1 x <= 1, what acts lies there between K x and H x (Hu & Lin, 2001). So with Y = H X,
+another polynomial, the loop's N = (A + B K) X becomes N + B_S (Y - K X)_S for every part S of s,
+nothing among them, and [ g^2, c X + d Y_i ; ., X ] > 0 for each signal. If all of them fall, the
+ellipsoid is kept and left by no motion in it: -(N + N') > 0 and [ 1, x0' ; x0, X ] > 0, or
+X - X0 > 0, from initial states; -(N + N' + E s^2 E') > 0, s = diag(norms), from rest for all
+w = diag(norms) v, v of unit norm in L2. A remainder of the plant asks for an Omega that is enough
+for every part.
 
 A law with an anti-windup gain G adds G (sat(u) - u) to the rates of its own states: the columns of
 B_S are then those of B + G, in N that of S alone.
@@ -39,16 +47,16 @@ from polefence.proof.remainder import Spread
 from polefence.proof.text import digits_down, digits_up, milliseconds_text, number_text
 from polefence.proof.work import FormatError
 
-MAX_INPUTS = 6  # of those that are cut off
+MAX_INPUTS = 6  # that are held back, and signals
 
 
 @dataclass(frozen=True)
 class Saturation(InitialPeak):
-    """The loop comes to rest though inputs are cut off at ``level``: from each initial state.
+    """The loop comes to rest though signals saturate at ``level``: from each initial state.
 
     Or, with ``norms`` (one a disturbance) in place of initial states, it stays in an ellipsoid from
     rest and comes to rest after. ``held`` has the Bernstein coefficients of Y = H X, a row for each
-    input that is cut off, of ``held_degree``.
+    of the ``inputs`` that are held back, of ``held_degree``.
     """
 
     kind: ClassVar[str] = "saturation"
@@ -69,7 +77,7 @@ class Saturation(InitialPeak):
             if not subject.E:
                 raise FormatError(f"{table.path('norms')}: the plant has no E")
             fields["norms"] = table.numbers("norms", subject.q)
-        rows = table.matrices("held", len(outputs), subject.n)
+        rows = table.matrices("held", len(_inputs(outputs)), subject.n)
         held = tuple(tuple(map(tuple, matrix)) for matrix in rows)
         return fields | {"held": held, "held_degree": table.whole("held_degree", 0)}
 
@@ -80,10 +88,8 @@ class Saturation(InitialPeak):
         return super().write_extra() | norms | held
 
     def require_extra(self) -> None:
-        """Refuse what is no input, initial states beside norms, and a Y that does not fit."""
+        """Refuse what no input moves, initial states beside norms, and a Y that does not fit."""
         chosen = self.inputs
-        if len(set(chosen)) < len(chosen):
-            raise FormatError("an input is named twice")
         if not self.level:
             raise FormatError("level must be positive: nothing acts where it is zero")
         if not 0 <= self.held_degree <= MAX_DEGREE:
@@ -108,22 +114,14 @@ class Saturation(InitialPeak):
 
     @property
     def inputs(self) -> list[int]:
-        """Numbers of the inputs that are cut off."""
-        inputs = []
-        for output in self.outputs:
-            places = [j for j, x in enumerate(output.D[0][0]) if x]
-            unit = [[Fraction(int(j in places)) for j in range(self.subject.m)]]
-            plain_input = len(places) == 1 and all(unit == D for D in output.D)
-            if not plain_input or output.F or any(any(C[0]) for C in output.C):
-                raise FormatError("saturation applies to single inputs, unscaled")
-            inputs += places
-        return inputs
+        """Numbers of the inputs that are held back."""
+        return _inputs(self.outputs)
 
     @property
     def blocks_at_most(self) -> int:
         """One for each part of the inputs, or two, and those of initial states and of Y."""
         rows = 1 if self.subject.remainder is None else 2
-        return super().blocks_at_most + (rows << len(self.outputs)) + len(self.outputs)
+        return super().blocks_at_most + (rows << len(self.inputs)) + len(self.outputs)
 
     @property
     def least_degree(self) -> int:
@@ -133,7 +131,7 @@ class Saturation(InitialPeak):
         return max(degree, self.held_degree) + (1 if near is None else near.degree)
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:  # noqa: ARG002
-        """Return the decrease under every part of what is cut off, the limits, and the starts."""
+        """Return the decrease under every part of what saturates, the limits, and the starts."""
         subject, sizes = self.subject, X.sizes
         driven = moving(subject, self.norms, sizes) if self.norms else None
         B, KX = subject.entering(sizes), subject.lifted.part(slice(subject.n, None))
@@ -148,18 +146,20 @@ class Saturation(InitialPeak):
                 moved = moved + B.part(slice(None), row) * (held[i] - KX.part(row))
             rows[f"of the decrease, {_name(part)}"] = subject.falling(X, moved, driven)
         square = number(self.level**2, sizes)
-        for k, Y_k in enumerate(self._held):
-            rows[f"of limit {k + 1}"] = [[square, Y_k], [X]]
+        for k, output in enumerate(self.outputs):
+            C, D = (constant(matrices[0], sizes) for matrices in (output.C, output.D))
+            acting = D.part(slice(0, 1), slice(i := _input_of(output), i + 1)) * held[i]
+            rows[f"of limit {k + 1}"] = [[square, C * X + acting], [X]]
         return rows | self._started(X)
 
     @property
     def _held(self) -> list[Polynomial]:
         """The rows of Y = H X."""
         Y = bernstein([list(map(list, M)) for M in self.held], self.subject.sizes, self.held_degree)
-        return [Y.part(slice(k, k + 1)) for k in range(len(self.outputs))]
+        return [Y.part(slice(k, k + 1)) for k in range(len(self.inputs))]
 
     def remainder_rows(self, spread: Spread) -> Rows:
-        """Return that Omega is enough whatever is cut off."""
+        """Return that Omega is enough whatever saturates."""
         rows = dict(zip(self.inputs, self._held, strict=True))
         return {
             f"of the remainder, {_name(part)}": spread.bounding(spread.moving(form))
@@ -167,11 +167,14 @@ class Saturation(InitialPeak):
         }
 
     def statement(self, plant: Plant) -> str:
-        """Say which inputs are cut off, and what the loop bears."""
+        """Say what saturates, and what the loop bears."""
         what, on = outputs_text(self.outputs, plant), f", on the {self.subject.on}"
         if self.subject.step:
             on = f", at samples every {milliseconds_text(self.subject.step)} ms{on}"
         cut = f"{what} saturated at +-{digits_up(self.level)}"
+        held = list(dict.fromkeys(_input_of(y) for y in self.outputs if any(y.C[0][0])))
+        if held:
+            cut += f" by what acts in place of {' and '.join(f'u{i + 1}' for i in held)}"
         if self.subject.law.anti_windup is not None:
             cut += f", {self._anti_windup_text(self.subject.law.anti_windup)}"
         if not self.norms:
@@ -191,6 +194,23 @@ class Saturation(InitialPeak):
                 sums = " + ".join(f"{number_text(x)} (sat({u}) - {u})" for x, u in acting)
                 said.append(f"{sums} added to the rate of x{k + 1}")
         return ", ".join(said) or "nothing added to the rates of the law's own states"
+
+
+def _input_of(output: Output) -> int:
+    """Return the number of the input that moves a signal, and is held back for it."""
+    places = [j for j, x in enumerate(output.D[0][0]) if x]
+    same = all(rows[0] == M for rows in (output.C, output.D) for M in rows)
+    if len(places) != 1 or not same or any(any(map(any, M)) for M in output.F):
+        raise FormatError(
+            "saturation applies to signals that one input moves directly, by constants, and no "
+            "disturbance"
+        )
+    return places[0]
+
+
+def _inputs(outputs: Sequence[Output]) -> list[int]:
+    """Return the numbers of the inputs that are held back for signals, each once."""
+    return list(dict.fromkeys(map(_input_of, outputs)))
 
 
 def cut_off(

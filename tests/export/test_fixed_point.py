@@ -261,7 +261,6 @@ def test_what_is_missing_is_said_in_a_line(tmp_path, capsys):
     assert "is of no signal" in refused(capsys, *base, "--fixed", "16", "--range", "force = 3")
     assert "must be a name and a number" in refused(capsys, *base, "--fixed", "16", "--range", "x")
     assert "give --fixed too" in refused(capsys, *base, *both)
-    assert "FMU" in refused(capsys, *base, "--fixed", "16", *both, "--lang", "fmu")
     assert "not allowed with" in refused(capsys, *base, "--fixed", "16", "--float", "32", *both)
     said = ran(capsys, *base, "--fixed", "16", *both)
     assert "fixed-point code, 16 bits" in said

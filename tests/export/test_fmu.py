@@ -26,6 +26,8 @@ from polefence.export.program import number, program
 from polefence.export.sources import Texts
 from polefence.response.discrete import Sampling, zero_order_hold
 from support.drives import drive
+from support.fixed_points import WordCode
+from support.fixed_points import exported as in_words
 from support.memories import CORNER, TIME, exported
 from support.needed import absent, need
 
@@ -748,6 +750,51 @@ def test_hostile_texts(fmpy, compiler, version, tmp_path) -> None:
     assert running.outputs == ["x_2", "X1"]
     running.begin().set(*range(7))
     np.testing.assert_allclose(running.u, law.K @ np.arange(7))
+    running.close()
+
+
+@BOTH
+@pytest.mark.parametrize(("kind", "bits"), [("own state", 16), ("square", 32), ("alpha", 16)])
+def test_a_unit_of_integers_is_the_code_between_its_ports(
+    fmpy, compiler, version, kind, bits, tmp_path
+) -> None:
+    from fmpy.validation import validate_fmu
+
+    made = in_words(kind, bits)
+    path = tmp_path / "law.fmu"
+    path.write_bytes(fmu(made.program, made.texts, version=version, step=made.texts.sample_time))
+    assert validate_fmu(str(path)) == []
+    running, code = Running(fmpy, path, tmp_path / "open").begin(), WordCode(made, tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    sources = tmp_path / "sources"
+    strictly(compiler, sources, *sorted(each.name for each in sources.glob("*.c")))
+    scales, order = made.program.scales, 1 if kind == "own state" else 0
+    n = len(scales.signals) - order
+    shifts = [*scales.signals[:n], *(scales.given or [bits - 2] * (len(running.inputs) - n))]
+    units = 2.0 ** np.array(shifts)
+    low = [float(share.low) for share in getattr(made.program, "shares", ())]
+    high = [float(share.high) for share in getattr(made.program, "shares", ())]
+    random, top, own, time = np.random.default_rng(2), 2 ** (bits - 1) - 1, [0] * order, 0.0
+    for k in range(40):
+        x = random.uniform(-1.2, 1.2, n) * top / units[:n]
+        given = random.uniform(low, high) if low else random.dirichlet(np.ones(len(units) - n))
+        values = np.concatenate([x, given])
+        running.set(*values)
+        whole = [int(v) for v in np.clip(np.round(values * units), -top, top)]
+        after, flags = code.update(whole[n:], whole[:n], own)
+        beyond = 32 if np.any(np.abs(np.round(values * units)) > top) else 0
+        assert running.u[0] == after[0] * 2.0 ** -scales.answers[0]
+        assert running.flags == flags | beyond
+        if order:
+            if k == 20:
+                state = running.raw.getFMUState()
+                running.step(time, TIME)
+                running.raw.setFMUState(state)
+            running.step(time, TIME)
+            own, time = after[1:], time + TIME
+    running.set(np.nan)
+    assert running.flags & 4
     running.close()
 
 

@@ -393,8 +393,6 @@ def with_fmus(
     """
     if exported.observer is not None:
         raise InputError("an FMU holds only the law; leave out the observer (--observer)")
-    if scales_of(exported.program) is not None:
-        raise InputError("an FMU holds a law in floats; leave out --fixed")
     step = exported.texts.sample_time if step is None else step
     files = dict(exported.files)
     for version in versions:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from polefence.base.errors import InputError
 from polefence.export import sources as c99
-from polefence.export.program import Fixed, Program
+from polefence.export.program import Fixed, Program, memory_of, scales_of
 from polefence.export.sources import Texts
 from polefence.proof.short import Short
 
@@ -64,7 +64,8 @@ def fmu(
     """Return an FMU of co-simulation, with sources and the library that the compiler makes of them.
 
     Inputs are the states x, then the parameters or weights that the program is given; outputs are
-    u and the flags. All real variables are doubles, whatever the law computes with. u is always
+    u and the flags. All real variables are doubles, whatever the law computes with: what code in
+    fixed point is given is rounded to its integers, and cut to their range. u is always
     that of the inputs as they are now, also before the first step. States of the law's own begin
     at 0, and a step, of whole sample times, takes them further. The same program, texts and
     compiler give the same bytes.
@@ -103,6 +104,7 @@ def _texts(
     fmi = f"fmi{version[0]}"
     given = common | variables(program, texts, common)
     given |= {
+        "ports": _ports(program),
         "title": plain(texts.title) or texts.name,
         "description": plain(" ".join(texts.statement)),
         "step": "" if step is None else repr(float(step)),
@@ -214,8 +216,33 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
     }
 
 
+def _ports(program: Program) -> dict[str, list[str]]:
+    """Return the powers of two that make integers of what comes in, and values of what goes out."""
+    scales, memory = scales_of(program), memory_of(program)
+    if scales is None:
+        return {}
+    own, given = memory.states if memory else 0, list(scales.given)
+    if not (isinstance(program, Fixed) or program.shares):
+        given = [program.number.bits - 2] * program.domain.corners
+    signals, answers = (
+        list(values[: len(values) - own]) for values in (scales.signals, scales.answers)
+    )
+    return {
+        "entering": [f"0x1p{s}" for s in signals + given],
+        "leaving": [f"0x1p{-t}" for t in answers],
+    }
+
+
 def _flags(common: dict[str, Any]) -> str:
     meanings = [(1, common.get("clamped")), (2, common.get("not_a_number"))]
+    if common["fixed"]:
+        if common["by_parameters"]:
+            meanings.pop()
+        meanings += [(4, "an input of the unit was no number: 0 was taken")]
+        meanings += [(8, "u was cut to its limit, or to the largest that the code can say")]
+        meanings += [(16, "a state of the law was cut to its range" if common["order"] else None)]
+        meanings += [(32, "an input of the unit was cut to the range that the code can say")]
+        return "Sum of " + "; ".join(f"{bit} {text}" for bit, text in meanings if text)
     meanings += [(4, f"{common['vector']} not finite, or too large to compute with: u is 0")]
     meanings += [(8, "u was cut to its limit" if common["limits"] else None)]
     meanings += [(16, "the law's own states begin again at 0" if common["order"] else None)]

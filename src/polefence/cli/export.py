@@ -10,7 +10,7 @@ from typing import Any
 
 from polefence.base.errors import InputError
 from polefence.certify.design import Design, read_document
-from polefence.cli.options import design_argument
+from polefence.cli.options import design_argument, range_argument, ranges_of
 from polefence.cli.output import NOT_PROVED, PROVED, saved
 from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
@@ -58,15 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=(16, 32),
         help="integers of so many bits in their place, no floats; needs the signals' ranges",
     )
-    parser.add_argument(
-        "--range",
-        action="append",
-        default=[],
-        dest="ranges",
-        metavar="TEXT",
-        help="'suspension deflection = 0.1': for --fixed the signal's largest absolute value, in "
-        "its unit; repeat for each",
-    )
+    range_argument(parser)
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="OUT", help="folder to write"
     )
@@ -146,7 +138,7 @@ def export_command(options: Any) -> int:
         observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
         fixed=options.fixed,
-        ranges=_ranges(options.ranges),
+        ranges=ranges_of(options),
     )
     if options.lang == "fmu":
         exported = with_fmus(exported, compiler=os.environ.get("CC") or "cc")
@@ -185,22 +177,6 @@ def _proved_limits(design: Design, claims: Sequence[Claim]) -> list[float]:
         return []
     say(f"  limits: {', '.join(f'{limit:g}' for limit in most)}, as the saturation is proved")
     return most
-
-
-def _ranges(texts: list[str]) -> dict[str, float]:
-    """Return signals' ranges by their names."""
-    ranges = dict[str, float]()
-    for text in texts:
-        name, equals, value = text.rpartition("=")
-        try:
-            ranges[name.strip()] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals or not name.strip():
-            raise InputError(
-                f"--range {text!r} must be a name and a number, such as --range 'SIGNAL = 0.1'"
-            )
-    return ranges
 
 
 def _sampling(options: Any) -> Sampling | None:

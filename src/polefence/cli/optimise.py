@@ -41,6 +41,8 @@ from polefence.cli.options import (
     method_arguments,
     minimise_argument,
     poles_argument,
+    range_argument,
+    ranges_of,
     refuse_method_options,
     region_of,
     result_arguments,
@@ -60,7 +62,8 @@ from polefence.cli.output import (
     write_json,
 )
 from polefence.cli.terminal import say
-from polefence.export import FloatCode
+from polefence.export import FixedCode, FloatCode
+from polefence.export.held import Code
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, method_label
 from polefence.plant.family import UncertainPlant
@@ -78,6 +81,8 @@ from polefence.requirements.text import (
 from polefence.search.optimise import Optimised, optimise
 from polefence.search.rows import plant_summary
 from polefence.vehicle.rest import Rest, held_words, rests
+
+OWN = "law state ", "pid "  # begin names of a law's own states
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,13 +103,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     method_arguments(parser, SIGNAL_METHODS)
     sampling_arguments(parser, clock=True)
     structure_arguments(parser)
-    parser.add_argument(
+    numbers = parser.add_mutually_exclusive_group()
+    numbers.add_argument(
         "--float",
         type=int,
         choices=(32, 64),
         dest="bits",
         help="take no law whose region is not proved with the rounding of its code in such floats",
     )
+    numbers.add_argument(
+        "--fixed",
+        type=int,
+        choices=(16, 32),
+        help="the same of code in integers of so many bits; the signals' ranges are those of "
+        "--range, or follow from limits on them: a peak, or six times an rms",
+    )
+    range_argument(parser)
     result_arguments(
         parser,
         "write DIR/design.json: the law with its region and bounds",
@@ -120,7 +134,7 @@ def optimise_command(options: Any) -> int:
     region, structure = region_of(options), structure_of(plant, options)
     method = _method_if_given(plant, options, structure)
     check_results(options, FILE_NAME)
-    code = None if options.bits is None else FloatCode(options.bits)
+    code = _code(plant, structure, options, limits)
     done = _found(plant, (least, limits, region, method), structure, code)
     rows = rows_of(done)
     require_agreement(rows)
@@ -132,15 +146,37 @@ def optimise_command(options: Any) -> int:
     return PROVED
 
 
-def _borne_line(done: Optimised, code: FloatCode) -> str:
+def _code(
+    plant: UncertainPlant,
+    structure: Structure | None,
+    options: Any,
+    limits: Sequence[Specification],
+) -> Code | None:
+    """Return the code that is to bear its own rounding, None where that is not asked."""
+    ranges = ranges_of(options)
+    if options.fixed is None:
+        if ranges:
+            raise InputError("ranges of signals are for fixed-point code; give --fixed too")
+        return None if options.bits is None else FloatCode(options.bits)
+    code = FixedCode(options.fixed, ranges, limits)
+    measured = None if structure is None else structure.measured
+    states = [split(name)[0] for name in plant.states]
+    for name in ranges:
+        if not name.startswith(OWN):
+            plant.signal(name)  # refuses what is none
+    code.require(states if measured is None else measured)
+    return code
+
+
+def _borne_line(done: Optimised, code: Code) -> str:
     """Say that code bears its own rounding, of the law as it is saved."""
-    rounded, bits = code.guarantee(done.design), code.number.bits
+    rounded = code.guarantee(done.design)
     if rounded.claim is None:
         raise NotProvedError(f"not proved: {rounded.reason}")
     share = digits_up(100 * rounded.rounding / float(rounded.claim.gain.error), 2)
     return (
-        f"  with the gain as float{bits} code computes it the region is proved too: rounding is at "
-        f"most {share} % of what is proved to leave the poles there"
+        f"  with the gain as {code.numbers} code computes it the region is proved too: rounding "
+        f"is at most {share} % of what is proved to leave the poles there"
     )
 
 
@@ -148,7 +184,7 @@ def _found(
     plant: UncertainPlant,
     question: tuple[Any, Any, Any, Any],
     structure: Structure | None,
-    code: FloatCode | None,
+    code: Code | None,
 ) -> Optimised:
     """Return the law, of which code bears the rounding where that is asked.
 
@@ -163,11 +199,10 @@ def _found(
         if code is None or not code.refused:
             raise
         count = "one law" if code.refused == 1 else f"{code.refused} laws"
-        bits = code.number.bits
         raise NotProvedError(
             f"{problem}; of {count} all was proved but that the poles stay in the region with the "
-            f"rounding of float{bits} code: ask for a slightly larger region, or a longer "
-            f"--sample-time{'; or take --float 64' if bits == 32 else ''}"
+            f"rounding of {code.numbers} code: ask for a slightly larger region, or a longer "
+            f"--sample-time{code.remedy}"
         ) from problem
 
 

@@ -489,3 +489,41 @@ def note_sensors(plant: UncertainPlant, measured: Sequence[str], key: str) -> No
 
 def _quoted(names: Iterable[str]) -> str:
     return " and ".join(map(repr, names))
+
+
+# Ranges of signals, for code in fixed point
+
+
+def range_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare --range."""
+    parser.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        dest="ranges",
+        metavar="TEXT",
+        help="'suspension deflection = 0.1': for --fixed the signal's largest absolute value, in "
+        "its unit; repeat for each",
+    )
+
+
+def ranges_of(options: Any) -> dict[str, float]:
+    """Return signals' ranges by their names.
+
+    Raises
+    ------
+    InputError
+        If one is no name with a number.
+    """
+    ranges = dict[str, float]()
+    for text in options.ranges:
+        name, equals, value = text.rpartition("=")
+        try:
+            ranges[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals or not name.strip():
+            raise InputError(
+                f"--range {text!r} must be a name and a number, such as --range 'SIGNAL = 0.1'"
+            )
+    return ranges

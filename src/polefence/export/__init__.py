@@ -3,7 +3,8 @@
 from polefence.export.decay import SampledProof
 from polefence.export.documents import check_guarantee
 from polefence.export.exported import Exported, export_c99, with_board, with_fmus
-from polefence.export.guarantee import FloatCode, Guarantee
+from polefence.export.guarantee import Guarantee
+from polefence.export.held import FixedCode, FloatCode
 from polefence.export.observer import SampledLoop
 from polefence.export.program import Program
 from polefence.export.sampled import LargestSampleTime, SamplingEffect
@@ -13,6 +14,7 @@ from polefence.response.discrete import Sampling
 
 __all__ = [
     "Exported",
+    "FixedCode",
     "FloatCode",
     "Guarantee",
     "LargestSampleTime",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +11,6 @@ from polefence.base.errors import InputError, NotProvedError, OutputError
 from polefence.base.explained import explained
 from polefence.base.files import SHORT, begins_with, leftover, write_all
 from polefence.certify.design import Design, check
-from polefence.certify.margins.claims import claimed_design
 from polefence.export.board import board_sources, require_drivable
 from polefence.export.documents import (
     BOARD,
@@ -30,11 +28,11 @@ from polefence.export.documents import (
 )
 from polefence.export.fmu import fmu
 from polefence.export.guarantee import Guarantee, guarantee, roundings
+from polefence.export.held import Words
 from polefence.export.memory import kept, with_rates
 from polefence.export.observer import observer_sources
 from polefence.export.program import (
     WORDS,
-    Memory,
     Program,
     amid,
     code_law,
@@ -44,25 +42,18 @@ from polefence.export.program import (
     with_anti_windup,
     with_memory,
 )
-from polefence.export.solved import SPENT, solved_in_words
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
 from polefence.export.timing import Timing, timing
 from polefence.export.vectors import harness, makefile
 from polefence.export.word_vectors import word_harness
-from polefence.export.words import in_words
 from polefence.law.control import GIVEN
 from polefence.law.laws import Law
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import Claim
-from polefence.proof.claims.rounding import rounding_error
 from polefence.proof.document import FORMAT
 from polefence.proof.short import Short
-from polefence.proof.work import FormatError
-from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
-
-LONGEST = 52  # bits that are looked at for enough: doubles hold such integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +183,7 @@ def export_c99(
     else:
         if observer is not None:
             raise InputError("--fixed: an observer is exported in floats; use --float")
-        words = _Words(design, _scheduled_on(design, given), cuts, ranges or {}, order, period)
+        words = Words(design, _scheduled_on(design, given), cuts, ranges or {}, order, period)
         made = words.program(fixed)
     answer = check(design)
     if not answer.proved and not allow_unproved:
@@ -226,86 +217,6 @@ def export_c99(
         files |= {key: text.encode() for key, text in code.items()}
         whole = replace(whole, by_parameters=given != "alpha")
     return replace(whole, files=_sealed(whole, files))
-
-
-@dataclass(frozen=True, eq=False)
-class _Words:
-    """A law for code in fixed point, and what its scales are found from."""
-
-    design: Design
-    parameters: tuple[Parameter, ...]
-    cuts: tuple[float, ...]
-    ranges: Mapping[str, float]
-    order: int
-    period: float
-
-    def program(self, bits: int) -> Program:
-        """Return it in integers of so many bits.
-
-        Raises
-        ------
-        InputError
-            If these have no room for what the code computes.
-        """
-        made = self._held(bits)
-        if not isinstance(made, str):
-            return made
-        lengths = (b for b in range(bits + 1, LONGEST + 1) if not isinstance(self._held(b), str))
-        raise InputError(f"--fixed {bits} cannot hold the law: {made}{_needs(next(lengths, None))}")
-
-    def _held(self, bits: int) -> Program | str:
-        """Return it, or why it has no room."""
-        memory = Memory(self.order, self.period, self.period) if self.order else None
-        signals, _ = names(self.design)
-        law = code_law(self.design.law)
-        asked = law, self.parameters, bits, signals, self.ranges, self.cuts
-        if law.W is None:
-            return in_words(*asked, memory)
-        reason, claimed = "", claimed_design(self.design)
-        for attempt in range(len(SPENT)):  # the finest scales that have room
-            try:
-                made = solved_in_words(*asked, attempt)
-                if claimed is not None:
-                    roundings(claimed, made)
-            except FormatError as problem:
-                reason = str(problem)
-                continue
-            return made
-        return reason
-
-    def require_room(self, bits: int, proof: Guarantee) -> None:
-        """Refuse a word length where a longer one has room for the gains, and say which."""
-        made = self._held(32)
-        if bits == 32 or isinstance(made, str):
-            return
-        longer = guarantee(self.design, made)
-        if longer.claim is None:
-            return
-        gain, tolerated = longer.claim.gain, longer.tolerated
-
-        def is_enough(length: int) -> bool:
-            made = self._held(length)
-            if isinstance(made, str):
-                return False
-            (other,) = roundings(longer.design, made)
-            # in the scales of what is proved
-            return float(rounding_error(replace(other.blank, gain=gain))) < tolerated
-
-        lengths = range(bits + 1, 32)
-        needed = bits + 1 + bisect_left(lengths, True, key=is_enough)
-        allowed = digits_down(proof.tolerated, 2) if proof.tolerated > 0 else "none"
-        raise InputError(
-            f"--fixed {bits} cannot hold the gains: rounding may change them by "
-            f"{digits_up(proof.rounding, 2)}, and {allowed} is proved to leave the poles in the "
-            f"region{_needs(needed)}"
-        )
-
-
-def _needs(length: int | None) -> str:
-    """Say which bits are enough, and what to take."""
-    if length is None:
-        return "; take --float"
-    return f"; it needs {length} bits: take {'--fixed 32, or ' if length <= 32 else ''}--float"
 
 
 def _require_anti_windup(law: Law, cuts: tuple[float, ...]) -> None:

@@ -18,22 +18,16 @@ from polefence.certify.margins.bordered import GainQuestion
 from polefence.certify.margins.breaks import breaks
 from polefence.certify.margins.claims import Reached, above, claimed_design, firmer, subject_of
 from polefence.certify.margins.gain_scales import Scales, gain_claim, gain_question
-from polefence.export.memory import kept, with_rates
 from polefence.export.program import (
     Exact,
     Fixed,
     Program,
     Scheduled,
-    amid,
-    code_law,
     exactly,
     memory_of,
-    number,
     scales_of,
-    with_memory,
 )
 from polefence.export.program import Memory as Kept
-from polefence.export.program import program as program_of
 from polefence.law.coordinates import Coordinates
 from polefence.law.laws import Law
 from polefence.plant.exact import ranges_of
@@ -135,45 +129,6 @@ def guarantee(design: Design, program: Program) -> Guarantee:
         else (best_guarantee(errors, other) for other in firmer(claimed, claimed.region))
     )
     return next((other for other in others if other.proved), direct)
-
-
-class FloatCode:
-    """Whether a region is proved for the law of a design as float code computes it.
-
-    For ``bears`` of `polefence.optimise`. Of a plant in continuous time the steps of a law's own
-    states, which depend on the sample time of the export, are left out.
-
-    Parameters
-    ----------
-    bits : int
-        32 or 64.
-
-    Attributes
-    ----------
-    refused : int
-        Designs for which it was not proved.
-    """
-
-    def __init__(self, bits: int) -> None:
-        self.number, self.refused = number(bits), 0
-
-    def __call__(self, design: Design) -> bool:
-        """Whether it is proved."""
-        proved = self.guarantee(design).proved
-        self.refused += not proved
-        return proved
-
-    def guarantee(self, design: Design) -> Guarantee:
-        """Return what is proved of the code of a design's law."""
-        design = with_rates(design)
-        law, plant = code_law(design.law), design.plant
-        try:
-            made = program_of(law, () if law.fixed else plant.parameters, self.number)
-            if plant.period:
-                made = with_memory(made, kept(design), float(plant.period))
-        except InputError as problem:
-            return Guarantee(design, inf, -1.0, None, str(problem))
-        return guarantee(design, amid(made, law))
 
 
 def best_guarantee(scaled: Sequence[Rounding], design: Design) -> Guarantee:

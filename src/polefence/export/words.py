@@ -33,6 +33,7 @@ from polefence.proof.claims.words import Scales, largest, two
 Exact = list[list[Fraction]]
 SIZES = 1e-100, 1e100  # of ranges
 STEPS = 20_000  # of the law's own states, that their range is looked for in
+SMALL = 1e-9  # of what they reached, steps that are looked at no more
 
 
 def in_words(
@@ -271,6 +272,8 @@ def _own_ranges(law: Law, gains: Array, sizes: Array, memory: Memory) -> Array:
         for _ in range(STEPS):
             reached += np.abs(state).sum(axis=1)
             state = A @ state
+            if np.abs(state).max() <= SMALL * reached.max():
+                break
         # what is left is bounded by its own size, as modes that are left decay slowest
         most = np.maximum(most, 1.5 * reached)
     return np.where(most > 0, most, 1.0)

@@ -55,6 +55,9 @@ struct Stretch {
     bool moves, K_moves, delayed;
     Mode mode;
     double lag, limit;
+    bool slews;              // inputs may move so fast only:
+    const double *reach;     // how far they may be from what they follow,
+    std::vector<Int> followed;  // which of z that is, none what was sent a sample before
     Int own;  // states of a law with anti-windup, whose rates are the inputs behind those driven
     const double *anti_windup;
     std::vector<Damper> dampers;
@@ -185,15 +188,23 @@ class Cars {
                 for (Int l = 0; l < L; ++l) sum[l] += K[(j * s.n + i) * L + l] * y[i * L + l];
             for (Int l = 0; l < L; ++l) u[j * L + l] = sum[l];
         }
-        hold_back(u);
+        hold_back(y, u);
     }
 
-    // What is demanded beyond the limit moves the law's own states, by their rates.
-    void hold_back(double *u) const {
-        if (!s.own || !std::isfinite(s.limit)) return;
+    // Input j of car l within the actuator's limits.
+    double sent(Int j, Int l, double force, const double *y) const {
+        if (std::isfinite(s.limit)) force = cut(force, -s.limit, s.limit);
+        if (!s.slews) return force;
+        const double middle = s.followed[j] < 0 ? waiting[j * L + l] : y[s.followed[j] * L + l];
+        return cut(force, middle - s.reach[j], middle + s.reach[j]);
+    }
+
+    // What is demanded beyond the limits moves the law's own states, by their rates.
+    void hold_back(const double *y, double *u) const {
+        if (!s.own || (!std::isfinite(s.limit) && !s.slews)) return;
         for (Int j = 0; j < s.driven; ++j)
             for (Int l = 0; l < L; ++l) {
-                const double force = u[j * L + l], beyond = cut(force, -s.limit, s.limit) - force;
+                const double force = u[j * L + l], beyond = sent(j, l, force, y) - force;
                 for (Int i = 0; i < s.own; ++i)
                     u[(s.driven + i) * L + l] += s.anti_windup[i * s.driven + j] * beyond;
             }
@@ -213,6 +224,10 @@ class Cars {
             gain(s.K_moves ? (s.first + k) / s.every - before : 0);
         }
         law(x.data(), asked.data());
+        if (s.slews && s.followed[0] < 0)
+            for (Int j = 0; j < s.driven; ++j)
+                for (Int l = 0; l < L; ++l)
+                    asked[j * L + l] = sent(j, l, asked[j * L + l], x.data());
         for (const auto &own : s.dampers) {
             double v[L], *u = asked.data() + own.number * L;
             rate(own, x.data(), v);
@@ -237,7 +252,10 @@ class Cars {
     }
 
     void limited(const double *y, double *u) const {
-        if (std::isfinite(s.limit))
+        if (s.slews && s.followed[0] >= 0)
+            for (Int j = 0; j < s.driven; ++j)
+                for (Int l = 0; l < L; ++l) u[j * L + l] = sent(j, l, u[j * L + l], y);
+        else if (std::isfinite(s.limit))
             for (Int i = 0; i < s.driven * L; ++i) u[i] = cut(u[i], -s.limit, s.limit);
         for (const auto &own : s.dampers) {
             double v[L], *force = u + own.number * L;
@@ -349,8 +367,8 @@ Int size(std::size_t own) { return static_cast<Int>(own); }
 // it has a single one, no step is gone, and what is the case at the instant `first` is recorded.
 void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const In<3> &alpha,
            const In<2> &noise, const In<4> &K, double h, Int first, Int mode, Int every, bool delayed,
-           Int driven, double lag, double limit, const In<2> &anti_windup, const In<2> &dampers,
-           const In<2> &damper_rates,
+           Int driven, double lag, double limit, const In<1> &reach, const In<1> &followed,
+           const In<2> &anti_windup, const In<2> &dampers, const In<2> &damper_rates,
            const In<1> &stops, const In<2> &compression, double gravity, Int heavy,
            const In<1> &per_mass, const In<1> &first_load, const Out<2> &z,
            const Out<2> &after, const Out<2> &held_before, const Out<2> &waiting, const Out<3> &states,
@@ -366,6 +384,16 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
     require(size(E.shape(0)) == s.N && size(E.shape(1)) == s.n, "E does not fit");
     require(size(S.shape(0)) == s.N && size(S.shape(1)) == s.n, "S does not fit");
     require(driven >= 0 && driven <= s.m && s.width == s.n + (lag > 0 ? driven : 0), "z does not fit");
+    s.slews = size(reach.shape(0)) > 0, s.reach = reach.data();
+    require(size(reach.shape(0)) == size(followed.shape(0)) &&
+                (!s.slews || size(reach.shape(0)) == driven),
+            "the rate limits do not fit");
+    for (Int j = 0; s.slews && j < driven; ++j) {
+        s.followed.push_back(static_cast<Int>(followed.data()[j]));
+        require(s.followed[j] < s.width && (s.followed[j] >= 0) == (s.followed[0] >= 0) &&
+                    (s.followed[j] >= 0 || mode != by_gain),
+                "an input follows nothing");
+    }
     s.own = size(anti_windup.shape(0)), s.anti_windup = anti_windup.data();
     require(s.own <= s.m - driven && (!s.own || size(anti_windup.shape(1)) == driven),
             "the anti-windup does not fit");
@@ -446,6 +474,7 @@ void add_drive(nb::module_ &module) {
                nb::arg("noise").noconvert(), nb::arg("K").noconvert(), nb::arg("h"),
                nb::arg("first"), nb::arg("mode"), nb::arg("every"), nb::arg("delayed"),
                nb::arg("driven"), nb::arg("lag"), nb::arg("limit"),
+               nb::arg("reach").noconvert(), nb::arg("followed").noconvert(),
                nb::arg("anti_windup").noconvert(), nb::arg("dampers").noconvert(),
                nb::arg("damper_rates").noconvert(), nb::arg("stops").noconvert(),
                nb::arg("compression").noconvert(), nb::arg("gravity"), nb::arg("heavy"),

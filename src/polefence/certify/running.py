@@ -106,7 +106,6 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
     if law.anti_windup is not None:
         gain = np.zeros((n + late + kept, m + late + kept))
         gain[:, :m] = law.anti_windup[columns, :m]
-        gain[n : n + late, :m] = np.eye(late, m) / T  # what will act is on its way, not the demand
     return PolynomialGain(tuple(powers), gains, (*measured, *late_states), law.parameters, gain)
 
 

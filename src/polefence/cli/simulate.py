@@ -302,6 +302,7 @@ def add_car_arguments(parser: argparse.ArgumentParser) -> None:
         ("--sampling", "TS", "the controller samples at this period [s] and holds"),
         ("--bandwidth", "HZ", "of the actuator [Hz]; default: no lag"),
         ("--force-limit", "N", "of the actuator [N]; default: none"),
+        ("--force-rate", "N_S", "how fast the force may move [N/s]; default: at once"),
         ("--travel-limit", "M", "bump stops at this deflection, either way [m]; default: none"),
     ):
         parser.add_argument(name, type=float, metavar=metavar, help=text)
@@ -337,7 +338,7 @@ def setup_of(subject: Subject, options: Any, law: Any, sampling: Sampling | None
         Hardware(
             Estimated() if options.estimate else None,
             sampling if sampling or options.sampling is None else Sampling(options.sampling),
-            Actuator(options.bandwidth, options.force_limit),
+            Actuator(options.bandwidth, options.force_limit, options.force_rate),
             stops,
             dampers=subject.dampers,
         ),

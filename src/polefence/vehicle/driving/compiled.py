@@ -94,6 +94,8 @@ def _hardware(model: Model) -> dict[str, Any]:
         "driven": model.driven,
         "lag": actuator.rate,
         "limit": np.inf if actuator.limit is None else actuator.limit,
+        "reach": np.zeros(0) if model.slew is None else model.slew[0],
+        "followed": np.zeros(0) if model.slew is None else np.array(model.slew[1], float),
         "gravity": model.gravity if known is not None else 0.0,
         "heavy": heavy,
         "threads": spare_processors(),

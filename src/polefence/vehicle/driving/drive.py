@@ -31,6 +31,7 @@ from polefence.plant.system import Array
 from polefence.region.text import digits_down
 from polefence.response import linear
 from polefence.response.closed import close
+from polefence.response.discrete import Sampling
 from polefence.response.grid import longest_step
 from polefence.response.linear import Response
 from polefence.vehicle.contact import GRAVITY, static_loads, tyre_forces
@@ -346,7 +347,7 @@ def drive(
     if plant.sample_time is not None:
         raise InputError(f"{plant.name} is in discrete time; drives need continuous time")
     parts = hardware or Hardware()
-    asked, (plant, law, back) = plant, _recovering(plant, law)
+    asked, (plant, law, back) = plant, _recovering(plant, law, parts.sampling)
     trajectories = read_trajectories(plant, parameters, excitation.times)
     trajectories.check(excitation.times, outside)
     space, sampling = trajectories.space, parts.sampling
@@ -386,17 +387,27 @@ def drive(
     return replace(done, events=(*events, *lifted))
 
 
-def _recovering(plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, Array | None]:
+def _recovering(
+    plant: UncertainPlant, law: Any, sampling: Sampling | None
+) -> tuple[UncertainPlant, Any, Array | None]:
     """Return a law with anti-windup as one that steps its own states, with the gain of their rates.
 
-    Any other law is returned as it is, with none.
+    So is one that was designed for inputs that are late: on its way is what will act, not the
+    demand. Any other law is returned as it is, with none.
     """
     given = getattr(law, "law", law)
-    if getattr(given, "anti_windup", None) is None:
+    late = sampling is not None and sampling.designed and sampling.delayed
+    if given is None or (getattr(given, "anti_windup", None) is None and not late):
         return plant, law, None
     larger, own = stepped(plant, given_law(plant, given))
-    kept, gain = own_states(larger), np.asarray(own.anti_windup)
-    return larger, own, gain[-kept:, : larger.shape[1] - kept]
+    kept = own_states(larger)
+    driven = larger.shape[1] - kept
+    gain = np.zeros((kept, driven))
+    if own.anti_windup is not None:
+        gain += np.asarray(own.anti_windup)[-kept:, :driven]
+    if late and sampling is not None:
+        gain[:driven] = np.eye(driven) / sampling.period
+    return larger, own, gain
 
 
 @dataclass(frozen=True, eq=False)

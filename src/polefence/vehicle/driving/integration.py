@@ -13,6 +13,7 @@ from polefence.base.errors import InputError, suggest
 from polefence.law.laws import GainTable, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
+from polefence.plant.outputs import inputs
 from polefence.plant.system import Array
 from polefence.proof.dampers import SemiActive
 from polefence.response.discrete import Sampling
@@ -164,7 +165,9 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
     length = int(min(max(1, 2_000_000 // size), 1000))
     equations = Equations(*(np.zeros(0),) * 4, None)
     sampled = controller is not None and controller.held is not None
-    linear = (model.folded or sampled) and model.stops is None and not model.dampers
+    follows = model.slew is not None and model.slew[1][0] >= 0
+    plain = model.stops is None and not model.dampers and not follows
+    linear = (model.folded or sampled) and plain
     maps = np.zeros(0), np.zeros(0)
 
     def cross(k: int, z: Array) -> tuple[Array, Callable[[], Array]]:
@@ -335,7 +338,7 @@ class Controller:
         elif k % self.every_demand == 0:
             self.used = self.parameters(np.array([k]))[0]
             K = self.model.gains(self.used)
-            demand = self.model.settings(self.model.demanded(K, z[:, : K.shape[-1]]), z)
+            demand = self.model.settings(self.model.demanded(K, z, self.waiting), z)
             self.held = demand
             if self.delayed:
                 # the rates of the law's own states act at once: its code keeps these
@@ -395,7 +398,7 @@ class Model:
 
     ``reading`` gives the law's parameters where they do not depend on the state and the law is
     followed in continuous time; None where a controller sets gain or demand as it goes.
-    ``anti_windup`` (own, driven) is what the demand beyond the actuator's limit adds to the rates
+    ``anti_windup`` (own, driven) is what the demand beyond the actuator's limits adds to the rates
     of the law's own states.
     """
 
@@ -464,9 +467,9 @@ class Model:
         return tuple(dampers)
 
     def limited(self, u: Array, z: Array) -> Array:
-        """Return u saturated at the actuator's limit and at the dampers' bounds."""
+        """Return u saturated at the actuator's limits and at the dampers' bounds."""
         parts = np.split(u, [self.driven], axis=-1)
-        applied = np.concatenate([self.actuator.limited(parts[0]), parts[1]], axis=-1)
+        applied = np.concatenate([self.sent(parts[0], z, None), parts[1]], axis=-1)
         for own in self.dampers:
             first, second = own.at(z[..., : len(own.rate)] @ own.rate)
             applied[..., own.number] = np.clip(
@@ -474,13 +477,65 @@ class Model:
             )
         return applied
 
-    def demanded(self, K: Array, z: Array) -> Array:
-        """Return u = K z; what goes beyond the limit is in the rates of the law's own states."""
-        u = np.asarray((K @ z[..., None])[..., 0])
+    @cached_property
+    def slew(self) -> tuple[Array, list[int]] | None:
+        """How far an input may be from what it follows: (driven,), and which of z that is.
+
+        -1 for what a computer sent a sample before.
+
+        Raises
+        ------
+        InputError
+            If an input moves at once.
+        """
+        most, count = self.actuator.slew, self.driven
+        if most is None:
+            return None
+        if self.actuator.rate:
+            n = self.plant.shape[0]
+            return np.full(count, most / self.actuator.rate), list(range(n, n + count))
+        if self.hardware.sampling is not None:
+            period = self.hardware.sampling.period
+            return np.full(count, most * period), [-1] * count
+        pairs = [_followed(self.plant, j) for j in range(count)]
+        return np.array([most / w for _, w in pairs]), [i for i, _ in pairs]
+
+    def sent(self, demand: Array, z: Array, last: Array | None) -> Array:
+        """Return a demand (..., driven) within the actuator's limits.
+
+        Parameters
+        ----------
+        last : (..., driven) array, optional
+            What was sent a sample before, where a computer keeps to a rate.
+        """
+        demand = self.actuator.limited(demand)
+        if self.slew is None:
+            return demand
+        reach, followed = self.slew
+        if followed[0] < 0 and last is None:
+            return demand
+        middle = z[..., followed] if last is None or followed[0] >= 0 else last
+        return np.minimum(np.maximum(demand, middle - reach), middle + reach)
+
+    def demanded(self, K: Array, z: Array, last: Array | None = None) -> Array:
+        """Return u = K z; what goes beyond the limits is in the rates of the law's own states.
+
+        Of a computer that keeps to a rate it is what it sends.
+
+        Parameters
+        ----------
+        last : (..., m) array, optional
+            What it sent a sample before.
+        """
+        u = np.asarray((K @ z[..., : K.shape[-1], None])[..., 0])
+        demand = u[..., : self.driven].copy()
+        if self.anti_windup is None and (last is None or self.slew is None):
+            return u
+        sent = self.sent(demand, z, None if last is None else last[..., : self.driven])
         if self.anti_windup is not None:
-            demand = u[..., : self.driven]
-            beyond = self.actuator.limited(demand) - demand
-            u[..., self.driven :] += beyond @ self.anti_windup.T
+            u[..., self.driven :] += (sent - demand) @ self.anti_windup.T
+        if self.slew is not None and self.slew[1][0] < 0:
+            u[..., : self.driven] = sent
         return u
 
     def settings(self, u: Array, z: Array) -> Array:
@@ -516,7 +571,7 @@ class Model:
     @property
     def folded(self) -> bool:
         """Whether the law acts as it is, so that the loop is linear but for the stops."""
-        free = self.actuator.limit is None and not self.dampers
+        free = self.actuator.limit is None and self.slew is None and not self.dampers
         return self.reading is not None and free
 
     def open(self, times: Array, k: Array) -> tuple[Array, Array, Array]:
@@ -592,6 +647,27 @@ class Model:
             force = self.stops.force(z @ self.stopped.T, dz @ self.stopped.T)
             dz = dz + (S @ force[:, :, None])[:, :, 0]
         return np.asarray(dz)
+
+
+def _followed(plant: UncertainPlant, number: int) -> tuple[int, float]:
+    """Return the state that follows an input u by x' = w (u - x), and w.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    B = plant.B[:, :, number]
+    for i in np.flatnonzero((B > 0).all(axis=0)):
+        w = B[0, i]
+        row = np.zeros(sum(plant.shape))
+        row[i], row[plant.shape[0] + number] = -w, w
+        if np.array_equal(np.concatenate([plant.A, plant.B], axis=2)[:, i], [row] * len(B)):
+            return int(i), float(w)
+    raise InputError(
+        f"a rate limit of {inputs(plant)[number].name}, which moves at once: give the actuator a "
+        "bandwidth, or a sampling period"
+    )
 
 
 def gains_of(space: Space, law: Any, true: Array | None = None) -> Gains:

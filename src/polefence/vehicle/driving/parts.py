@@ -69,7 +69,9 @@ class Sine(Short):
 class Actuator(Short):
     """A first-order lag behind a limit on the demand.
 
-    du/dt = 2 pi bandwidth (limited demand - u), so that the force never exceeds the limit.
+    du/dt = 2 pi bandwidth (limited demand - u), so that the force never exceeds the limit, within
+    +-slew. Without a lag of its own, ``slew`` is how fast a computer that samples moves what it
+    sends, from zero on, or what the plant's own actuators give.
 
     Attributes
     ----------
@@ -77,10 +79,13 @@ class Actuator(Short):
         [Hz]; None: no lag.
     limit : float, optional
         The largest magnitude of every input, in its unit; None: no limit.
+    slew : float, optional
+        How fast every input may move, in its unit/s; None: at once.
     """
 
     bandwidth: float | None = None
     limit: float | None = None
+    slew: float | None = None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -88,6 +93,8 @@ class Actuator(Short):
             positive(self.bandwidth, "bandwidth of the actuator [Hz]")
         if self.limit is not None:
             positive(self.limit, "limit of the actuator")
+        if self.slew is not None:
+            positive(self.slew, "rate limit of the actuator")
 
     @property
     def rate(self) -> float:

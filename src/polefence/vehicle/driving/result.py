@@ -182,7 +182,7 @@ def record(model: Model, solution: Solution, reading: Reading | None) -> Record:
     for part in _parts(total, count * n * (n + m + 4)):
         if reading is not None and solution.used is None:
             K = model.gains(reading.at(times[part]))
-            demanded[part] = model.demanded(K, x[part])
+            demanded[part] = model.demanded(K, solution.z[part])
         applied[part] = model.applied(solution.z[part], demanded[part])
         A, B, g = model.open(times[part], numbers[part])
         rates[part] = (A @ x[part, :, :, None] + B @ applied[part][..., None])[..., 0] + g
@@ -330,6 +330,14 @@ def _hardware(model: Model, drive: Record, times: Array) -> tuple[list[Event], A
             "limit", over, size, times,
             lambda car, k: f"{size[car, k]:.4g} demanded of an actuator that gives {limit:g}",
         )  # fmt: skip
+    if model.slew is not None:
+        over = _as_fast_as_it_may(model, drive)
+        met |= over
+        most, still = model.actuator.slew, np.zeros(over.shape)
+        events += spans(
+            "rate limit", over, still, times,
+            lambda *_: f"the force moves as fast as it may, {most:g} a second",
+        )  # fmt: skip
     for i, name in enumerate(model.suspensions.names if model.suspensions else ()):
         force = drive.stops[..., i]
         met |= force != 0
@@ -338,6 +346,25 @@ def _hardware(model: Model, drive: Record, times: Array) -> tuple[list[Event], A
         met |= mask
         events += spans(kind, mask, size, times, lambda *_, words=words: words)
     return events, met
+
+
+def _as_fast_as_it_may(model: Model, drive: Record) -> Array:
+    """Return where an input is held back by its rate, (count, time)."""
+    if model.slew is None:
+        return np.zeros(drive.states.shape[:2], dtype=bool)
+    (reach, followed), d, sampling = model.slew, model.driven, model.hardware.sampling
+    demand = model.actuator.limited(drive.demanded[..., :d])
+    if followed[0] >= model.plant.shape[0]:
+        behind = demand - drive.applied[..., :d]
+    elif followed[0] >= 0:
+        behind = demand - drive.states[..., followed]
+    else:  # each sample's step, as long as the sample lasts
+        every = 1 if sampling is None else round(sampling.period / model.excitation.step)
+        behind = np.zeros(demand.shape)
+        behind[:, every:] = demand[:, every:] - demand[:, :-every]
+        behind[:, :every] = demand[:, :every]
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(behind) > reach * (1 - 1e-9)).any(axis=-1))
 
 
 def _stops(name: str, force: Array, times: Array) -> list[Event]:

@@ -54,9 +54,9 @@ wchar wctype aux con nul prn
 """
 LONGEST = 31  # characters of a name; C tells external names apart by so many
 WIDTH = 100  # of a line
-# Projections onto each input's states in turn that a start in fixed point takes, of one input and of
-# several. Of one the first leaves a thousandth, as its divisor has few bits. Of two whose states are
-# the same to the cosine r each leaves r^2: of 1e-9 of r = 0.96.
+# Projections onto each input's states in turn that a start in fixed point takes, of one input and
+# of several. Of one the first leaves a thousandth, as its divisor has few bits. Of two whose states
+# are the same to the cosine r each leaves r^2: 1e-9 of r = 0.96.
 SWEEPS = 8, 256
 
 

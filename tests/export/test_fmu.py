@@ -798,6 +798,45 @@ def test_a_unit_of_integers_is_the_code_between_its_ports(
     running.close()
 
 
+@BOTH
+@pytest.mark.parametrize("kind", ["floats", "integers"])
+def test_a_law_with_states_begins_where_it_answers_what_acted(
+    fmpy, compiler, version, kind, tmp_path
+) -> None:
+    from fmpy.validation import validate_fmu
+
+    made = exported("affine", 64) if kind == "floats" else in_words("own state", 16)
+    path = tmp_path / "law.fmu"
+    path.write_bytes(fmu(made.program, made.texts, version=version, step=TIME))
+    assert validate_fmu(str(path)) == []
+    asked, given = 3.0, (0.1, *CORNER.values())
+    plain = Running(fmpy, path, tmp_path / "open").begin()
+    plain.set(*given)
+    unmoved = plain.u[0]
+    running = Running(fmpy, path, tmp_path / "open", "two")
+    assert {"acting_force", "begins_with_acting"} <= running.references.keys()
+    references = [running.references[name] for name in ("acting_force", "begins_with_acting")]
+    set_real = running.raw.setReal if running.old else running.raw.setFloat64
+    running.initialise()
+    running.set(*given)
+    set_real(references, [asked, 1.0])
+    near = 1e-12 if kind == "floats" else 0.01
+    assert running.u[0] == pytest.approx(asked, abs=near)
+    assert abs(unmoved - asked) > 0.1
+    running.raw.exitInitializationMode()
+    assert running.u[0] == pytest.approx(asked, abs=near)
+    assert running.flags == 0
+    assert list(running.real("acting_force", "begins_with_acting")) == [asked, 1.0]
+    with pytest.raises(Exception, match="failed with status 3"):
+        set_real(references, [0.0, 0.0])
+    assert running.messages[-1].endswith("where the law begins is set before it does")
+    running.step(0.0, TIME)
+    plain.step(0.0, TIME)
+    assert running.u[0] != plain.u[0]
+    for each in (plain, running):
+        each.close()
+
+
 @given(st.text())
 def test_any_text_fits_into_xml(text) -> None:
     shown = plain(text)

@@ -67,7 +67,7 @@ def fmu(
     u and the flags. All real variables are doubles, whatever the law computes with: what code in
     fixed point is given is rounded to its integers, and cut to their range. u is always
     that of the inputs as they are now, also before the first step. States of the law's own begin
-    at 0, and a step, of whole sample times, takes them further. The same program, texts and
+    at 0, or where parameters say what acts before them, where that is answered first; and a step, of whole sample times, takes them further. The same program, texts and
     compiler give the same bytes.
 
     Parameters
@@ -211,9 +211,24 @@ def variables(program: Program, texts: Texts, common: dict[str, Any]) -> dict[st
         "inputs": listed[: len(starts)],
         "outputs": listed[len(starts) :],
         "flags": Variable("flags", len(listed) + 1, _flags(common)),
+        "beginning": _beginning(listed[len(starts) :], names) if common["order"] else [],
         "units": sorted({v.unit for v in listed if v.unit}),
         "starts": begins[: len(starts)],
     }
+
+
+def _beginning(outputs: list[Variable], taken: list[str]) -> list[Variable]:
+    """Return parameters of the law's own states' begin, behind the flags."""
+    named = [f"acting_{each.name}" for each in outputs] + ["begins_with_acting"]
+    words = unique(named, named, ("time", "flags", *(name.lower() for name in taken)))
+    first = outputs[-1].reference + 2
+    told = [f"{each.description}, before the law takes over" for each in outputs]
+    told.append("1: its states begin where its first answer is what acts before; 0: they begin at 0")
+    units = [each.unit for each in outputs] + [""]
+    return [
+        Variable(name, first + k, text, unit, "0.0")
+        for k, (name, text, unit) in enumerate(zip(words, told, units, strict=True))
+    ]
 
 
 def _ports(program: Program) -> dict[str, list[str]]:

@@ -63,12 +63,12 @@ def fmu(
 ) -> bytes:
     """Return an FMU of co-simulation, with sources and the library that the compiler makes of them.
 
-    Inputs are the states x, then the parameters or weights that the program is given; outputs are
-    u and the flags. All real variables are doubles, whatever the law computes with: what code in
-    fixed point is given is rounded to its integers, and cut to their range. u is always
-    that of the inputs as they are now, also before the first step. States of the law's own begin
-    at 0, or where parameters say what acts before them, where that is answered first; and a step, of whole sample times, takes them further. The same program, texts and
-    compiler give the same bytes.
+    Inputs are the states x, then the parameters or weights that the program is given; outputs are u
+    and the flags. All real variables are doubles, whatever the law computes with: what code in
+    fixed point is given is rounded to its integers, and cut to their range. u is always that of the
+    inputs as they are now, also before the first step. States of the law's own begin at 0, or where
+    parameters say what acts before them, where that is answered first; and a step, of whole sample
+    times, takes them further. The same program, texts and compiler give the same bytes.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def _beginning(outputs: list[Variable], taken: list[str]) -> list[Variable]:
     words = unique(named, named, ("time", "flags", *(name.lower() for name in taken)))
     first = outputs[-1].reference + 2
     told = [f"{each.description}, before the law takes over" for each in outputs]
-    told.append("1: its states begin where its first answer is what acts before; 0: they begin at 0")
+    told.append("1: its states begin where its first answer is what acts before; 0: at 0")
     units = [each.unit for each in outputs] + [""]
     return [
         Variable(name, first + k, text, unit, "0.0")

@@ -19,7 +19,7 @@ from polefence import (
 )
 from polefence.base.errors import InputError
 from polefence.export import check_guarantee, export_c99, with_fmus
-from polefence.export.vectors import LIMITED, vectors
+from polefence.export.vectors import LIMITED, Ends, vectors
 from polefence.plant.larger import with_states
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims import words
@@ -126,7 +126,7 @@ def test_its_own_test_covers_what_is_cut(host_compiler, tmp_path, bits):
     made.save(tmp_path)
     lines = run("make", "-s", "test", "CFLAGS=-O1 -Werror", cwd=tmp_path).splitlines()
     assert [line.split(": ")[-1] for line in lines] == ["passed (0 failed)"] * 2
-    cut = vectors(made.program, made.design.law, (LIMIT,)).flags
+    cut = vectors(made.program, made.design.law, Ends((LIMIT,))).flags
     assert np.any(cut == LIMITED)
     assert np.any(cut == 0)
     for flags in ([*STRICT, "-fanalyzer"], SANITIZED):

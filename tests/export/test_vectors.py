@@ -15,6 +15,7 @@ from polefence.export.vectors import (
     NO_CONTROL,
     NOT_A_NUMBER,
     OK,
+    Ends,
     Vectors,
     special,
     vectors,
@@ -117,7 +118,7 @@ def test_special_vectors_have_every_fault(car_designs):
 def test_limits_cut_and_say_so(car_designs):
     design = car_designs["scheduled"]
     limit = 1000.0
-    found = vectors(made(design), design.law, (limit,))
+    found = vectors(made(design), design.law, Ends((limit,)))
     free = vectors(made(design), design.law)
     assert np.array_equal(found.x, free.x)  # none near the limit
     cut = np.abs(free.u[:, 0]) > limit
@@ -126,7 +127,7 @@ def test_limits_cut_and_say_so(car_designs):
     assert np.array_equal(found.u, np.clip(free.u, -limit, limit))
     # where rounding would decide, x is another
     edge = float(np.abs(free.u[5, 0]))
-    moved = vectors(made(design), design.law, (edge,))
+    moved = vectors(made(design), design.law, Ends((edge,)))
     assert np.array_equal(moved.x[5], free.x[5] / 2)
     assert moved.flags[5] == OK
 

@@ -17,21 +17,19 @@ from polefence.cli.terminal import say
 from polefence.export import export_c99, with_board, with_fmus
 from polefence.export.board import require_drivable
 from polefence.export.damper import damper_sources
+from polefence.export.ends import proved_ends
 from polefence.export.exported import Exported, check_folder, marks, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
 from polefence.law.control import GIVEN
-from polefence.plant.larger import own_states
-from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
-from polefence.proof.claims.saturation import Saturation
 from polefence.proof.document import Document
 from polefence.region.text import digits_down, digits_up
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
 
 BITS = 64
-OF_CODE = ("given", "limit", "sample_time", "observer", "board", "fixed", "ranges")
+OF_CODE = ("given", "limit", "rate", "sample_time", "observer", "board", "fixed", "ranges")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,6 +74,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="U",
         help="saturate each input at +-U, in its unit; repeat for one value per input; default: of "
         "a law with anti-windup where its saturation is proved, else none",
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        action="append",
+        default=[],
+        metavar="R",
+        help="move each input by at most R a second, in its unit, from one update to the next; "
+        "repeat for one value per input; default: where the saturation of it is proved, else none",
     )
     parser.add_argument(
         "--sample-time",
@@ -126,14 +133,21 @@ def export_command(options: Any) -> int:
         timed = design.plant.sample_time is not None or options.sample_time is not None
         require_drivable(claims, timed, options.observer is not None)
     limits = options.limit[0] if len(options.limit) == 1 else options.limit
-    if not options.limit and design.law.anti_windup is not None:
-        limits = _proved_limits(design, claims)
+    rates = options.rate[0] if len(options.rate) == 1 else options.rate
+    proved = proved_ends(design, claims)
+    if not options.rate and proved.rates:
+        rates = list(proved.rates)
+        _say_ends("rates", rates)
+    if not options.limit and proved.limits and (rates or design.law.anti_windup is not None):
+        limits = list(proved.limits)
+        _say_ends("limits", limits)
     exported = export_c99(
         design,
         options.bits,
         name=options.name,
         given=options.given,
         limits=limits,
+        rates=rates,
         sampling=_sampling(options),
         observer=_observer(design, options),
         allow_unproved=options.allow_unproved,
@@ -165,18 +179,9 @@ def _dampers(document: Document, options: Any) -> int:
     return PROVED
 
 
-def _proved_limits(design: Design, claims: Sequence[Claim]) -> list[float]:
-    """Return the limits at which a law with anti-windup is proved to recover: its code's own."""
-    m = design.plant.shape[1] - own_states(design.plant)
-    saturated = [claim for claim in claims if isinstance(claim, Saturation)]
-    most = [
-        max((float(claim.level) for claim in saturated if i in claim.inputs), default=0.0)
-        for i in range(m)
-    ]
-    if not all(most):
-        return []
-    say(f"  limits: {', '.join(f'{limit:g}' for limit in most)}, as the saturation is proved")
-    return most
+def _say_ends(what: str, numbers: Sequence[float]) -> None:
+    """Say which limits or rates the code has without being asked."""
+    say(f"  {what}: {', '.join(f'{x:g}' for x in numbers)}, as the saturation is proved")
 
 
 def _sampling(options: Any) -> Sampling | None:

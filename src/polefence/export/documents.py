@@ -98,6 +98,12 @@ def guarantee_text(
     return replace(design.certificate.file(claims), export=export).dumps()
 
 
+SLOW = (
+    "From one update to the next each input moves by no more than its rate limit times the sample "
+    "time, at first from 0. What is proved of that is the design's saturation, without rounding."
+)
+
+
 @explained
 def check_guarantee(path: str | Path) -> Check:
     """Prove ``guarantee.json`` afresh, and that the sources beside it are those it is about.
@@ -305,6 +311,7 @@ def rebuilt_program(code: Code, certificate: Certificate) -> Program:
 def text_document(texts: Texts, seen: Seen | None) -> dict[str, Any]:
     """Return what the sources say of themselves beside what is proved, as plain data."""
     table: dict[str, Any] = {"name": texts.name, "limits": list(texts.limits)}
+    table |= {"rates": list(texts.rates)} if texts.rates else {}
     return table if seen is None else table | {"sampled": asdict(seen)}
 
 
@@ -317,14 +324,14 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states
         If the table is not one that `text_document` wrote.
     """
     known = {"name", "limits"} | ({"sampled"} if facts.loop else set())
-    if not isinstance(table, dict) or table.keys() != known:
+    if not isinstance(table, dict) or table.keys() - {"rates"} != known:
         raise InputError(f"text must hold {', '.join(sorted(known))}, and nothing else")
-    name, limits = table["name"], table["limits"]
-    if not isinstance(name, str) or not isinstance(limits, list):
-        raise InputError("text: name must be text, limits a list")
-    if not all(_is_number(v) and 0 < v < 1e30 for v in limits):
-        raise InputError("text: limits must be positive numbers")
-    facts = replace(facts, limited=bool(limits))
+    name, limits, rates = table["name"], table["limits"], table.get("rates", [])
+    if not isinstance(name, str) or not isinstance(limits, list) or not isinstance(rates, list):
+        raise InputError("text: name must be text, limits and rates lists")
+    if not all(_is_number(v) and 0 < v < 1e30 for v in (*limits, *rates)):
+        raise InputError("text: limits and rates must be positive numbers")
+    facts = replace(facts, limited=bool(limits or rates), slow=bool(rates))
     return Texts(
         name,
         certificate.plant.name,
@@ -333,6 +340,7 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states
         tuple(map(float, limits)),
         facts.period,
         facts.delay,
+        tuple(map(float, rates)),
     )
 
 
@@ -428,6 +436,8 @@ class Facts:
         By how many samples inputs act late in a plant that is samples of another.
     recovering : bool
         Whether what is cut off moves the law's own states.
+    slow : bool
+        Whether the code moves the inputs no faster than a rate.
     """
 
     region: Region
@@ -439,6 +449,7 @@ class Facts:
     reason: str = ""
     late: int = 0
     recovering: bool = False
+    slow: bool = False
 
     @property
     def period(self) -> float | None:
@@ -481,6 +492,8 @@ def statement(facts: Facts) -> tuple[str, ...]:
     if facts.observer is not None:
         sentences += _of_observer(facts, facts.observer)
     sentences.append(_outside(facts))
+    if facts.slow:
+        sentences.append(SLOW)
     if facts.recovering:
         sentences.append(_anti_windup(facts))
     region = short_text(facts.region)

@@ -116,6 +116,7 @@ def export_c99(
     name: str = "law",
     given: str | None = None,
     limits: Sequence[float] | float = (),
+    rates: Sequence[float] | float = (),
     sampling: Sampling | None = None,
     observer: Observer | None = None,
     allow_unproved: bool = False,
@@ -138,6 +139,9 @@ def export_c99(
     limits : float or sequence of float
         Largest absolute value of the inputs, one for all or one each; none without. What is proved
         is about the law within them.
+    rates : float or sequence of float
+        How fast the inputs may move, in their units/s, one for all or one each; none without. The
+        code moves them from one update to the next by no more.
     sampling : Sampling, optional
         From one update to the next, and whether u is applied a sample late: the loop that a
         computer closes is then judged too. An observer needs it.
@@ -169,17 +173,24 @@ def export_c99(
     design = of_signals(with_rates(design)) if observer is None else design
     order = kept(design)
     cuts = _limits(limits, design.plant.shape[1] - order)
-    _require_anti_windup(design.law, cuts)
+    slow = _limits(rates, design.plant.shape[1] - order, "rates", "input's unit/s")
+    _require_anti_windup(design.law, cuts or slow)
     _require_observer(design, observer, sampling, allow_unproved)
     period = _period(design, order, sampling)
     if fixed not in (None, *WORDS):
         raise InputError(f"fixed = {fixed!r} is not supported; use 16 or 32")
+    if slow and (fixed is not None or not period):
+        raise InputError(
+            "rates: fixed-point code keeps to none; use --float"
+            if fixed is not None
+            else "rates: an input moves by so much in an update: give --sample-time too"
+        )
     if fixed is None:
         if ranges:
             raise InputError("ranges of signals are for fixed-point code; give --fixed too")
         made = program(code_law(design.law), _scheduled_on(design, given), number(bits))
         made = with_memory(amid(made, code_law(design.law)), order, period)
-        made = with_anti_windup(made, design.law) if cuts else made
+        made = with_anti_windup(made, design.law) if cuts or slow else made
     else:
         if observer is not None:
             raise InputError("--fixed: an observer is exported in floats; use --float")
@@ -196,8 +207,8 @@ def export_c99(
     timed = None if sampling is None else timing(design, sampling, made, observer)
     if timed is not None and not timed.proved and not allow_unproved:
         raise NotProvedError(f"not exported: {timed.reason}")
-    facts = _facts(design, proof, bool(cuts), timed, observer)
-    facts = replace(facts, recovering=design.law.anti_windup is not None)
+    facts = _facts(design, proof, bool(cuts or slow), timed, observer)
+    facts = replace(facts, recovering=design.law.anti_windup is not None, slow=bool(slow))
     texts = Texts(
         name,
         design.plant.name,
@@ -206,6 +217,7 @@ def export_c99(
         cuts,
         facts.period,
         facts.delay,
+        slow,
     )
     whole = Exported(design, made, texts, proof, timed, observer)
     files = _files(whole)
@@ -394,14 +406,16 @@ def _scheduled_on(design: Design, given: str | None) -> tuple[Parameter, ...]:
     return design.plant.parameters
 
 
-def _limits(limits: Any, inputs: int) -> tuple[float, ...]:
+def _limits(
+    limits: Any, inputs: int, name: str = "limits", unit: str = "input's unit"
+) -> tuple[float, ...]:
     values = (limits,) * inputs if isinstance(limits, int | float) else tuple(limits)
     if values and len(values) != inputs:
-        raise InputError(f"limits: {len(values)} numbers for {inputs} inputs; one, or one each")
+        raise InputError(f"{name}: {len(values)} numbers for {inputs} inputs; one, or one each")
     for value in values:
         if not (isinstance(value, int | float) and 1e-30 < value < 1e30):
             raise InputError(
-                f"limits: {value!r} must be a number from 1e-30 to 1e30, in the input's unit"
+                f"{name}: {value!r} must be a number from 1e-30 to 1e30, in the {unit}"
             )
     return tuple(map(float, values))
 

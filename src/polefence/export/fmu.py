@@ -261,6 +261,7 @@ def _flags(common: dict[str, Any]) -> str:
     meanings += [(4, f"{common['vector']} not finite, or too large to compute with: u is 0")]
     meanings += [(8, "u was cut to its limit" if common["limits"] else None)]
     meanings += [(16, "the law's own states begin again at 0" if common["order"] else None)]
+    meanings += [(32, "u moved as fast as it may" if common["steps"] else None)]
     return "Sum of " + "; ".join(f"{bit} {text}" for bit, text in meanings if text)
 
 

@@ -78,6 +78,8 @@ class Texts(Short):
         samples.
     limits : tuple of float
         Largest absolute value of each input; empty for none.
+    rates : tuple of float
+        How fast each input may move, a second; empty for none.
     """
 
     name: str
@@ -88,6 +90,12 @@ class Texts(Short):
     limits: tuple[float, ...] = ()
     sample_time: float | None = None
     delay: int = 0
+    rates: tuple[float, ...] = ()
+
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """How far each input may move in an update."""
+        return tuple(rate * (self.sample_time or 0.0) for rate in self.rates)
 
 
 @cache
@@ -140,6 +148,9 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         "digits": 24 if number.bits == 32 else 53,
         "limits": [number.text(number.outward(Fraction(v), up=False)) for v in texts.limits],
         "plain_limits": [f"{limit:g}" for limit in texts.limits],
+        "steps": [number.text(number.outward(Fraction(v), up=False)) for v in texts.steps],
+        "plain_rates": [f"{rate:g}" for rate in texts.rates],
+        "plain_steps": [f"{step:g}" for step in texts.steps],
         "sample_time": "" if time is None else number.text(time),
         "delay": texts.delay,
         "order": memory.states if memory else 0,
@@ -164,7 +175,7 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
         common |= _varying(program, name) | _tables(program, vector)
         array = f"{common['letter']}[{name.upper()}_{common['GIVEN']}]"
         arguments.insert(0, f"const {name}_real {array}")
-    if memory:
+    if memory or texts.steps:
         arguments.insert(0, f"{name}_memory *memory")
         terms = len(common["gains"][0]) if common["gains"] else 0
         counts = 4 * (program.shape[0] + terms + 4)
@@ -218,6 +229,7 @@ def _of_words(program: Program, scales: Scales, texts: Texts) -> dict[str, Any]:
         "order": states,
         "limits": [f"{limit:g}" for limit in texts.limits],
         "plain_limits": [f"{limit:g}" for limit in texts.limits],
+        "steps": [],
         "given": [],
         "GIVEN": "",
         "letter": "",
@@ -461,7 +473,11 @@ def _check(program: Program, texts: Texts) -> None:
         )
     if texts.limits and len(texts.limits) != m:
         raise InputError(f"{len(texts.limits)} limits are given; the law has {m} inputs")
-    for limit in texts.limits:
+    if texts.rates and len(texts.rates) != m:
+        raise InputError(f"{len(texts.rates)} rates are given; the law has {m} inputs")
+    if texts.rates and (texts.sample_time is None or program.scales is not None):
+        raise InputError("a rate limit is of code in floats, with a sample time")
+    for limit in (*texts.limits, *texts.rates, *texts.steps):
         if not LEAST <= limit <= MOST:
             raise InputError(f"limit = {limit!r} must be a number from {LEAST:g} to {MOST:g}")
 

@@ -29,17 +29,29 @@ from polefence.plant.parameters import simplex_weights
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array
 from polefence.proof.matrices import right_divide
+from polefence.proof.short import Short
 
 Bound = Callable[[Array], Array]
 Flags = np.ndarray[Any, np.dtype[np.int64]]
 
 # The flags of the C interface.
-OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED, RESTARTED = 0, 1, 2, 4, 8, 16
+OK, CLAMPED, NOT_A_NUMBER, NO_CONTROL, LIMITED, RESTARTED, HELD_BACK = 0, 1, 2, 4, 8, 16, 32
 # Largest error of u allowed, relative to sum_j |K_ij| |x_j|, by the bits of the number format.
 ALLOWED = {32: 1e-5, 64: 1e-12}
 SUM = 1e-3  # alpha whose sum is off by more is no rounding of a point of the simplex
 Rationals = Any  # an array of Fractions, which numpy does not type
 Whole = tuple[Any, int]  # numerators, and their denominator
+
+
+@dataclass(frozen=True)
+class Ends(Short):
+    """Largest absolute value of each input, and how far it moves in an update; empty for none."""
+
+    limits: tuple[float, ...] = ()
+    steps: tuple[float, ...] = ()
+
+
+FREE = Ends()
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +64,8 @@ class Vectors:
         Parameters or alpha; g is 0 for a fixed gain.
     x : (count, n) array
         As ``given``, numbers of the code's format; states that the code keeps last.
+    last : (count, m) array
+        What u was before, where the code keeps to a rate; else without columns.
     u : (count, m) array
         Of the law itself, the nearest doubles; last what the states become that the code keeps.
     scale : (count, m) array
@@ -62,13 +76,14 @@ class Vectors:
 
     given: Array
     x: Array
+    last: Array
     u: Array
     scale: Array
     flags: Flags
 
 
 def vectors(
-    program: Program, law: Law, limits: tuple[float, ...] = (), count: int = 64, seed: int = 0
+    program: Program, law: Law, ends: Ends = FREE, count: int = 64, seed: int = 0
 ) -> Vectors:
     """Return random vectors inside the set, of several magnitudes of x.
 
@@ -78,8 +93,8 @@ def vectors(
         What the code computes; tells what it is given, in which format.
     law : Law
         What it was made of.
-    limits : tuple of float
-        Largest absolute value of each input; empty for none.
+    ends : Ends
+        Of the inputs.
 
     Raises
     ------
@@ -91,10 +106,10 @@ def vectors(
     magnitude = 10.0 ** random.integers(-3, 4, size=(count, 1))
     spread = 10.0 ** random.uniform(-1, 1, size=(count, program.shape[0]))
     x = program.number.nearest(magnitude * spread * random.choice([-1.0, 1.0], spread.shape))
-    return _answered(program, law, limits, given, x)
+    return _answered(program, law, ends, given, x)
 
 
-def special(program: Program, law: Law, limits: tuple[float, ...] = ()) -> Vectors:
+def special(program: Program, law: Law, ends: Ends = FREE) -> Vectors:
     """Return vectors with NaN, infinity, and values outside the set, one fault or two in each.
 
     Raises
@@ -111,13 +126,12 @@ def special(program: Program, law: Law, limits: tuple[float, ...] = ()) -> Vecto
     rows += [(middle, _with(plain, j, np.nan)) for j in range(n)]
     rows += [(middle, _with(plain, 0, np.inf)), (middle, _with(plain, n - 1, -np.inf))]
     given, x = (np.array(column) for column in zip(*rows, strict=True))
-    return _answered(program, law, limits, program.number.nearest(given), x)
+    return _answered(program, law, ends, program.number.nearest(given), x)
 
 
-def _answered(
-    program: Program, law: Law, limits: tuple[float, ...], given: Array, x: Array
-) -> Vectors:
+def _answered(program: Program, law: Law, ends: Ends, given: Array, x: Array) -> Vectors:
     """Return the vectors with the expected outputs."""
+    limits = ends.limits
     finite = np.asarray(np.isfinite(x).all(axis=1))
     memory = memory_of(program)
     taken, flags = _taken(program, given)
@@ -134,17 +148,33 @@ def _answered(
         u[:, m:] = np.where(finite[:, None], before + memory.step * u[:, m:], after)
         scale[:, m:] = np.abs(before) + memory.step * scale[:, m:]
         flags |= np.where(~finite & measured, RESTARTED, OK)
+    cut, last = u[:, :m], np.zeros((len(u), 0))
     if limits:
         most = _limits(program, limits)
         flags = flags | np.where((np.abs(u[:, :m]) > most).any(axis=1), LIMITED, OK)
-        cut = np.clip(u[:, :m], -most, most)
-        if memory and law.anti_windup is not None:
-            G = memory.step * law.anti_windup[-memory.states :, :m]
-            u[:, m:] += np.where(finite[:, None], (cut - u[:, :m]) @ G.T, 0.0)
-            beyond = np.where(cut == u[:, :m], 0.0, most + scale[:, :m])
-            scale[:, m:] += beyond @ np.abs(G).T
-        u[:, :m] = cut
-    return Vectors(given, x, u, scale, flags)
+        cut = np.clip(cut, -most, most)
+    if ends.steps:
+        step = _limits(program, ends.steps)
+        last = _before(program, cut, scale[:, :m], step)
+        held = np.clip(cut, last - step, last + step)
+        flags = flags | np.where((held != cut).any(axis=1), HELD_BACK, OK)
+        scale[:, :m] = np.where(held != cut, np.abs(last) + step, scale[:, :m])
+        cut = held
+    if memory and law.anti_windup is not None and (limits or ends.steps):
+        G = memory.step * law.anti_windup[-memory.states :, :m]
+        u[:, m:] += np.where(finite[:, None], (cut - u[:, :m]) @ G.T, 0.0)
+        beyond = np.where(cut == u[:, :m], 0.0, np.abs(cut) + np.abs(u[:, :m]) + scale[:, :m])
+        scale[:, m:] += beyond @ np.abs(G).T
+    u[:, :m] = cut
+    return Vectors(given, x, last, u, scale, flags)
+
+
+def _before(program: Program, u: Array, scale: Array, step: Array) -> Array:
+    """Return what u was: within a step of it or farther, but not where rounding decides that."""
+    shares = np.array([0.3, -0.4, 3.0, -2.5])[np.arange(len(u)) % 4, None]
+    near = 4 * ALLOWED[program.number.bits] * (scale + np.abs(u))
+    far = 100 * (step + near) * np.sign(shares)
+    return program.number.nearest(u + np.where(near < 0.05 * step, shares * step, far))
 
 
 def _off_limits(
@@ -252,7 +282,8 @@ def harness(
     InputError
         If the program is not that of a law of this kind and size.
     """
-    tables = vectors(program, law, texts.limits, seed=seed), special(program, law, texts.limits)
+    ends = Ends(texts.limits, texts.steps)
+    tables = vectors(program, law, ends, seed=seed), special(program, law, ends)
     return (
         environment()
         .get_template("test.c.j2")
@@ -280,7 +311,7 @@ def _rows(program: Program, table: Vectors, bound: Bound | None) -> list[dict[st
 def _row(program: Program, table: Vectors, allowed: Array, k: int) -> dict[str, Any]:
     """Return one vector as C constants, 0 in place of what is not finite."""
     double = NUMBERS[64]
-    inputs = {"given": table.given[k], "x": table.x[k]}
+    inputs = {"given": table.given[k], "x": table.x[k], "last": table.last[k]}
     outputs = {"u": table.u[k], "scale": table.scale[k], "allowed": allowed[k]}
     row: dict[str, Any] = {"flags": f"{table.flags[k]}U"}
     row |= {

@@ -40,10 +40,12 @@ from polefence.certify.design import read_document
 from polefence.examples import spec_text
 from polefence.export import export_c99
 from polefence.export.damper import damper_sources
+from polefence.export.damper_words import in_words, scales_of
 from polefence.export.exported import Exported
 from polefence.export.guarantee import roundings
 from polefence.export.program import Fixed
 from polefence.export.sources import context
+from polefence.plant.outputs import split
 from polefence.plant.points import seeded
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.rounding import (
@@ -640,13 +642,59 @@ def print_case(case: Case, folder: Path, count: int) -> bool:
 
 
 def print_dampers(folder: Path, count: int) -> bool:
-    """Print the row of a controllable damper; return whether a coefficient leaves its bounds.
+    """Print the rows of a controllable damper; return whether a coefficient leaves its bounds.
 
     That it never does is what the proof of stability takes of the code: an error of it has no
-    bound, for where the rate is next to zero any coefficient gives the force.
+    bound, for where the rate is next to zero any coefficient gives the force. In fixed point that
+    of the force is stated.
     """
     case = Case("semi-active damper", spec_text("semi-active"))
     document = read_document(found(case, folder, "semi-active") / "law.json")
+    wrong = print_float_damper(case, document, count)
+    for bits in (32, 16):
+        wrong = print_word_damper(case, document, bits, count) or wrong
+    return wrong
+
+
+def print_word_damper(case: Case, document: Any, bits: int, count: int) -> bool:
+    """Print the row in fixed point, of forces; return whether one is off by more than is stated."""
+    claim, top = document.first(Clipped), largest(bits)
+    names, units = zip(*map(split, document.plant.states), strict=True)
+    ranges = {name: RANGES[unit] for name, unit in zip(names, units, strict=True)}
+    (damper,), (row,), n = claim.dampers, claim.K, len(names)
+    signals = scales_of(names, ranges, bits)
+    words = in_words(row[:n], damper, signals, bits)
+    with tempfile.TemporaryDirectory() as code:
+        for name, content in damper_sources(document, fixed=bits, ranges=ranges).items():
+            (Path(code) / name).write_bytes(content)
+        many = compiled(CHECKS.replace("real", "word"), Path(code))
+    random, most, outside = np.random.default_rng(0), 0, 0
+    K, unit = whole(row[:n])
+    V, per = whole(damper.rate[0][0][:n])
+    up = np.array([2 ** (max(signals) - s) for s in signals], dtype=object)
+    below = 2 ** max(signals) * unit * per  # of forces, with what c has behind the point
+    assert damper.straight
+    low, high = (int(end * 2**words.of_c) for end in damper.ends)
+    for start in range(0, count, CHUNK):
+        size = 2.0 ** -random.integers(0, 11, (min(CHUNK, count - start), 1))
+        x = np.round(random.uniform(-1, 1, (len(size), n)) * top * size).astype(f"int{bits}")
+        c = np.zeros((len(x), 1), dtype=x.dtype)
+        many(ctypes.c_long(len(x)), *(v.ctypes.data_as(ctypes.c_void_p) for v in (x, c)))
+        y, chosen = x.astype(object) * up, c[:, 0].astype(object)
+        u, v = (y @ K) * per << words.of_c, (y @ V) * unit
+        bounds = np.minimum(low * v, high * v), np.maximum(low * v, high * v)
+        off = abs(chosen * v - np.clip(u, *bounds))
+        most = max(most, int(off.max()))
+        outside += int(((chosen < low) | (chosen > high)).sum())
+    seen = Fraction(most, below << words.of_c)
+    cells = [digits_up(words.error, 2), digits_down(seen, 2), digits_down(seen / words.error, 3)]
+    told = f"{outside} of {count} outside" if outside else "always within its bounds"
+    print(f"| {case.name} | fixed {bits} | {' | '.join(cells)} | | {told} |", flush=True)
+    return outside > 0 or seen > words.error
+
+
+def print_float_damper(case: Case, document: Any, count: int) -> bool:
+    """Print the row in floats; return whether a coefficient leaves its bounds."""
     claim, outside, most = document.first(Clipped), 0, 0.0
     files = damper_sources(document, 32)
     K, unit = whole(claim.K)

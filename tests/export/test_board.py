@@ -121,7 +121,8 @@ CASES = [("quadratic", 0), ("quadratic", 1), ("scheduled", 1), ("order 1", 0), (
 @pytest.mark.parametrize(("kind", "delay"), CASES)
 def test_what_is_measured_is_the_rms_of_the_loop(host_compiler, tmp_path, kind, delay):
     made = exported(kind, delay)
-    found = driven(made, tmp_path)
+    # the law's own state is slow: one drive scatters by more
+    found = driven(made, tmp_path, SAMPLES * (8 if kind == "order 1" else 1))
     assert [name for name, *_ in found] == ["acceleration", "force"]
     for k, (_, proved, measured, where) in enumerate(found):
         at = value_of(where)

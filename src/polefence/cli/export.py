@@ -166,15 +166,19 @@ def export_command(options: Any) -> int:
 
 def _dampers(document: Document, options: Any) -> int:
     """Write a law of controllable dampers."""
-    unused = _unused(options)
+    unused = [key for key in _unused(options) if key not in ("--fixed", "--range")]
     if options.lang != "c99" or unused:
         raise InputError(
             f"{', '.join(unused) or f'--lang {options.lang}'}: a law of controllable dampers is "
             "exported without it; leave it out"
         )
-    files = damper_sources(document, options.bits, name=options.name)
+    words = {"fixed": options.fixed, "ranges": ranges_of(options)}
+    files = damper_sources(document, options.bits, name=options.name, **words)
     paths = write_folder(options.output, files, marks(options.name))
-    say(f"{document.plant.name}: coefficients of controllable dampers, {options.bits} bits")
+    numbers = (
+        f"{options.bits} bits" if options.fixed is None else f"integers of {options.fixed} bits"
+    )
+    say(f"{document.plant.name}: coefficients of controllable dampers, {numbers}")
     saved(*paths)
     return PROVED
 

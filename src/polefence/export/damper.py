@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.explained import explained
+from polefence.export.damper_words import in_words, scales_of
 from polefence.export.documents import FILE_NAME
-from polefence.export.program import Number, number
+from polefence.export.program import WORDS, Number, number
 from polefence.export.sources import MARKER, check_c_name, environment
+from polefence.plant.outputs import split
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.words import largest, two
+from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
 from polefence.proof.plant import Plant
-from polefence.proof.text import digits_up, number_text
+from polefence.proof.text import digits_down, digits_up, number_text
 
 
 @explained
-def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> Mapping[str, bytes]:
+def damper_sources(
+    document: Document,
+    bits: int = 32,
+    *,
+    name: str = "law",
+    fixed: int | None = None,
+    ranges: Mapping[str, float] | None = None,
+) -> Mapping[str, bytes]:
     """Return the files of a law that `polefence.semi_active` proved: header, code and proof.
 
     The code's coefficients never leave the dampers' bounds, whatever its rounding and its sample
@@ -32,11 +44,18 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
         The file of `SemiActiveLaw.file`, or as it was read.
     bits : int
         32 or 64. Bounds that are no numbers of this format are rounded inwards.
+    name : str
+        Begins the names of files and functions; a C identifier.
+    fixed : int, optional
+        16 or 32: the code computes in integers of so many bits, in place of floats.
+    ranges : mapping, optional
+        For ``fixed`` the largest absolute value of each signal, by its name, in its unit.
 
     Raises
     ------
     InputError
-        If it has no such claim, or a number is none of the format.
+        If it has no such claim, or a number is none of the format; of fixed point if a range is
+        missing, or a coefficient has no room between its bounds.
     NotProvedError
         If the claim is not proved.
     """
@@ -47,8 +66,14 @@ def damper_sources(document: Document, bits: int = 32, *, name: str = "law") -> 
     verdict = prove(claim)
     if not verdict.proved:
         raise NotProvedError(f"not proved: {verdict.reason}")
-    values, form = _context(document.plant, claim, number(bits), name), environment()
-    files = {f"{name}.{end}": f"damper.{end}.j2" for end in "hc"}
+    form, kind = environment(), "damper" if fixed is None else "fixed_damper"
+    if fixed is None:
+        if ranges:
+            raise InputError("ranges of signals are for fixed-point code; give --fixed too")
+        values = _context(document.plant, claim, number(bits), name)
+    else:
+        values = _of_words(document.plant, claim, fixed, ranges or {}, name)
+    files = {f"{name}.{end}": f"{kind}.{end}.j2" for end in "hc"}
     made = {file: form.get_template(template).render(values) for file, template in files.items()}
     made[FILE_NAME] = document.dumps()
     return {file: text.encode() for file, text in made.items()}
@@ -58,15 +83,11 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
     """Return the context of the templates."""
     dampers, n = list[dict[str, Any]](), _needed(claim)
     for row, damper in zip(claim.K, claim.dampers, strict=True):
-        label = plant.inputs[damper.number] if plant.inputs else f"u{damper.number + 1}"
-        lowest, highest = damper.ends
         parts = damper.parts
         lines = [damper.lines(part) for part in parts]
         dampers.append(
             {
-                "text": f"of {label}: the force over the rate, "
-                f"{number_text(lowest)} to {number_text(highest)}"
-                + ("" if damper.straight else ", as its curves allow at the rate"),
+                "text": _text_of(plant, damper),
                 "K": [_exactly(x, form) for x in row[:n]],
                 "rate": [form.text(form.outward(x, up=True)) for x in damper.rate[0][0][:n]],
                 "starts": [_text(start, form) for start, _ in parts],
@@ -74,9 +95,32 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
                 "high": [[_text(x, form) for x in high] for _, high in lines],
             }
         )
+    return _common(plant, claim, name, dampers, ("starts", "low", "high")) | {
+        "lows": [_text(damper.ends[0], form, up=True) for damper in claim.dampers],
+        "highs": [_text(damper.ends[1], form) for damper in claim.dampers],
+        "number": form,
+        "prefix": form.largest[:3],
+        "zero": form.text(0.0),
+    }
+
+
+def _text_of(plant: Plant, damper: SemiActive) -> str:
+    """Say what a damper's coefficient is."""
+    label = plant.inputs[damper.number] if plant.inputs else f"u{damper.number + 1}"
+    lowest, highest = damper.ends
+    return (
+        f"of {label}: the force over the rate, {number_text(lowest)} to {number_text(highest)}"
+        + ("" if damper.straight else ", as its curves allow at the rate")
+    )
+
+
+def _common(
+    plant: Plant, claim: Clipped, name: str, dampers: list[dict[str, Any]], keys: Sequence[str]
+) -> dict[str, Any]:
+    """Return what floats and integers share; each damper gets as many parts, its last one again."""
     most = max(len(damper["low"]) for damper in dampers)
-    for own in dampers:  # as many parts for each, the last one again
-        for key in ("starts", "low", "high"):
+    for own in dampers:
+        for key in keys:
             own[key] += own[key][-1:] * (most - len(own[key]))
     outputs = ", ".join(output.name for output in claim.limit.outputs)
     level = digits_up(claim.limit.level)
@@ -91,14 +135,45 @@ def _context(plant: Plant, claim: Clipped, form: Number, name: str) -> dict[str,
         "NAME": name.upper(),
         "title": f"Coefficients of controllable dampers: {plant.name}",
         "statement": statement,
-        "states": (plant.states or tuple(f"x{i + 1}" for i in range(plant.n)))[:n],
+        "states": _names(plant)[: _needed(claim)],
         "dampers": dampers,
         "parts": most,
-        "lows": [_text(damper.ends[0], form, up=True) for damper in claim.dampers],
-        "highs": [_text(damper.ends[1], form) for damper in claim.dampers],
-        "number": form,
-        "prefix": form.largest[:3],
-        "zero": form.text(0.0),
+    }
+
+
+def _names(plant: Plant) -> tuple[str, ...]:
+    return plant.states or tuple(f"x{i + 1}" for i in range(plant.n))
+
+
+def _of_words(
+    plant: Plant, claim: Clipped, bits: int, ranges: Mapping[str, float], name: str
+) -> dict[str, Any]:
+    """Return the context of the templates in fixed point."""
+    if bits not in WORDS:
+        raise InputError(f"fixed = {bits!r} is not supported; use 16 or 32")
+    n, top = _needed(claim), largest(bits)
+    known = [split(state)[0] for state in _names(plant)[:n]]
+    signals = scales_of(known, ranges, bits)
+    pairs = list(zip(claim.K, claim.dampers, strict=True))
+    made = [in_words(row[:n], damper, signals, bits) for row, damper in pairs]
+    dampers = [
+        asdict(words) | {"text": _text_of(plant, damper)}
+        for words, (_, damper) in zip(made, pairs, strict=True)
+    ]
+    keys = ("starts", "low", "low_start", "high", "high_start")
+    common = _common(plant, claim, name, dampers, keys)
+    told = ", ".join(digits_up(words.error, 3) for words in made)
+    rounded = (
+        f"Rounding changes the force of a damper by at most {told} while the signals are in their "
+        "ranges; no coefficient leaves its bounds, whatever is given."
+    )
+    return common | {
+        "statement": (*common["statement"], rounded),
+        "bits": bits,
+        "wide": f"int{2 * bits}_t",
+        "top": top,
+        "of_states": signals,
+        "reach": [digits_down(top * two(-s), 3) for s in signals],
     }
 
 

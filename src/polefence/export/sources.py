@@ -122,47 +122,25 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     """Return the context of every template."""
     if program.scales is not None:
         return _of_words(program, program.scales, texts)
-    number, name = program.number, texts.name
-    measured = not isinstance(program, Scheduled) and program.measured
-    vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
-    arguments = [
-        f"const {name}_real {vector}[{name.upper()}_{width}]",
-        f"{name}_real u[{name.upper()}_INPUTS]",
-    ]
-    memory = memory_of(program)
+    number, name, memory = program.number, texts.name, memory_of(program)
+    head, arguments = _head(program, texts, f"{name}_real")
+    vector = head["vector"]
     time = memory.step if memory else texts.sample_time
-    common: dict[str, Any] = {
-        "marker": MARKER,
-        "name": name,
-        "NAME": name.upper(),
-        "title": texts.title,
-        "statement": texts.statement,
-        "states": texts.states,
-        "vector": vector,
-        "WIDTH": width,
-        "signals": "measured signals" if measured else "states",
-        "inputs": texts.inputs,
+    common: dict[str, Any] = head | {
         "fixed": False,
         "number": number,
         "prefix": number.largest[:3],
         "digits": 24 if number.bits == 32 else 53,
         "limits": [number.text(number.outward(Fraction(v), up=False)) for v in texts.limits],
-        "plain_limits": [f"{limit:g}" for limit in texts.limits],
         "steps": [number.text(number.outward(Fraction(v), up=False)) for v in texts.steps],
         "plain_rates": [f"{rate:g}" for rate in texts.rates],
         "plain_steps": [f"{step:g}" for step in texts.steps],
         "sample_time": "" if time is None else number.text(time),
-        "delay": texts.delay,
-        "order": memory.states if memory else 0,
         "G": _anti_windup(number, memory),
         "K": [],
         "T": [],
         "gains": [],
-        "given": [],
-        "GIVEN": "",
         "bounds": [],
-        "by_parameters": False,
-        "letter": "",
     }
     common |= {key: number.text(v) for key, v in (("zero", 0.0), ("half", 0.5), ("one", 1.0))}
     if isinstance(program, Fixed):
@@ -186,31 +164,12 @@ def context(program: Program, texts: Texts) -> dict[str, Any]:
     return common | _arguments(arguments)
 
 
-def _anti_windup(number: Number, memory: Memory | None) -> list[list[str]]:
-    """Return the anti-windup gain as C constants, where the code has one."""
-    gain = None if memory is None else memory.anti_windup
-    return [] if gain is None else rows(number, gain)
-
-
-def _of_words(program: Program, scales: Scales, texts: Texts) -> dict[str, Any]:
-    """Return the context of the templates in fixed point."""
-    name, memory, bits = texts.name, memory_of(program), program.number.bits
+def _head(program: Program, texts: Texts, real: str) -> tuple[dict[str, Any], list[str]]:
+    """Return what floats and integers share: names and words, and the arguments, of a type."""
+    name, memory = texts.name, memory_of(program)
     measured = not isinstance(program, Scheduled) and program.measured
     vector, width = ("y", "MEASURED") if measured else ("x", "STATES")
-    word, states = f"{name}_word", memory.states if memory else 0
-    arguments = [
-        f"const {word} {vector}[{name.upper()}_{width}]",
-        f"{word} u[{name.upper()}_INPUTS]",
-    ]
-    gain, of = ("K", "") if isinstance(program, Fixed) else ("K(c)", ", K a polynomial")
-    form = f"u = {gain} {vector}{of}."
-    if memory:
-        form = f"(u, T v) = {gain} ({vector}, z), z its own states and v their rates{of}."
-    if isinstance(program, Scheduled):
-        form = "u = (M + Z(c) W(c)^-1 T) x."
-    time = memory.sample_time if memory else texts.sample_time
-    microseconds = None if time is None else 10**6 * Fraction(time)
-    values: dict[str, Any] = {
+    head = {
         "marker": MARKER,
         "name": name,
         "NAME": name.upper(),
@@ -221,19 +180,48 @@ def _of_words(program: Program, scales: Scales, texts: Texts) -> dict[str, Any]:
         "vector": vector,
         "WIDTH": width,
         "signals": "measured signals" if measured else "states",
-        "formula": form,
-        "solved": isinstance(program, Scheduled),
-        "sample_time_us": None if microseconds is None else round(microseconds),
-        "rounded_time": microseconds is not None and microseconds != round(microseconds),
         "delay": texts.delay,
-        "order": states,
-        "limits": [f"{limit:g}" for limit in texts.limits],
+        "order": memory.states if memory else 0,
         "plain_limits": [f"{limit:g}" for limit in texts.limits],
-        "steps": [],
         "given": [],
         "GIVEN": "",
         "letter": "",
         "by_parameters": False,
+    }
+    arguments = [
+        f"const {real} {vector}[{name.upper()}_{width}]",
+        f"{real} u[{name.upper()}_INPUTS]",
+    ]
+    return head, arguments
+
+
+def _anti_windup(number: Number, memory: Memory | None) -> list[list[str]]:
+    """Return the anti-windup gain as C constants, where the code has one."""
+    gain = None if memory is None else memory.anti_windup
+    return [] if gain is None else rows(number, gain)
+
+
+def _of_words(program: Program, scales: Scales, texts: Texts) -> dict[str, Any]:
+    """Return the context of the templates in fixed point."""
+    name, memory, bits = texts.name, memory_of(program), program.number.bits
+    word = f"{name}_word"
+    head, arguments = _head(program, texts, word)
+    vector, states = head["vector"], head["order"]
+    gain, of = ("K", "") if isinstance(program, Fixed) else ("K(c)", ", K a polynomial")
+    form = f"u = {gain} {vector}{of}."
+    if memory:
+        form = f"(u, T v) = {gain} ({vector}, z), z its own states and v their rates{of}."
+    if isinstance(program, Scheduled):
+        form = "u = (M + Z(c) W(c)^-1 T) x."
+    time = memory.sample_time if memory else texts.sample_time
+    microseconds = None if time is None else 10**6 * Fraction(time)
+    values: dict[str, Any] = head | {
+        "formula": form,
+        "solved": isinstance(program, Scheduled),
+        "sample_time_us": None if microseconds is None else round(microseconds),
+        "rounded_time": microseconds is not None and microseconds != round(microseconds),
+        "limits": head["plain_limits"],
+        "steps": [],
         "divides": False,
         "fixed": True,
     }

@@ -284,9 +284,7 @@ def _own_ranges(law: Law, gains: Array, sizes: Array, memory: Memory) -> Array:
 
 def constants(program: Program, limits: Sequence[float]) -> dict[str, Any]:
     """Return the integers of the code; of a scheduled law its gain apart in the table."""
-    scales, bits = program.scales, program.number.bits
-    if scales is None:
-        raise InputError("the program is one of floats")
+    scales, bits = _scales(program), program.number.bits
     memory = memory_of(program)
     states = memory.states if memory else 0
     m = len(scales.rows) - states
@@ -323,6 +321,13 @@ def constants(program: Program, limits: Sequence[float]) -> dict[str, Any]:
     }
 
 
+def _scales(program: Program) -> Scales:
+    """Return the exponents of a program, which is one of fixed point."""
+    if program.scales is None:
+        raise InputError("the program is one of floats")
+    return program.scales
+
+
 def _recovery(memory: Memory | None, scales: Scales, m: int) -> dict[str, Any]:
     """Return the integers of anti-windup, none without."""
     if memory is None or memory.anti_windup is None:
@@ -340,9 +345,7 @@ def _recovery(memory: Memory | None, scales: Scales, m: int) -> dict[str, Any]:
 
 def solving(program: Scheduled) -> dict[str, Any]:
     """Return the integers of a scheduled law besides: its tables row by row, and its shifts."""
-    scales, n = program.scales, len(program.T)
-    if scales is None:
-        raise InputError("the program is one of floats")
+    scales, n = _scales(program), len(program.T)
     w, factors, *of_rows = scales.solving
     lower = np.tril_indices(n)
     columns = list(zip(program.T.T, scales.columns, strict=True))
@@ -367,9 +370,7 @@ def _integer(value: float, exponent: int) -> int:
 
 def weighing(program: Polynomial | Scheduled, ok: str) -> list[str]:
     """Return the lines of C that find c, each -1 to 1 or 0 to 1, of parameters or alpha."""
-    scales, bits = program.scales, program.number.bits
-    if scales is None:
-        raise InputError("the program is one of floats")
+    scales, bits = _scales(program), program.number.bits
     count = sum(program.domain.sizes)
     if isinstance(program, Polynomial):
         count = len(program.powers[0])

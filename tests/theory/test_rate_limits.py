@@ -238,6 +238,17 @@ def test_anti_windup_is_found_for_a_rate_too():
         assert abs(x).max() < 1e-2
 
 
+def test_no_anti_windup_is_found_that_a_computer_could_not_run():
+    """How far the actuator is, and so what it makes of a demand, is nothing that a law knows."""
+    plant = with_states(with_actuator(pendulum(), "u", 5), 1)
+    K = np.array([[-40.0, -14.0, -0.3, -6.0], [1.0, 0, 0, 0]])
+    law = PolynomialGain(((0, 0),), [K], (), pendulum().parameters)
+    start = [(1.0, 0, 0, 0)]
+    assert with_anti_windup(plant, law, [Saturation("rate of u", points=start)]) is law
+    found = with_anti_windup(plant, law, [Saturation("demand of u", points=start)])
+    assert np.any(found.anti_windup)
+
+
 # --- the proof -----------------------------------------------------------------------------------
 
 

@@ -25,7 +25,7 @@ from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import least_given, work
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import states
+from polefence.plant.outputs import LATE, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array, Exact, System
 from polefence.proof.laws import OWN
@@ -50,9 +50,10 @@ SLIGHT, LEAST = 1e-6, 1e-12
 def with_anti_windup(plant: UncertainPlant, law: Law, asked: Iterable[Specification]) -> Law:
     """Return a law with an anti-windup gain for what is asked about its saturated inputs.
 
-    The law itself where it has no states of its own, nothing is asked about saturation, or no gain
-    is found. An entry of the gain moves the input that it belongs to no faster than a few times the
-    loop's fastest pole: beyond that a computer had to sample more often for it.
+    The law itself where it has no states of its own, nothing is asked about saturation, no gain is
+    found, or its computer does not know what acts: how far an actuator of the plant is. An entry of
+    the gain moves the input that it belongs to no faster than a few times the loop's fastest pole:
+    beyond that a computer had to sample more often for it.
 
     Parameters
     ----------
@@ -69,6 +70,8 @@ def with_anti_windup(plant: UncertainPlant, law: Law, asked: Iterable[Specificat
     gain = np.zeros((n, m))
     for specification in asked:
         chosen = set(specification.cut_off(plant)) - done
+        if chosen and not _is_known(plant, specification):
+            continue
         found = _found(plant, law, specification, rows) if chosen else None
         if found is not None:
             places = np.ix_(rows, sorted(chosen))
@@ -77,6 +80,15 @@ def with_anti_windup(plant: UncertainPlant, law: Law, asked: Iterable[Specificat
     if not np.any(gain):
         return law
     return law.with_anti_windup(np.array([[float(f"{x:.6g}") for x in row] for row in gain]))
+
+
+def _is_known(plant: UncertainPlant, specification: Specification) -> bool:
+    """Whether a computer knows what acts: its own inputs, and what it sent before."""
+    late = np.array([state.name.endswith(LATE) for state in states(plant)])
+    own = np.array([state.name.startswith(OWN) for state in states(plant)])
+    return not any(
+        output.arrays(plant)[0][:, ~(late | own)].any() for output in specification.outputs(plant)
+    )
 
 
 def _found(

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from polefence.certify.design import Design
 from polefence.plant.larger import own_states
-from polefence.plant.outputs import inputs, states
+from polefence.plant.outputs import LATE, inputs, states
 from polefence.proof.claims import Saturation
 from polefence.proof.claims.base import Claim
 from polefence.proof.plant import Output
@@ -38,9 +38,9 @@ def proved_ends(design: Design, claims: Iterable[Claim]) -> Proved:
     plant = design.plant
     count, known = plant.shape[1] - own_states(plant), [state.name for state in states(plant)]
     late = {
-        j: known.index(f"{signal.name}, 1 sample late")
+        j: known.index(signal.name + LATE)
         for j, signal in enumerate(inputs(plant))
-        if f"{signal.name}, 1 sample late" in known
+        if signal.name + LATE in known
     }
     limits, rates = dict[int, Fraction](), dict[int, Fraction]()
     for claim in (one for one in claims if isinstance(one, Saturation)):

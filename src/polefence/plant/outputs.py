@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from polefence.plant.family import UncertainPlant
 
 _UNIT = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\]]*)\]$")
+LATE = ", 1 sample late"  # ends the name of an input on its way
 IDENTICAL = 1e-10  # relative to the largest entry of a column: smaller differences are rounding
 _RATES = {"m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "m s": "m"}
 
@@ -236,7 +237,7 @@ def rate_named(plant: UncertainPlant, name: str) -> Output | None:
     if own == name or own not in [*known, *(signal.name for signal in inputs(plant))]:
         return None
     if own not in known:
-        state = f"{own}, 1 sample late"
+        state = own + LATE
         if state not in known:
             raise InputError(f"no signal {name!r}: {_no_rate(plant, own)}")
         signal = inputs(plant)[[signal.name for signal in inputs(plant)].index(own)]

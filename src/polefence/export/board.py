@@ -457,7 +457,7 @@ def _numbers(board: Board, program: Program) -> dict[str, Any]:
         "held": width - total,
         "noises": first.step.shape[1] - width,
         "signals_seen": len(first.seen),
-        "steps": board.steps,
+        "instants": board.steps,
         "samples": board.samples,
         "roads": ROADS,
         "between": board.between,

@@ -34,7 +34,7 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve import gramians
 from polefence.lmi.solve.along_motions import Along, along_motions
-from polefence.lmi.solve.gramians import Dual, DualProblem, at_corners, duals, in_parts
+from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.lmi.solve.spread import spread_of
@@ -57,7 +57,7 @@ from polefence.proof.short import Short
 from polefence.proof.work import FormatError, counted
 from polefence.region.text import digits_up
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
-from polefence.requirements.rms import Rms, of_one_noise
+from polefence.requirements.rms import Rms, in_any_order, of_one_noise
 from polefence.requirements.specification import Specification, claim_of
 from polefence.requirements.weights import behind
 
@@ -70,6 +70,7 @@ MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 ENOUGH = 0.5
 # Times the work of an iteration that a search may take which ends there: 31 of a van's, 2 s.
 SHORT = 6
+OVER_CLOCK = (1e-2, 3e-2, 0.1)  # the same shares for parts of the box where periods have any length
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
@@ -226,9 +227,10 @@ class _Question:
             wide = behind(plant, law, specification)
             dual = wide.specification.dual(wide.plant, wide.law)
             if dual is not None and dual.clocked:
-                nearest = at_corners(dual)
+                corners = np.eye(len(plant.vertices))
+                nearest = in_any_order(wide.specification, wide.plant, wide.law, corners).max()
                 dual = dual if np.isfinite(nearest) else None  # nor is there one for more
-                worst = max(worst, nearest)
+                worst = max(worst, float(nearest))
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only
@@ -328,7 +330,9 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
 
 def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
-    levels = (question.worst * (1 + share) for share in (1e-3, 5e-3, 2e-2))
+    clocked = question.problem is not None and question.problem.clocked
+    shares = OVER_CLOCK if clocked else (1e-3, 5e-3, 2e-2)
+    levels = (question.worst * (1 + share) for share in shares)
     bound = first(map(question.in_parts, levels))
     if bound is not None:
         yield bound

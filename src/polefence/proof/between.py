@@ -54,9 +54,9 @@ from polefence.proof.matrices import (
     transposed,
 )
 from polefence.proof.plant import Output, corner_weights, corners, lattice, sizes_of
-from polefence.proof.polynomials import Polynomial, Sizes, affine, diagonal
+from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, diagonal, form
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
-from polefence.proof.remainder import Remainder
+from polefence.proof.remainder import LARGER, THIRD, Remainder
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, counted, spend, spend_again
 
@@ -120,6 +120,11 @@ class Clock(Short):
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
         return {"least": plain(self.least), "most": plain(self.most), "parts": self.parts}
+
+    def some(self, share: Fraction) -> Clock | None:
+        """Return a clock with a share of what this one is off by; None with nothing of it."""
+        least, most = (1 + share * (end - 1) for end in (self.least, self.most))
+        return replace(self, least=least, most=most) if share else None
 
     @property
     def lengths(self) -> list[tuple[Fraction, Fraction]]:
@@ -214,6 +219,8 @@ class Period(Short):
         self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
     ) -> tuple[Polynomial, Rationals]:
         """Return one of M, V, c and G N on a part, and what it may miss, in units."""
+        if self.lengths is not None:
+            return self._over_lengths(k, unit, low, high, sizes)
         points = lattice(low, high, 2 if self._in_middles else 1)
         found = list(map(self._at, points))
         ends = set(corners(low, high))
@@ -224,8 +231,37 @@ class Period(Short):
         if remainder.curve:
             curved = [_times(rows, unit) for rows in remainder.curve]
             P = Remainder((), tuple(curved), remainder.degree).curved(P)
-        rounding = Fraction(max(v.off[k] for v in found), ONE) + Fraction(1, 1 << KEPT)
+        rounding = _rounding(k, found) * LARGER ** (self.parameters if self._in_middles else 0)
         return P, [[x + rounding for x in row] for row in remainder.entries]
+
+    def _over_lengths(
+        self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
+    ) -> tuple[Polynomial, Rationals]:
+        """Return the same where periods have any length: affine in the parameters, not in that.
+
+        They bend along the length most, by far: through a value in the middle the interpolation
+        is of degree 2 along it. It makes errors of those before it larger, by at most 5/4.
+        """
+        ends, coefficients, found = corners(low[:-1], high[:-1]), list[Rationals](), list[_Values]()
+        for at in ends:
+            three = [self._at((*at, t)) for t in (ZERO, Fraction(1, 2), Fraction(1))]
+            found += three
+            first, middle, last = (_kept(v.of(k), unit) for v in three)
+            bent = [
+                [2 * y - (x + z) / 2 for x, y, z in zip(*rows, strict=True)]
+                for rows in zip(first, middle, last, strict=True)
+            ]
+            coefficients += [first, last, bent]  # in the order of `monomials_of`
+        degrees = (*(1,) * (len(sizes) - 1), 2)
+        P = bernstein(coefficients, sizes, degrees)
+        sides = [(b - a) ** 2 for a, b in zip(low[:-1], high[:-1], strict=True)]
+        more = [[ZERO] * len(row) for row in unit]
+        for side, (_, _, twice, _) in zip(sides, (f[k] for f in self._every[:-1]), strict=True):
+            share = side * LARGER * 2 / 8  # powers of s are halves of second derivatives
+            more = _plus(more, twice, share)
+        more = _plus(more, self._every[-1][k][3], Fraction(6) / THIRD)
+        rounding = _rounding(k, found) * LARGER
+        return P, [[x + rounding for x in row] for row in more]
 
     def between(self, lengths: tuple[Fraction, Fraction]) -> Period:
         """Return it with periods of any length between two, times ``step``."""
@@ -254,7 +290,9 @@ class Period(Short):
         unit = [[a / (b * self.step) for b in u] for a in u[: self.n]]
         moved, off = self._interpolated(3, unit, low, high, sizes)
         most = self.lengths[1]
-        theta = affine([[[x]] for _ in range(1 << more) for x in self.lengths], sizes)
+        whole = math.lcm(*(x.denominator for x in self.lengths))
+        ends = tuple(int(x * whole) for x in self.lengths)
+        theta = form(len(sizes) - 1, ends, sizes, whole)
         mean = self.on_part(low, high, sizes)
         return Step(
             theta * moved,
@@ -283,7 +321,7 @@ class Period(Short):
         # of powers of s a product is ten; twice the slopes, and h a quarter, are 3 doublings
         products = 10 * (2 * TERMS + 5 * (self._doublings + 4) + 8)
         spend(self.parameters * products * self.count**3, FINE, FINE)
-        _ = self._remainders
+        _ = self._remainders if self.lengths is None else self._every
 
     def _counted(self, key: Any, computed: Callable[[], Any]) -> Any:
         """Return what is computed once, and count its work each time."""
@@ -437,8 +475,7 @@ class Period(Short):
     @cached_property
     def _remainders(self) -> tuple[Remainder, ...]:
         """Of M, V, c and G N, in their units, without what values are off by at points."""
-        k = self.parameters
-        every = [self._derivatives(i) for i in range(k)]
+        every = self._every
         n, N = self.n, self.count
         shapes = ((N, N), (n, n), (1, 1), (n, N))
         zeros = [tuple((ZERO,) * columns for _ in range(rows)) for rows, columns in shapes]
@@ -451,6 +488,11 @@ class Period(Short):
             third = thrice if self._in_middles else []
             remainders.append(Remainder.between(none, twice, third))
         return tuple(remainders)
+
+    @cached_property
+    def _every(self) -> list[tuple[Series, ...]]:
+        """Majorants along each parameter."""
+        return [self._derivatives(i) for i in range(self.parameters)]
 
     def _derivatives(self, i: int) -> tuple[Series, ...]:
         """Return majorants of M, V, c and G N along parameter i, as powers of s."""
@@ -709,6 +751,19 @@ def _times(rows: Sequence[Sequence[Fraction]], unit: Rationals) -> tuple[tuple[F
     return tuple(
         tuple(x * y for x, y in zip(*pair, strict=True)) for pair in zip(rows, unit, strict=True)
     )
+
+
+def _rounding(k: int, found: Sequence[_Values]) -> Fraction:
+    """Return what values at nodes are off by, in their units."""
+    return Fraction(max(v.off[k] for v in found), ONE) + Fraction(1, 1 << KEPT)
+
+
+def _plus(M: Rationals, more: Integers, times: Fraction) -> Rationals:
+    """Return M and so many times a matrix in multiples of 2^-96."""
+    share = times / ONE
+    return [
+        [x + share * y for x, y in zip(*rows, strict=True)] for rows in zip(M, more, strict=True)
+    ]
 
 
 def _sizes(M: Integers) -> list[Fraction]:

@@ -95,11 +95,11 @@ class Gain(Specification):
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
         points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
 
-        def turned() -> tuple[Array, Array]:
+        def turned() -> list[tuple[Array, Array]]:
             away = s[:, None, None] * np.eye(A.shape[-1]) - A
             right = np.linalg.solve(away, E @ v[:, :, None])[:, None, :, 0]
             back, seen = np.swapaxes(away.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None]
             left = np.linalg.solve(back, seen)
-            return (left.conj() * right).real, (u.conj()[:, :, None] * right).real
+            return [((left.conj() * right).real, (u.conj()[:, :, None] * right).real)]
 
         return Slopes(values, points, turned)

@@ -163,9 +163,9 @@ class GainNorm(Specification):
         # slopes of the singular values within 20 % of the largest
         points, some = np.nonzero(values >= 0.8 * values[:, :1])
 
-        def turned() -> tuple[Array, Array]:
+        def turned() -> list[tuple[Array, Array]]:
             left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
-            return np.zeros_like(loops.A[points]), left[:, :, None] * right[:, None, :]
+            return [(np.zeros_like(loops.A[points]), left[:, :, None] * right[:, None, :])]
 
         return Slopes(values[points, some], points, turned)
 

@@ -260,7 +260,7 @@ class InitialPeak(Specification):
         y *= np.array(members)[:, None]
         values = np.sqrt((y**2).sum(axis=(1, 2)))
 
-        def turned() -> tuple[Array, Array]:
+        def turned() -> list[tuple[Array, Array]]:
             size = np.maximum(values, TINY)[:, None, None]
             start = loops.E[points] @ np.swapaxes(y, 1, 2) / size
             # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
@@ -268,7 +268,7 @@ class InitialPeak(Specification):
             both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
             both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
             dA = moved(both, np.eye(2 * n))[:, :n, n:]
-            return dA, np.swapaxes(motion @ start, 1, 2)
+            return [(dA, np.swapaxes(motion @ start, 1, 2))]
 
         return Slopes(values, points, turned)
 

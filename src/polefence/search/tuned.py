@@ -33,10 +33,10 @@ TIGHTER = (2e-5, 5e-4, 3e-3, 2e-2)
 # the search looks at loops at rest.
 FARTHER = (8e-2, 0.25)
 FOR_STATES = 2  # which share gives a law's own states room for proofs
-# How many times as long as the longest of a clock periods are that a law is searched for, where a
-# bound has no proof: one Q for all periods proves less than each alone. A cart at 0.2 s, a sample
-# late, with 10 % of jitter and nothing to limit its force has none of the law for 0.22 s.
-STRETCHED = (1.0, 1.25, 1.6, 2.0, 3.0, 4.0)
+# The same of limits that one Q proves for periods of any length: of a van at 2 ms, 20 % more or
+# less, one took more than 20 parts of the box with the share before.
+FOR_CLOCKS = 3
+LEAST_WIDER = 1 / 16  # of a clock's jitter, what a law that bears less of it is asked to bear next
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
 MOST = 3  # laws of one search that proofs are looked for
@@ -72,8 +72,7 @@ def tuned_candidates(
         while room.region < len(shares) and room.limits < len(shares):
             if ended() and not known:  # what is found is looked at whatever it took to find
                 break
-            hard = task.plant.moving or _stretched(task.plant, 0) is not None
-            if max(room.region, room.limits) >= len(TIGHTER) and some and not hard:
+            if max(room.region, room.limits) >= len(TIGHTER) and some and not task.plant.moving:
                 break
             candidates = [] if cut_off else list(known)
             candidates = candidates or _searched(task, structure, room, times, starts)
@@ -115,7 +114,6 @@ class Room:
 
     region: int = 0
     limits: int = 0
-    clock: int = 0  # of the stretched periods
 
     @classmethod
     def first(cls, plant: UncertainPlant) -> Room:
@@ -141,6 +139,8 @@ class Room:
         """
         slow = plant.period > 0 and own_states(plant) > 0
         limits = 0 if plant.remainder is None else 2 if plant.bent else 1
+        if plant.sampling is not None and plant.sampling.clock is not None:
+            limits = FOR_CLOCKS
         return cls(FOR_STATES if slow else 1, limits)
 
     def after(self, missing: Missing | None, plant: UncertainPlant) -> Room:
@@ -154,7 +154,6 @@ class Room:
         return Room(
             self.region + (missing is not Missing.LIMIT or slow),
             self.limits + (missing is not Missing.REGION),
-            self.clock + (missing is None),
         )
 
 
@@ -167,23 +166,47 @@ def _searched(
     if room.region:  # a pole at the very edge of stability had no proof
         region = _asked(task, room, times, typical_rate(task.plant.A))[2]
     candidates = list[Tuned]()
-    stretched = _stretched(task.plant, room.clock)
-    plant = task.plant if stretched is None else stretched
     for wanted in dict.fromkeys(filter(None, (_faster(task.plant, region), region, plain))):
-        candidates = tune(plant, structure, least, limits, wanted, starts)
+        candidates = _by_clocks(task.plant, structure, (least, limits, wanted), starts)
         if any(tuned.kept for tuned in candidates):
             break
     return candidates
 
 
-def _stretched(plant: UncertainPlant, number: int) -> UncertainPlant | None:
-    """Return the plant with longer periods of its clock; None of one that is perfect."""
+def _by_clocks(
+    plant: UncertainPlant,
+    structure: Structure,
+    asked: tuple[Specification | None, tuple[Specification, ...], Region],
+    starts: Sequence[Law],
+) -> list[Tuned]:
+    """Return what a search finds; of a clock that jitters, for more and more of that.
+
+    Most laws have no Q for all periods; those for a perfect clock, or for less jitter, lead there.
+    """
     sampling = plant.sampling
     if sampling is None or sampling.clock is None:
-        return None
-    times = Fraction(STRETCHED[min(number, len(STRETCHED) - 1)])
-    clock = replace(sampling.clock, most=sampling.clock.most * times)
-    return replace(plant, sampling=replace(sampling, clock=clock))
+        return tune(plant, structure, *asked, starts)
+
+    def bearing(share: float, known: Sequence[Law]) -> list[Tuned]:
+        clock = sampling.clock.some(Fraction(share)) if sampling.clock else None
+        some = replace(plant, sampling=replace(sampling, clock=clock))
+        return tune(some, structure, *asked, known, alone=share > 0)
+
+    found = bearing(1.0, starts) if starts else []
+    if any(tuned.kept for tuned in found):
+        return found
+    found = bearing(0.0, starts)
+    borne, wider = 0.0, 1.0
+    while borne < 1 and any(tuned.kept for tuned in found):
+        share = min(1.0, borne + wider)
+        more = bearing(share, [tuned.law for tuned in found if tuned.kept][:MOST])
+        if any(tuned.kept for tuned in more):
+            found, borne = more, share
+        elif wider <= LEAST_WIDER:
+            break
+        else:
+            wider /= 2
+    return found if borne == 1 else []
 
 
 def _faster(plant: UncertainPlant, region: Region) -> Region | None:

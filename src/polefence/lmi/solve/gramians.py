@@ -22,13 +22,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from polefence.base.effort import ended, spend
 from polefence.law.laws import Law, right_divide
+from polefence.lmi.solve.common import Common, common
 from polefence.lmi.solve.loops import loop_degree
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided, widest
 from polefence.plant.family import UncertainPlant
@@ -37,7 +38,7 @@ from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.between import Clock, Period, Step
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
-from polefence.proof.polynomials import monomials, multinomial
+from polefence.proof.polynomials import monomials_of, multinomial
 from polefence.proof.remainder import SHARE
 from polefence.response.between import factor
 from polefence.response.modes import Modes, even_modes, of_modes
@@ -50,7 +51,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
 # 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
-DEGREES, BENT = (2, 4), (1, 2)  # on parts of the box; of samples between nodes
+DEGREES, BENT, OVER_CLOCK = (2, 4), (1, 2), (1,)  # on parts of the box; of samples between nodes
 LOWEST = 0.03  # of a level, what a point's own is at least
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
@@ -59,7 +60,10 @@ COVERED, TINY = 1.0001, 1e-300  # of rows and columns that cover a remainder
 # with 1e-2 9, with 1e-5 10.
 LEAST_COST = 1e-3
 _ENDS = Domain((2,))
-NEXT = 2.0**-20  # side of what is next to a corner
+MOST_OVER_CLOCK = 64  # parts: what takes more is missed along the length of a period
+NARROW, WIDEST = 2e-3, 1.0  # gaps of centres; a level is then 0.1 % above the least
+GAPS = (2e-3, 2e-2, 0.2)  # where no level is asked for
+WIDER = (0.5, 0.1)  # of what is between the least and a level, the gap of a centre
 SMALL = 1e-7  # of the largest, what a direction is taken to be moved at least
 
 
@@ -118,7 +122,7 @@ class OverPeriod:
             steps = (
                 self.period.between(ends).step_on(low, high, wide) for ends in self.clock.lengths
             )
-            return replace(self, ticks=tuple(map(_ticks, steps)))
+            return replace(self, ticks=tuple(_ticks(step, domain) for step in steps))
         mean = self.period.on_part(low, high, sizes)
         degree = max(max(P.degrees, default=0) for P in (mean.M, mean.V, mean.c))
         M, V, c = (_coefficients(P, degree) for P in (mean.M, mean.V, mean.c))
@@ -138,54 +142,65 @@ class Ticks:
     Attributes
     ----------
     domain : Domain
-        With the period behind the parameters.
-    theta : float
-        The length in the middle, in periods.
+        Of the parameters.
+    lengths : pair of float
+        The shortest and the longest, in periods.
     moved : (count, n, k) array
         (exp(N theta T) - 1) / T of what `OverPeriod.chosen` are, in a degree.
     off : (n, k) array
         What its entries are off by.
     M, V, c : (count, ., .) arrays
-    degree : int
+    degrees : pair of int
+        Of all of them, in the parameters and in the length.
     """
 
     domain: Domain
-    theta: float
+    lengths: tuple[float, float]
     moved: Array
     off: Array
     M: Array
     V: Array
     c: Array
-    degree: int
+    degrees: tuple[int, int]
+
+    @property
+    def theta(self) -> float:
+        """The length in the middle."""
+        return sum(self.lengths) / 2
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
         """Return what moves, factors of M and V, L'L and L L', and c at points."""
-        basis = self.domain.basis(alpha, self.degree)
+        corners = alpha.reshape(len(alpha), -1, 2)
+        plain = self.domain.basis(corners.sum(axis=2), self.degrees[0])
+        basis = _beside(plain, _ENDS.basis(corners.sum(axis=1), self.degrees[1]))
         moved, M, V, c = (np.tensordot(basis, P, 1) for P in (self.moved, self.M, self.V, self.c))
         return moved, np.swapaxes(factor(M), 1, 2), factor(V), c[:, 0, 0]
 
 
-def _ticks(step: Step) -> Ticks:
+def _ticks(step: Step, domain: Domain) -> Ticks:
     mean = step.mean
     every = (step.moved, mean.M, mean.V, mean.c)
-    degree = max(max(P.degrees) for P in every)
+    plain = max(max(P.degrees[:-1], default=0) for P in every)
+    along = max(P.degrees[-1] for P in every)
+    degrees = (*(plain,) * (len(step.theta.sizes) - 1), along)
     theta = _coefficients(step.theta, 1)
+    ends = float(theta.min()), float(theta.max())
     off = np.array([[float(x) for x in row] for row in step.off])
-    moved, M, V, c = (_coefficients(P, degree) for P in every)
-    domain = Domain(tuple(step.theta.sizes))
-    return Ticks(domain, float(theta.mean()), moved, off, M, V, c, degree)
+    moved, M, V, c = (_coefficients(P, degrees) for P in every)
+    return Ticks(domain, ends, moved, off, M, V, c, (plain, along))
 
 
-def _coefficients(P: ExactPolynomial, degree: int) -> Array:
-    """Return Bernstein coefficients of a degree in each simplex."""
-    raised = P.raised((degree,) * len(P.sizes))
+def _coefficients(P: ExactPolynomial, degrees: int | tuple[int, ...]) -> Array:
+    """Return Bernstein coefficients of these degrees in each simplex."""
+    degrees = (degrees,) * len(P.sizes) if isinstance(degrees, int) else degrees
+    raised = P.raised(degrees)
     none = np.zeros(P.shape)
     return np.array(
         [
             np.array([[x / (raised.whole * multinomial(e, P.sizes)) for x in row] for row in terms])
             if (terms := raised.terms.get(e))
             else none
-            for e in monomials(P.sizes, degree)
+            for e in monomials_of(P.sizes, degrees)
         ]
     )
 
@@ -435,6 +450,8 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
         The highest degree.
     """
     first = int(problem.domain.corners > 1)
+    if first and problem.clocked:  # parts of the box take less
+        return
     if problem.means is not None:
         whole = problem.means.inside(Box.whole(problem.domain), problem.domain)
         problem = replace(problem, means=whole)
@@ -448,20 +465,6 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
             yield dual
             if dual.level <= worst * (1 + near):
                 return
-
-
-def at_corners(problem: DualProblem) -> float:
-    """Return the largest level that is proved next to a corner of the box; inf where none is.
-
-    For periods of any length it lies above samples: one Q has to do for all of them.
-    """
-    count, worst = len(problem.domain.sizes), 0.0
-    for corner in product((0.0, 1.0 - NEXT), repeat=count if problem.domain.corners > 1 else 0):
-        low = corner or (0.0,) * count
-        box = Box(low, tuple(x + NEXT for x in low))
-        dual = next(_duals(problem.inside(box), np.inf, [0]), None)
-        worst = max(worst, np.inf if dual is None else dual.level)
-    return worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -492,11 +495,15 @@ def in_parts(
     """
     known = {} if known is None else known
     most = most or (MOST_BENT if problem.plant.bent else MOST_PARTS)
+    if problem.clocked:
+        most = min(most, MOST_OVER_CLOCK)
     by_level = problem.gain or problem.plant.remainder is not None
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
     whole = Box.whole(problem.domain)
     tried, first = BENT if problem.plant.bent else DEGREES, problem.inside(whole)
+    if problem.clocked:  # where one is not enough, parts take less than a higher one
+        tried = OVER_CLOCK
     work = {degree: first.work(degree) * ROUNDS for degree in tried}
     degrees = [d for d in work if work[d] <= MOST_IN_PART]
     if not degrees:
@@ -925,8 +932,11 @@ def _of(problem: DualProblem, degree: int) -> _Interpolation:
 class _OverClock(_Interpolation):
     """The search for R where Q has to do for periods of any length.
 
-    Q is the Gramian of the longest; R makes up for what it misses of the others too.
+    At a node Q is the centre of those that do for the shortest and the longest period of each part
+    of the clock: see `polefence.lmi.solve.common`. R makes up for what that misses.
     """
+
+    gap: float = NARROW
 
     @cached_property
     def own(self) -> list[Ticks]:
@@ -934,20 +944,23 @@ class _OverClock(_Interpolation):
         return [] if self.problem.means is None else list(self.problem.means.ticks)
 
     @property
-    def lengths(self) -> int:
-        """Degree of what moves in the length of a period, one more than in the parameters."""
-        return max(ticks.degree for ticks in self.own)
+    def moving(self) -> tuple[int, int]:
+        """Degrees of what moves in the parameters, and in the length of a period."""
+        plain, along = zip(*(ticks.degrees for ticks in self.own), strict=True)
+        return max(plain), max(along)
 
     @property
     def degrees(self) -> tuple[int, int]:
         """Of the inequality, in the parameters and in the length of a period."""
-        rows = self.lengths - 1 + self.problem.law.degree
-        return max(self.degree + self.problem.left + rows, self.degree + 2 * rows), 2 * self.lengths
+        plain, along = self.moving
+        rows = plain + self.problem.law.degree
+        return max(self.degree + self.problem.left + rows, self.degree + 2 * rows), 2 * along
 
     @property
     def degrees_of_noise(self) -> tuple[int, int]:
         """The same of what the noise adds."""
-        return self.degree + self.lengths - 1, self.lengths
+        plain, along = self.moving
+        return self.degree + plain, along
 
     @cached_property
     def looped(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:
@@ -973,6 +986,70 @@ class _OverClock(_Interpolation):
         table = plain.interpolated(table, degrees[0])
         turned = _ENDS.interpolated(np.swapaxes(table, 0, 1), degrees[1])
         return np.asarray(np.swapaxes(turned, 0, 1).reshape(values.shape))
+
+    def least(self, worst: float) -> Dual | None:  # noqa: ARG002
+        """Return the least dual of some gaps: what is missed asks for one of its own."""
+        some = (replace(self, gap=gap)._grown(None) for gap in GAPS)
+        return min(filter(None, some), key=attrgetter("level"), default=None)
+
+    def proving(self, level: float) -> Dual | None:
+        """Return the dual below the level: of what is between the least and it, Q takes a share."""
+        narrow = self._centres(np.zeros_like(self.units))
+        if narrow is None:
+            return None
+        more = max(float(ticks.c.max()) for ticks in self.own)
+        whole = (level * (1 - ROOM)) ** 2 - float(narrow.cost.max()) - more
+        for share in WIDER:
+            if whole <= 0:
+                return None
+            gap = share * whole / float(narrow.base.max())
+            dual = replace(self, gap=min(max(gap, NARROW), WIDEST))._grown(None)
+            if dual is not None and dual.level < level:
+                return dual
+        return None
+
+    def _centres(self, R: Array) -> Common | None:
+        """Return the centres at the nodes of Q, None where one has none."""
+        F, M, W, times = self.ends
+        step, longest = self.problem.step, times[-1]
+        # a short period makes up for less
+        costs = M + step * (times / longest)[:, None, None] * R
+        found = common(F, costs, W, self.gap)
+        return found if np.all(found.found) else None
+
+    @cached_property
+    def ends(self) -> tuple[Array, Array, Array, Array]:
+        """Loops and costs of the shortest and longest periods at the nodes, noise; lengths."""
+        problem = self.problem
+        nodes = problem.domain.nodes(self.degree)
+        every, noise = list[tuple[Array, Array]](), list[Array]()
+        for ticks in self.own:
+            for end in np.eye(2):
+                alpha = _beside(nodes, np.tile(end, (len(nodes), 1)))
+                W, N, Y, E, *_ = problem.ticked(ticks, alpha)
+                if problem.law.W is not None:
+                    N, Y = right_divide(N, W), right_divide(Y, W)
+                F = np.eye(N.shape[-1]) + problem.step * N
+                every.append((F, problem.step * Y.swapaxes(-1, -2) @ Y))
+                noise.append(E @ E.swapaxes(-1, -2))
+        F, M = (np.stack(each, axis=1) for each in zip(*every, strict=True))
+        times = np.ravel([ticks.lengths for ticks in self.own])
+        return F, M, np.mean(noise, axis=0), times
+
+    def _solutions(
+        self,
+        R: Array,
+        level: float | None,
+        least: Array,  # noqa: ARG002
+        share: float,  # noqa: ARG002
+    ) -> Array | None:
+        centres = self._centres(R) if level is None else None
+        if centres is None:
+            return None
+        return self.problem.domain.interpolated(centres.Q, self.degree)
+
+    def _share(self, level: float | None, least: Array) -> float:  # noqa: ARG002
+        return SHARES[0]
 
     def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
         entries, sizes = list[Array](), list[tuple[Array, Array]]()

@@ -8,7 +8,7 @@ does not drown the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,7 @@ from polefence.base.effort import spend
 from polefence.lmi.conditions.target import Side
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.region.regions import Region, stable
+from polefence.region.regions import Region
 from polefence.requirements.slopes import Channel
 from polefence.requirements.specification import Specification
 from polefence.response.modes import Modes
@@ -97,12 +97,6 @@ class Task:
         return sides_of(self.region, self.sizes.rate, float(self.plant.step))
 
     @property
-    def stability(self) -> list[Side]:
-        """The inequalities of stability."""
-        step = float(self.plant.step)
-        return sides_of(stable(step), self.sizes.rate, step)
-
-    @property
     def requirements(self) -> tuple[Specification, ...]:
         """Those on signals or the law, what is minimised first."""
         first = (self.minimise,) if isinstance(self.minimise, Specification) else ()
@@ -144,22 +138,6 @@ class Points:
     alpha: Array
     unknowns: At
     channels: tuple[Channel, ...]
-    known: dict[str, tuple[Array, Modes]] = field(default_factory=dict, repr=False)
-
-    @property
-    def longest(self) -> Channel | None:
-        """A channel with the longest period of a clock; None of one that is perfect."""
-        return next((channel for channel in self.channels if channel.own), None)
-
-    def late_modes(self, K: Array) -> Modes | None:
-        """Return the modes with the longest period; None of a clock that is perfect."""
-        longest = self.longest
-        if longest is None:
-            return None
-        if "K" not in self.known or self.known["K"][0] is not K:
-            modes = Modes(longest.A + longest.B @ K, float(self.task.plant.step))
-            self.known["K"] = K, modes
-        return self.known["K"][1]
 
     def modes(self, K: Array) -> Modes | None:
         """Return the modes under gains of all states (count, m, n), None where they overflow."""
@@ -167,39 +145,32 @@ class Points:
         good = np.all(np.isfinite(A)) and np.abs(A).max() < 1e100
         return Modes(A, float(self.task.plant.step)) if good else None
 
-    def evaluable(self, modes: Modes, late: Modes | None) -> Any:
+    def evaluable(self, modes: Modes) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
         poles, minimise = modes.poles, self.task.minimise
         turning = isinstance(minimise, tuple) and any(np.any(side.M1) for side in minimise)
         if not self.task.requirements and not turning:
             return np.full(len(poles), True)
-        stable = np.full(len(poles), True)
-        for own in (modes, late):
-            if own is not None:
-                rates = growth_of(own.poles, own.step)
-                stable &= np.all(rates < -1e-12 * np.abs(own.poles).max(axis=1)[:, None], axis=1)
-        return stable
+        rates = growth_of(poles, modes.step)
+        return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
 
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
         """Return the k-th requirement."""
-        channel, late = self.channels[k + 1], self.late_modes(K)
-        own = late if channel.own and late is not None else modes
-        measure = self.task.requirements[k].slopes(channel.closed(K, own))
+        channel = self.channels[k + 1]
+        if channel.length != 1:  # of a clock that is not perfect
+            modes = Modes(channel.A + channel.B @ K, modes.step)
+        measure = self.task.requirements[k].slopes(channel.closed(K, modes))
         return Found(measure.values, measure.points, lambda: channel.slopes(measure))
 
-    def side(
-        self, side: Side, modes: Modes, kappa: float | None = None, B: Array | None = None
-    ) -> Found:
+    def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
 
         Parameters
         ----------
-        B : (count, n, m) array, optional
-            Of other loops than the plant's.
         kappa : float, optional
             Of one that is smooth, where the side has one.
         """
-        B = self.channels[0].B if B is None else B
+        B = self.channels[0].B
         curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
         if kappa is not None and curve is not None:
             values, dA = smooth_growth(side, curve, modes, kappa)
@@ -237,12 +208,9 @@ class Points:
         return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
     def bounds(
-        self, K: Array, modes: Modes, late: Modes | None, kappa: float | None = None
+        self, K: Array, modes: Modes, kappa: float | None = None
     ) -> list[tuple[Found, float]]:
-        """Return what loops must keep, but for requirements: kept where zero or less; margins.
-
-        With the longest period of a clock, too, they are to be stable.
-        """
+        """Return what loops must keep, but for requirements: kept where zero or less; margins."""
         measures = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
         if np.isfinite(self.task.fastest):
             measure = self.speed(modes)
@@ -251,10 +219,6 @@ class Points:
         if np.any(np.isfinite(largest)):
             measure = self.entries(K, largest)
             measures.append((replace(measure, values=measure.values - 1), MARGIN))
-        longest = self.longest
-        if late is not None and longest is not None:
-            B, whole = longest.B, self.task.stability
-            measures += [(self.side(side, late, kappa, B), MARGIN) for side in whole]
         return measures
 
     def limited(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
@@ -306,12 +270,9 @@ class Points:
         spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), 1)
         if modes is None or not np.all(np.isfinite(modes.left)):
             return None
-        late = self.late_modes(K)
-        if late is not None and not np.all(np.isfinite(late.left)):
-            return None
-        measures = self.bounds(inner, modes, late, kappa if phase == REGION else None)
+        measures = self.bounds(inner, modes, kappa if phase == REGION else None)
         if phase != REGION:
-            if not np.all(self.evaluable(modes, late)):
+            if not np.all(self.evaluable(modes)):
                 return None
             measures += self.limited(K, modes)
         kept = [_kept(measure, margin) for measure, margin in measures]
@@ -350,11 +311,10 @@ class Points:
         modes = self.modes(K)
         if modes is None:
             return np.full((2, len(K)), np.inf)
-        late = self.late_modes(K)
-        good = self.evaluable(modes, late)
+        good = self.evaluable(modes)
         some = self if np.all(good) else self[good]
         evaluated = Modes(modes.A[good], modes.step)
-        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes, late)]
+        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes)]
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):
             measures = [some.level(K[good], inner[good], evaluated)]

@@ -99,6 +99,7 @@ def tune(
     limits: Sequence[Specification] = (),
     region: Region | None = None,
     starts: Sequence[Law] = (),
+    alone: bool = False,
 ) -> list[Tuned]:
     """Search laws of a structure; return those found, the best first.
 
@@ -113,13 +114,15 @@ def tune(
     starts : sequence of Law
         Laws to start from besides the search's own. One that is of the structure and keeps
         everything is among the results, so that these are never worse.
+    alone : bool
+        Whether the search has no other starts.
 
     Raises
     ------
     InputError
         If the structure or a specification does not fit the plant.
     """
-    return _run(_task(plant, structure, minimise, tuple(limits), region), starts)
+    return _run(_task(plant, structure, minimise, tuple(limits), region), starts, alone)
 
 
 def rough(
@@ -219,14 +222,14 @@ def _task(
 
 
 @stage("tuning")
-def _run(task: Task, starts: Sequence[Law]) -> list[Tuned]:
+def _run(task: Task, starts: Sequence[Law], alone: bool = False) -> list[Tuned]:
     """Return what a search finds; one gain, a special case, is first if no such law is given."""
     structure = task.unknowns.structure
-    if task.unknowns.terms > 1 and all(law.W is not None for law in starts):
+    if not alone and task.unknowns.terms > 1 and all(law.W is not None for law in starts):
         one = replace(task.unknowns, structure=replace(structure, schedule=()))
         simple = _Search(replace(task, unknowns=one)).run(starts)
         starts = (*starts, *(tuned.law for tuned in simple[:1]))
-    return _Search(task).run(starts)
+    return _Search(task).run(starts, alone)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,15 +273,16 @@ class _Search:
             some = np.random.default_rng(SEED).permutation(count)[:most]
             corners = corners[np.sort(some)]
         self.first = task.at(corners)
-        self.places = _cloud(self.domain)
+        clocked = any(channel.beside for channel in self.first.channels)
+        self.places = np.array(self.domain.monomials(1)) if clocked else _cloud(self.domain)
         self.cloud = task.at(self.domain.alpha(self.places))
 
-    def run(self, laws: Sequence[Law]) -> list[Tuned]:
-        """Return what all starts lead to, the best first."""
+    def run(self, laws: Sequence[Law], alone: bool = False) -> list[Tuned]:
+        """Return what all starts lead to, the best first; with ``alone`` no others than laws."""
         nothing = self.task.unknowns.law(np.zeros(self.task.unknowns.size))
         if self.task.minimise is None and (zero := self._given(nothing)).kept:
             return [zero]
-        quick = self._quick(laws)
+        quick = self._of_given(laws) if alone else self._quick(laws)
         # beside laws that are given stand some at random, for which none of these makes way
         first = quick[: len(laws)] if len(laws) >= ENOUGH else quick
         followed = dict.fromkeys((*_distinct(first)[:BEST], *_distinct(quick)[:BEST]))
@@ -304,17 +308,17 @@ class _Search:
 
         With ``alone`` from these laws and no other.
         """
-        if alone:
-            starts = self._given_starts(laws)
-            quick = [self._improved(theta, self.first, QUICK) for theta in starts]
-        else:
-            quick = self._quick(laws)
+        quick = self._of_given(laws) if alone else self._quick(laws)
         for start in _distinct(quick)[:1]:
             best = min(self._improved(start.theta, self.first), start, key=attrgetter("rank"))
             if best.excess <= FEASIBLE:
                 law = self.task.unknowns.law(best.theta)
                 return Tuned(law, best.level, self.first.alpha[0], True, "")
         return None
+
+    def _of_given(self, laws: Sequence[Law]) -> list[_Reached]:
+        """Return what laws alone lead to at the corners."""
+        return [self._improved(theta, self.first, QUICK) for theta in self._given_starts(laws)]
 
     def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
         """Return what all starts lead to at the corners; with patience if none is inside."""

@@ -14,7 +14,7 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 import polefence as pf
 from polefence.certify.bounds import best_bound, kept_bound
 from polefence.plant.spec import loads
-from polefence.proof.between import Period
+from polefence.proof.between import Changed, Period
 from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError, counted
 from polefence.response.between import held_of, means
@@ -24,8 +24,8 @@ T = Fraction(1, 50)
 LAW = {0: np.array([[-30.0, -12.0]]), 1: np.array([[-30.0, -12.0, -0.2]])}
 
 
-def some_period(rng, parameters, n=3, m=1):
-    """A family drawn at random, oscillating and lightly damped."""
+def some_period(rng, parameters, n=3, m=1, share=None):
+    """A family drawn at random, oscillating and lightly damped; with a share B and D change."""
 
     def drawn(rows, columns, size, spread):
         middle = rng.normal(size=(rows, columns)) * size
@@ -40,7 +40,8 @@ def some_period(rng, parameters, n=3, m=1):
     A, B = drawn(n, n, 20.0, 0.3), drawn(n, m, 5.0, 0.2)
     C, D, E = drawn(2, n, 1.0, 0.3), drawn(2, m, 0.5, 0.3), drawn(n, 2, 1.0, 0.2)
     units = tuple(Fraction(2) ** int(k) for k in rng.integers(-3, 4, n + m))
-    return Period(A, B, C, D, E, T, Fraction(1, 3), units)
+    changed = share and Changed(share, drawn(n, m, 5.0, 0.2), drawn(2, m, 0.5, 0.3))
+    return Period(A, B, C, D, E, T, Fraction(1, 3), units, changed=changed)
 
 
 def by_quadrature(period, at):
@@ -48,22 +49,25 @@ def by_quadrature(period, at):
     weights = np.array([1.0])
     for t in at:
         weights = np.kron(weights, [1 - t, t])
-    A, B, C, D, E = (
+    last = period.changed or Changed(Fraction(0), period.B, period.D)
+    A, B, C, D, E, later, then = (
         np.tensordot(weights, np.array(M, dtype=float), 1)
-        for M in (period.A, period.B, period.C, period.D, period.E)
+        for M in (period.A, period.B, period.C, period.D, period.E, last.B, last.D)
     )
     n, m, h = len(A), B.shape[1], float(period.step)
-    N = np.block([[A, B], [np.zeros((m, n + m))]])
-    W, rows = float(period.intensity) * E @ E.T, np.hstack([C, D])
+    N, N2 = (np.block([[A, X], [np.zeros((m, n + m))]]) for X in (B, later))
+    W, change = float(period.intensity) * E @ E.T, h * float(1 - last.share)
 
     def of(s):
-        F = expm(N * s)
-        moved = F[:n, :n] @ W @ F[:n, :n].T
-        shown = rows @ F
+        F = expm(N * min(s, change))
+        shown = np.hstack([C, D if s <= change else then]) @ expm(N2 * max(s - change, 0.0)) @ F
+        F = expm(A * s)
+        moved = F @ W @ F.T
         lasting = (h - s) * np.trace(C @ moved @ C.T)
         return np.concatenate([(shown.T @ shown).ravel(), moved.ravel(), [lasting]]) / h
 
-    found = quad_vec(of, 0.0, h, epsrel=1e-12, epsabs=0.0)[0]
+    ends = [(0.0, change), (change + 1e-15, h)] if last.share else [(0.0, h)]
+    found = sum(quad_vec(of, *both, epsrel=1e-12, epsabs=0.0)[0] for both in ends)
     k = n + m
     return found[: k * k].reshape(k, k), found[k * k : -1].reshape(n, n), found[-1]
 
@@ -95,12 +99,13 @@ def excess(mean, period, low, high, at):
     return min(least), max(most)
 
 
+@pytest.mark.parametrize("share", [None, Fraction(1, 3), Fraction(9, 10)])
 @pytest.mark.parametrize("parameters", [0, 1, 2])
-def test_means_are_never_below_those_of_quadrature(parameters):
+def test_means_are_never_below_those_of_quadrature(parameters, share):
     rng = np.random.default_rng(parameters)
     sizes = (2,) * parameters or (1,)
-    for _ in range(3):
-        period = some_period(rng, parameters)
+    for _ in range(1 if share else 3):
+        period = some_period(rng, parameters, share=share)
         gaps = []
         for width in (Fraction(1, 2), Fraction(1, 4)):
             low = tuple(Fraction(1, 4) for _ in range(parameters))
@@ -130,52 +135,51 @@ def spring():
     return loads(SPRING)
 
 
-def sampled_and_loop(plant, law, T, at):
+def sampled_and_loop(plant, law, T, at, delay=0):
     """Covariances of a loop at a point, by another way: moments over fine steps of a period."""
     point = np.atleast_2d(at)
     A, B = (M[0] for M in plant.at(point))
     E, n = plant.driven(point)[0], plant.shape[0]
-    late, K = law.shape[1] > n, law
-    steps = 400
+    K, steps = law, 400
+    late = round(delay * steps)  # steps after a sample, from which on its input acts
     h = float(T) / steps
-    N = np.block([[A, B], [np.zeros((1, n + 1))]])
-    F = expm(N * h)
+    # x, the input that acts, and the one that follows it
+    step = np.eye(n + 2)
+    step[: n + 1, : n + 1] = expm(np.block([[A, B], [np.zeros((1, n + 1))]]) * h)
+    change = np.eye(n + 2)
+    change[n] = np.eye(n + 2)[n + 1]
+    F = expm(A * h)
     W = quad_vec(lambda s: expm(A * s) @ E @ E.T @ expm(A * s).T, 0, h, epsrel=1e-12)[0] / 2
-    whole = np.linalg.matrix_power(F, steps)
-    added, covariances = np.zeros((n, n)), [np.zeros((n, n))]
-    for _ in range(steps):
-        added = F[:n, :n] @ added @ F[:n, :n].T + W
-        covariances.append(added)
-    if late:  # states x and the input that acts during this period
-        closed = np.vstack([whole[:n], K])
-        noise = np.zeros((n + 1, n + 1))
-        noise[:n, :n] = added
-        P = solve_discrete_lyapunov(closed, noise)
-    else:
-        P = solve_discrete_lyapunov(whole[:n, :n] + whole[:n, n:] @ K, added)
-        up = np.vstack([np.eye(n), K])
-        P = up @ P @ up.T
-    position = []
-    moved = np.eye(n + 1)
-    for k in range(steps + 1):
-        position.append((moved @ P @ moved.T)[0, 0] + covariances[k][0, 0])
-        moved = F @ moved
+    moved, added = [np.eye(n + 2) if late else change], [np.zeros((n, n))]
+    for k in range(1, steps + 1):
+        now = step @ moved[-1]
+        moved.append(change @ now if k == late < steps else now)
+        added.append(F @ added[-1] @ F.T + W)
+    # the law's input of a sample is what acts last: before a change it is the one that follows
+    gain = np.zeros((1, n + 1))
+    gain[0, : K.shape[1]] = K
+    up = np.vstack([np.eye(n + 1), gain])
+    closed = np.vstack([moved[-1][:n], np.eye(n + 2)[n + 1]]) @ up
+    noise = np.zeros((n + 1, n + 1))
+    noise[:n, :n] = added[-1]
+    P = up @ solve_discrete_lyapunov(closed, noise) @ up.T
+    position = [(M @ P @ M.T)[0, 0] + X[0, 0] for M, X in zip(moved, added, strict=True)]
     return np.sqrt(np.trapezoid(position) / steps), np.sqrt(P[0, 0])
 
 
-@pytest.mark.parametrize("delay", [0, 1])
+@pytest.mark.parametrize("delay", [0, Fraction(1, 4), 0.7, 1])
 def test_a_bound_is_at_all_times_and_close(spring, delay):
     seen = pf.at_sample_time(spring, T, delay)
-    asked = pf.Rms("x", density=1.0)
-    bound = best_bound(seen, pf.FixedGain(LAW[delay]), asked)
+    asked, gain = pf.Rms("x", density=1.0), LAW[1 if delay else 0]
+    bound = best_bound(seen, pf.FixedGain(gain), asked)
     assert bound is not None
     corners = np.eye(len(seen.vertices))
-    found = [sampled_and_loop(spring, LAW[delay], T, at)[0] for at in corners]
-    computed = asked.values(seen, pf.FixedGain(LAW[delay]), corners)
+    found = [sampled_and_loop(spring, gain, T, at, delay)[0] for at in corners]
+    computed = asked.values(seen, pf.FixedGain(gain), corners)
     assert computed == pytest.approx(found, rel=1e-5)
     assert bound.level >= max(found) * (1 - 1e-9)
     assert bound.level <= max(found) * 1.01
-    law, below = pf.FixedGain(LAW[delay]), max(found) * (1 - 1e-3)
+    law, below = pf.FixedGain(gain), max(found) * (1 - 1e-3)
     assert kept_bound(seen, law, replace(asked, at_most=below)) is None
 
 
@@ -242,6 +246,10 @@ def broken(rows):
     rows["delay"] += 1
     yield
     rows["delay"] -= 1
+    known = rows.get("early", 0)
+    rows["early"] = "1/3"
+    yield
+    rows["early"] = known
     for key, i, j in (("A", 1, 0), ("B", 1, 0), ("E", 1, 0)):
         known = rows["vertices"][0][key][i][j]
         rows["vertices"][0][key][i][j] = "1" if known != "1" else "2"
@@ -249,8 +257,9 @@ def broken(rows):
         rows["vertices"][0][key][i][j] = known
 
 
-def test_what_is_held_is_what_the_samples_are_of(spring, tmp_path):
-    seen = pf.at_sample_time(spring, T, 1)
+@pytest.mark.parametrize("delay", [1, 0.5])
+def test_what_is_held_is_what_the_samples_are_of(spring, tmp_path, delay):
+    seen = pf.at_sample_time(spring, T, delay)
     asked = pf.Rms("x", density=1.0)
     pf.optimise(seen, asked, [pf.Rms("f", density=1.0, at_most=3.0)]).save(tmp_path)
     document = json.loads((tmp_path / "design.json").read_text())

@@ -457,7 +457,7 @@ def sampling_of(
         )
     except InputError as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
-    return SamplesOf(bare, claim.delay, claim.terms, claim.units)
+    return SamplesOf(bare, claim.delay, claim.terms, claim.units, early=claim.early)
 
 
 def _not_late(plant: UncertainPlant, claim: Samples) -> Iterator[Output]:

@@ -20,6 +20,7 @@ from polefence.plant.larger import own_states, with_states
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.proof.text import late_text
 from polefence.response.discrete import Sampling
 
 
@@ -64,10 +65,10 @@ def running(plant: UncertainPlant, design: Design) -> Running:
         raise InputError(f"{design.plant.name}: the design has no sample time")
     if plant.sample_time is not None or sampling.plant.shape != plant.shape:
         raise InputError(f"{plant.name} is not the plant that the design samples")
-    if sampling.delay > 1:
+    if sampling.late not in (0, 1):
         raise InputError(
-            f"inputs that act {sampling.delay} samples late cannot be "
-            "simulated; design for a delay of 0 or 1"
+            f"inputs that act {late_text(sampling.late)} cannot be simulated; design for a delay "
+            "of 0 or 1"
         )
     late, T = sampling.delay * plant.shape[1], float(design.plant.sample_time)
     kept = own_states(design.plant)

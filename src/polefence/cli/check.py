@@ -168,7 +168,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         difference = _other_samples(samples, claimed, plant)
         if difference is not None:
             return difference
-        plant = at_sample_time(plant, document.plant.step, samples.delay)
+        plant = at_sample_time(plant, document.plant.step, samples.delay - samples.early)
     if document.first(RmsRefutation) or document.first(Clipped):
         plant = _weighted(plant, claimed, spec)
     plant = _with_law(plant, claimed, spec)

@@ -15,7 +15,13 @@ from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states as states_of_a_law
 from polefence.proof.motion import motion_text
-from polefence.proof.text import digits_down, digits_up, exactly, milliseconds_text, plural
+from polefence.proof.text import (
+    digits_down,
+    digits_up,
+    exactly,
+    late_text,
+    milliseconds_text,
+)
 from polefence.region.regions import Region
 from polefence.region.z_plane import shares
 from polefence.requirements.specification import Specification
@@ -46,7 +52,7 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
         return []
     time, late = milliseconds_text(plant.sample_time), ""
     if sampling.delay:
-        late = f", inputs act {plural(sampling.delay, 'sample')} late"
+        late = f", inputs act {late_text(sampling.late)}"
     always = [one for one in asked if not one.has_primal(plant)]
     if not always:
         return [

@@ -55,10 +55,10 @@ def sampling_arguments(
     )
     parser.add_argument(
         "--delay",
-        type=int,
-        metavar="K",
-        help="an input acts K samples late: 1 where computing the law takes up to a sample; "
-        "default: 0",
+        type=float,
+        metavar="D",
+        help="an input acts D samples late, whole or not: 1 where computing the law takes up to a "
+        "sample, 0.5 where half of one; default: 0",
     )
     parser.set_defaults(jitter=None, lost=None)
     if clock:

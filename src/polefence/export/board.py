@@ -30,6 +30,7 @@ from polefence.plant.system import Array
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.rms import Rms
 from polefence.proof.short import Short
+from polefence.proof.text import late_text
 from polefence.requirements.weights import WEIGHTS, filter_of
 from polefence.response.discrete import exponential
 from polefence.response.stationary import lyapunov, unstable
@@ -170,6 +171,11 @@ def require_drivable(claims: Sequence[Claim], timed: bool, observer: bool = Fals
 def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Claim]) -> Board:
     own, delay = kept(design), texts.delay
     sampling = design.plant.sampling
+    if sampling is not None and sampling.early:
+        raise InputError(
+            f"a board (--board) applies inputs whole samples late; they act "
+            f"{late_text(sampling.late)} here: export it without --board"
+        )
     plant = design.plant if sampling is None else sampling.plant
     n, m = plant.shape
     if sampling is None:

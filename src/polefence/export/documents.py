@@ -7,6 +7,7 @@ sampled and is said to be. So `polefence check` writes the lines again, and comp
 from __future__ import annotations
 
 import hashlib
+import math
 import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -52,7 +53,7 @@ from polefence.proof.claims.rounding import (
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
-from polefence.proof.text import milliseconds_text, plural
+from polefence.proof.text import late_text, milliseconds_text
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region, region_of
 from polefence.region.text import digits_down, digits_up, short_text
@@ -183,7 +184,7 @@ def _other(path: Path, document: Document, held: Document | None) -> str:
     # what is kept of the region in service may be another than the design's
     parts = [(part.kind, part.numbers) for part in design.region]
     samples = document.first(Samples)
-    late = 0 if samples is None else samples.delay
+    late = Fraction(0) if samples is None else samples.delay - samples.early
     facts = Facts(region_of(parts), claim, own_time, limited=False, observer=observer, late=late)
     if timed:
         seen = read_seen(table, observer is not None)
@@ -432,7 +433,7 @@ class Facts:
         The plant's own, in discrete time.
     limited : bool
         Whether the code cuts the inputs.
-    late : int
+    late : Fraction
         By how many samples inputs act late in a plant that is samples of another.
     recovering : bool
         Whether what is cut off moves the law's own states.
@@ -447,7 +448,7 @@ class Facts:
     loop: Loop | None = None
     observer: Observer | None = None
     reason: str = ""
-    late: int = 0
+    late: Fraction = Fraction(0)
     recovering: bool = False
     slow: bool = False
 
@@ -460,8 +461,8 @@ class Facts:
 
     @property
     def delay(self) -> int:
-        """From measuring to applying u, in samples: of the loop that was judged."""
-        return self.late if self.loop is None else self.loop.delay
+        """From measuring to applying u, in samples: of the loop that was judged; rounded up."""
+        return math.ceil(self.late) if self.loop is None else self.loop.delay
 
 
 def loop_of(timed: Timing) -> Loop:
@@ -486,7 +487,7 @@ def statement(facts: Facts) -> tuple[str, ...]:
     sentences = [_rounding(facts), *_timing(facts)]
     T = facts.sample_time
     if T is not None:
-        late = f"acting {plural(facts.late, 'sample')} late, as the plant has it"
+        late = f"acting {late_text(facts.late)}, as the plant has it"
         how = late if facts.late else "without delay"
         sentences.append(f"Run every {milliseconds_text(T)} ms, the plant's own, u {how}.")
     if facts.observer is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -263,7 +264,7 @@ def _facts(
     """Return the facts that the code may state about itself."""
     loop = None if timed is None else loop_of(timed)
     common = design.region, proof.claim, design.plant.sample_time, limited, loop, observer
-    late = 0 if design.plant.sampling is None else design.plant.sampling.delay
+    late = Fraction(0) if design.plant.sampling is None else design.plant.sampling.late
     if not design.proved:
         facts = Facts(*common, reason="the design itself is not proved", late=late)
         return replace(facts, rounded=None)

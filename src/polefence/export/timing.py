@@ -61,7 +61,8 @@ def _same_plant(samples: Samples, claim: Rounded) -> bool:
     # the decay is proved for constant parameters, whatever the region's proof is for
     ranges = tuple(replace(parameter, rate=None) for parameter in claim.gain.subject.ranges)
     same = (samples.A, samples.B, samples.plant.ranges) == (A, B, ranges)
-    return same and samples.delay in (0, 1) and samples.plant.n == n + kept + samples.delay * m
+    whole = samples.delay in (0, 1) and not samples.early
+    return same and whole and samples.plant.n == n + kept + samples.delay * m
 
 
 def _same_code(held: Rounded, claim: Rounded, samples: Samples) -> bool:

@@ -62,7 +62,9 @@ class SamplesOf(Short):
     plant : UncertainPlant
         In continuous time.
     delay : int
-        How many samples late an input acts.
+        How many samples late an input acts; how many are on their way.
+    early : Fraction
+        Of a period, by how much it acts sooner than that: at least 0, below 1.
     terms : int
         Of the exponential's series, with which the remainder is proved.
     units : tuple of Fraction
@@ -76,6 +78,12 @@ class SamplesOf(Short):
     terms: int
     units: tuple[Fraction, ...]
     clock: Clock | None = None
+    early: Fraction = Fraction(0)
+
+    @property
+    def late(self) -> Fraction:
+        """How many samples late an input acts, whole or not."""
+        return self.delay - self.early
 
     @cached_property
     def known(self) -> dict[tuple[Fraction, ...], list[list[Fraction]]]:
@@ -90,7 +98,7 @@ class SamplesOf(Short):
             for key in ("exact_A", "exact_B", "exact_E")
         )
         units = self.units[: sum(self.plant.shape)]
-        return Held(A, B, E, self.delay, units, self.clock) if E else None
+        return Held(A, B, E, self.delay, units, self.clock, self.early) if E else None
 
 
 @dataclass(frozen=True, repr=False)

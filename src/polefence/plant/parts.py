@@ -17,10 +17,10 @@ from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact, System
-from polefence.proof.interpolation import ONE, sample
+from polefence.proof.interpolation import ONE, held_sample
 from polefence.proof.laws import on_corners
 from polefence.proof.matrices import Rationals, beside, mix
-from polefence.proof.plant import Node, corner_weights, corners, lattice
+from polefence.proof.plant import Node, corner_weights, corners, held_columns, lattice
 from polefence.proof.remainder import LARGER, THIRD
 
 Point = tuple[Fraction, ...]
@@ -121,17 +121,18 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
     if at not in sampling.known:
         sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, weights)
     F, (n, m) = sampling.known[at], sampling.plant.shape
-    T = plant.step or Fraction(1)
-    first = n + (sampling.delay - 1) * m
+    T, states = plant.step or Fraction(1), plant.shape[0]
+    acting = held_columns(n, m, sampling.delay, sampling.early, states)
     for i, row in enumerate(F):
         for j in range(n):
             A[i][j] = (row[j] - (i == j)) / T if plant.step else row[j]
-        acting = A[i][first : first + m] if sampling.delay else B[i]
-        acting[:m] = [x / T for x in row[n : n + m]]
-        if sampling.delay:
-            A[i][first : first + m] = acting
+        for k, x in zip(acting, row[n:], strict=False):
+            if k < states:
+                A[i][k] = x / T
+            else:
+                B[i][k - states] = x / T
         if E:
-            E[i] = [x / T for x in row[n + m :]]
+            E[i] = [x / T for x in row[n + len(acting) :]]
     return Node(at, A, B, E)
 
 
@@ -148,9 +149,11 @@ def _sampled(sampling: SamplesOf, T: Fraction, weights: list[Fraction]) -> Ratio
         [x * T * u / unit for x, u in zip(row, units, strict=True)]
         for row, unit in zip(mix(weights, rows), units, strict=False)
     ]
+    m, early = plant.shape[1], sampling.early
+    wide = (*units[: n + m], *units[n : n + m], *units[n + m :]) if early else units
     return [
-        [Fraction((x + (i == j) * ONE) / ONE) * units[i] / units[j] for j, x in enumerate(row)]
-        for i, row in enumerate(sample(M, sampling.terms))
+        [Fraction((x + (i == j) * ONE) / ONE) * units[i] / wide[j] for j, x in enumerate(row)]
+        for i, row in enumerate(held_sample(M, sampling.terms, early, m))
     ]
 
 

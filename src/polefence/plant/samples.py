@@ -14,4 +14,13 @@ def claim_of_samples(plant: UncertainPlant) -> Samples:
     if sampling is None:
         raise InputError(f"{plant.name} is not a sampled plant")
     A, B, E = matrices_of(sampling.plant)
-    return Samples(bare_plant(plant), A, B, E, sampling.delay, sampling.terms, sampling.units)
+    return Samples(
+        bare_plant(plant),
+        A,
+        B,
+        E,
+        sampling.delay,
+        sampling.terms,
+        sampling.units,
+        sampling.early,
+    )

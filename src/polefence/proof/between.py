@@ -13,12 +13,15 @@ All are computed for a short part h of the period by their series, and for twice
 
     V_2h = (V_h + F V_h F') / 2,  M_2h = (M_h + F'M_h F) / 2,  c_2h = c_h + h / 2 tr M_h V_h,
 
-with F the exponential of the time h (Van Loan, 1978). At points of the box this is done in whole
-multiples of 2^-96, with a bound on what rounding makes. Between points V, M and c are interpolated:
-their derivatives along a parameter t are at most those that the same computation has with the
-largest magnitudes in place of A, B, C, D and E, and these plus s times the largest magnitudes of
-their slopes: powers of s up to the third are computed, rounded up. The diagonals of A keep their
-signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the latter's series has no negative term.
+with F the exponential of the time h (Van Loan, 1978). Where the signals change on the way, as an
+input that is late by a part of a period, one part is put behind the other in the same way.
+
+At points of the box this is done in whole multiples of 2^-96, with a bound on what rounding makes.
+Between points V, M and c are interpolated: their derivatives along a parameter t are at most those
+that the same computation has with the largest magnitudes in place of A, B, C, D and E, and these
+plus s times the largest magnitudes of their slopes: powers of s up to the third are computed,
+rounded up. The diagonals of A keep their signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the
+latter's series has no negative term.
 
 A clock that is not perfect makes a period theta T, theta anywhere in an interval, each time anew:
 theta is one more coordinate t, of [A, B] theta T, on which neither the law nor Q depends. Then
@@ -53,7 +56,15 @@ from polefence.proof.matrices import (
     mix,
     transposed,
 )
-from polefence.proof.plant import Output, corner_weights, corners, lattice, sizes_of
+from polefence.proof.plant import (
+    Output,
+    corner_weights,
+    corners,
+    held_columns,
+    lattice,
+    read_early,
+    sizes_of,
+)
 from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, diagonal, form
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.remainder import LARGER, THIRD, Remainder
@@ -151,6 +162,47 @@ class _Values(Short):
 
 
 @dataclass(frozen=True)
+class Changed(Short):
+    """B and D at every vertex in the last ``share`` of a period, where they are others then."""
+
+    share: Fraction
+    B: list[Rationals]
+    D: list[Rationals]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What goes on in a part of a period: F, M, V and c, and what each is off by."""
+
+    F: Integers
+    M: Integers
+    V: Integers
+    c: int
+    off: tuple[int, int, int, int]
+
+    def then(self, share: Fraction, other: _Part, rest: Fraction) -> _Part:
+        """Return the two behind one another, shares of a period."""
+        of_F, of_M, of_V, of_c = self.off
+        by_F, by_M, by_V, by_c = other.off
+        n = len(self.V)
+        F, to_F = _multiplied(other.F, by_F, self.F, of_F)
+        half, off = _multiplied(other.M, by_M, self.F, of_F)
+        late, off = _multiplied(transposed(self.F), of_F, half, off)
+        M, to_M = _shared((share, self.M, of_M), (rest, late, off))
+        small = [row[:n] for row in other.F[:n]]
+        half, off = _multiplied(self.V, of_V, transposed(small), by_F)
+        late, off = _multiplied(small, by_F, half, off)
+        V, to_V = _shared((share, late, off), (rest, other.V, by_V))
+        inner = [row[:n] for row in other.M[:n]]
+        sizes = (_sum_of(inner), _sum_of(self.V))
+        driven = _inner(inner, self.V)
+        by = -(-(sizes[0] * of_V + sizes[1] * by_M + n * n * of_V * by_M) // ONE) + 2
+        c = share**2 * self.c + rest * (rest * other.c + share * driven)
+        to_c = math.ceil(share**2 * of_c + rest * (rest * by_c + share * by)) + 1
+        return _Part(F, M, V, math.floor(c), (to_F, to_M, to_V, to_c))
+
+
+@dataclass(frozen=True)
 class Period(Short):
     """x' = A x + B k + E w, z = C x + D k at every vertex, k constant for a time ``step``.
 
@@ -167,6 +219,7 @@ class Period(Short):
     intensity: Fraction
     units: tuple[Fraction, ...]
     lengths: tuple[Fraction, Fraction] | None = None
+    changed: Changed | None = None
     _known: dict[Any, tuple[Any, int]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -315,11 +368,12 @@ class Period(Short):
         self._counted("rates", self._prepared)
 
     def _prepared(self) -> None:
-        every = [*self.A, *self.B, *self.C, *self.D, *self.E]
+        both = [M for _, B, D in self.phases for M in (*B, *D)]
+        every = [*self.A, *both, *self.C, *self.E]
         length = longest((self.units, (self.step,), *(row for M in every for row in M)))
         spend(4 * RATIONAL * sum(len(M) * len(M[0]) for M in every if M and M[0]), length, length)
         # of powers of s a product is ten; twice the slopes, and h a quarter, are 3 doublings
-        products = 10 * (2 * TERMS + 5 * (self._doublings + 4) + 8)
+        products = 10 * (2 * TERMS + 5 * (self._doublings + 4) + 8) * len(self.phases)
         spend(self.parameters * products * self.count**3, FINE, FINE)
         _ = self._remainders if self.lengths is None else self._every
 
@@ -342,10 +396,16 @@ class Period(Short):
             products = 3 * TERMS + 5 * self._doublings
             if self.lengths is not None:
                 products += TERMS + self._doublings
-            spend(products * self.count**3, FINE, FINE)
+            spend((products + 4) * len(self.phases) * self.count**3, FINE, FINE)
             weights = corner_weights(point[: self._plain])
-            matrices = (self.A, self.B, self.C, self.D, self.E)
-            return self._computed(self._length(point), *(mix(weights, M) for M in matrices))
+            A, C, E = (mix(weights, M) for M in (self.A, self.C, self.E))
+            both = [(share, mix(weights, B), mix(weights, D)) for share, B, D in self.phases]
+            (share, B, D), *others = both
+            length = self._length(point) * share
+            part, moved, of_moved = self._computed(length, A, B, C, D, E)
+            for rest, B, D in others:
+                part = part.then(share, self._computed(rest, A, B, C, D, E)[0], rest)
+            return _Values(part.M, part.V, part.c, moved, (*part.off[1:], of_moved))
 
         values: _Values = self._counted(point, computed)
         return values
@@ -365,7 +425,8 @@ class Period(Short):
         C: Rationals,
         D: Rationals,
         E: Rationals,
-    ) -> _Values:
+    ) -> tuple[_Part, Integers, int]:
+        """Return what goes on in a time of so many ``step``, and G N with what it is off by."""
         n, N, j = self.n, self.count, self._doublings
         whole = self._rates([[*a, *b] for a, b in zip(A, B, strict=True)])
         rates = [[round(x * length * ONE / (1 << j)) for x in row] for row in whole]
@@ -402,7 +463,7 @@ class Period(Short):
         if G:
             small = [row[:n] for row in G[:n]]
             moved, of_moved = _multiplied(small, of_G, _rounded(whole), 1)
-        return _Values(M, V, c, moved, (of_M, of_V, of_c, of_moved))
+        return _Part(F, M, V, c, (of_F, of_M, of_V, of_c)), moved, of_moved
 
     # --- in units --------------------------------------------------------------------------------
 
@@ -423,16 +484,30 @@ class Period(Short):
         columns = _columns([[x / u for x in row] for row, u in zip(E, self.units, strict=False)])
         return _square(columns, self._noise_unit, self.intensity)
 
-    @cached_property
-    def _largest(self) -> tuple[Rationals, Rationals, Rationals]:
-        """The largest magnitudes of [A, B] T, [C, D] and E in units, (., N), (., N) and (q, n)."""
-        return tuple(_most(matrices) for matrices in self._in_units)  # type: ignore[return-value]
+    @property
+    def phases(self) -> list[tuple[Fraction, list[Rationals], list[Rationals]]]:
+        """Shares of a period, one after the other, with B and D in each."""
+        changed = self.changed
+        if changed is None:
+            return [(Fraction(1), self.B, self.D)]
+        last = (changed.share, changed.B, changed.D)
+        return [(1 - changed.share, self.B, self.D), last]
 
     @cached_property
-    def _in_units(self) -> tuple[list[Rationals], list[Rationals], list[Rationals]]:
-        """[A, B] T, [C, D] and the columns of E at the vertices, in units."""
-        AB = [_beside(a, b) for a, b in zip(self.A, self.B, strict=True)]
-        CD = [_beside(c, d) for c, d in zip(self.C, self.D, strict=True)]
+    def _largest(self) -> list[tuple[Rationals, Rationals, Rationals]]:
+        """The largest magnitudes of [A, B] T, [C, D] and E in units, in each phase."""
+        return [(_most(AB), _most(CD), _most(E)) for AB, CD, E in self._in_units]
+
+    @cached_property
+    def _in_units(self) -> list[tuple[list[Rationals], list[Rationals], list[Rationals]]]:
+        """[A, B] T, [C, D] and the columns of E at the vertices, in units, in each phase."""
+        return [self._of_phase(B, D) for _, B, D in self.phases]
+
+    def _of_phase(
+        self, B: list[Rationals], D: list[Rationals]
+    ) -> tuple[list[Rationals], list[Rationals], list[Rationals]]:
+        AB = [_beside(a, b) for a, b in zip(self.A, B, strict=True)]
+        CD = [_beside(c, d) for c, d in zip(self.C, D, strict=True)]
         u = self.units
         rows = [[[x * v for x, v in zip(row, u, strict=True)] for row in M] for M in CD]
         columns = [
@@ -443,20 +518,19 @@ class Period(Short):
     @cached_property
     def _energy_unit(self) -> Fraction:
         """A power of two, no entry of [C, D]'[C, D] in units is above it."""
-        return _power_above(_square(self._largest[1], Fraction(1)))
+        return max(_power_above(_square(CD, Fraction(1))) for _, CD, _ in self._largest)
 
     @cached_property
     def _noise_unit(self) -> Fraction:
         """A power of two, no entry of S E E' in units is above it."""
-        return _power_above(_square(self._largest[2], Fraction(1), self.intensity))
+        return _power_above(_square(self._largest[0][2], Fraction(1), self.intensity))
 
     @cached_property
     def _doublings(self) -> int:
         """How often h is doubled, where |N| h, and that of its transpose, is 1/4 at most."""
         most = Fraction(1) if self.lengths is None else self.lengths[1]
-        return self._halvings(
-            Fraction(1, 4), [_ints([[x * most for x in row] for row in self._largest[0]])]
-        )
+        every = (_ints([[x * most for x in row] for row in AB]) for AB, _, _ in self._largest)
+        return max(self._halvings(Fraction(1, 4), [rates]) for rates in every)
 
     def _halvings(self, most: Fraction, matrices: Iterable[Integers]) -> int:
         """Return how often the period is halved for sums of rows and columns to be so small."""
@@ -496,16 +570,34 @@ class Period(Short):
 
     def _derivatives(self, i: int) -> tuple[Series, ...]:
         """Return majorants of M, V, c and G N along parameter i, as powers of s."""
+        share, *rests = (share for share, *_ in self.phases)
+        (F, M, V, c), moved = self._in_phase(i, 0, share)
+        n = self.n
+        for k, rest in enumerate(rests, 1):
+            (F2, M2, V2, c2), _ = self._in_phase(i, k, rest)
+            both = _inner_series(_first(M2, n), V)
+            c = _mixed((share**2, c), (rest**2, c2), (share * rest, both))
+            M = _mixed((share, M), (rest, _sandwich(_turned(F), M2, F)))
+            small = _first(F2, n)
+            V = _mixed((share, _sandwich(small, V, _turned(small))), (rest, V2))
+            F = _series_product(F2, F)
+        return M, V, c, moved
+
+    def _in_phase(
+        self, i: int, phase: int, share: Fraction
+    ) -> tuple[tuple[Series, Series, Series, Series], Series]:
+        """Return majorants of F, M, V and c of a part of the period, and that of G N."""
         n, N = self.n, self.count
-        rates, outputs, driven = self._with_slopes(i)
-        least, most = self.lengths or (Fraction(1), Fraction(1))
+        rates, outputs, driven = self._with_slopes(i, phase)
+        least, most = self.lengths or (share, share)
         along = (rates[0], most - least) if i == self._plain else (rates[1], most)
         pair = [
             _ints(_square_matrix([[x * times for x in row] for row in M], N))
             for M, times in ((rates[0], most), along)
         ]
         j = self._halvings(Fraction(1, 16), pair)
-        tops = [max(self._highest(M[k][k]) for M in self._in_units[0]) for k in range(n)]
+        diagonals = self._in_units[phase][0]
+        tops = [max(self._highest(M[k][k], share) for M in diagonals) for k in range(n)]
         tops += [0] * (N - n)
         shift = max(0, -min(tops))
         shifted = [
@@ -532,16 +624,17 @@ class Period(Short):
         known = [_ints(M) for M in rates]
         none = [[0] * N for _ in range(n)]
         moved = _series_product(G, [*known, none, none])
-        return M, V, c, moved
+        return (F, M, V, c), moved
 
-    def _with_slopes(self, i: int) -> list[tuple[Rationals, Rationals]]:
+    def _with_slopes(self, i: int, phase: int) -> list[tuple[Rationals, Rationals]]:
         """Return the largest magnitudes of rates, outputs and noise, and their slopes along i."""
+        largest, every = self._largest[phase], self._in_units[phase]
         if i == self._plain:  # along the period
-            return [(M, [[ZERO] * len(M[0]) for _ in M]) for M in self._largest]
+            return [(M, [[ZERO] * len(M[0]) for _ in M]) for M in largest]
         half = 1 << (self._plain - 1 - i)
         return [
             (most, _most(_slopes(matrices, half)))
-            for most, matrices in zip(self._largest, self._in_units, strict=True)
+            for most, matrices in zip(largest, every, strict=True)
         ]
 
     @property
@@ -549,9 +642,9 @@ class Period(Short):
         """Number of parameters without the period."""
         return len(self.A).bit_length() - 1
 
-    def _highest(self, rate: Fraction) -> int:
-        """Return the largest of a rate times a period, rounded up."""
-        least, most = self.lengths or (Fraction(1), Fraction(1))
+    def _highest(self, rate: Fraction, share: Fraction) -> int:
+        """Return the largest of a rate times a period, or a share of one, rounded up."""
+        least, most = self.lengths or (share, share)
         return math.ceil(rate * (most if rate > 0 else least) * ONE)
 
 
@@ -561,6 +654,7 @@ class Held(Short):
 
     ``units`` are of x and u. The states at a sample are x and the inputs on their way, and others
     that do not change between samples. With a ``clock`` samples are not all equally far apart.
+    Inputs act sooner by the share ``early`` of a period than so many samples late.
     """
 
     A: list[Rationals]
@@ -569,6 +663,7 @@ class Held(Short):
     delay: int
     units: tuple[Fraction, ...]
     clock: Clock | None = None
+    early: Fraction = ZERO
     _known: dict[Any, Period] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
@@ -582,7 +677,11 @@ class Held(Short):
                 require_shape(M, n, columns, f"held: {key}")
         common_denominator([*A, *B, *E])
         clock = Clock.read(table.table("clock")) if "clock" in table else None
-        return cls(A, B, E, table.whole("delay", 0), table.numbers("units", n + m), clock)
+        delay = table.whole("delay", 0)
+        early = read_early(table, delay)
+        if early and clock is not None:
+            raise FormatError("held: with a clock inputs act whole samples late")
+        return cls(A, B, E, delay, table.numbers("units", n + m), clock, early)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -590,8 +689,9 @@ class Held(Short):
             {"A": plain(A), "B": plain(B), "E": plain(E)}
             for A, B, E in zip(self.A, self.B, self.E, strict=True)
         ]
-        clock = {} if self.clock is None else {"clock": self.clock.write()}
-        return {"delay": self.delay, "units": plain(self.units)} | clock | {"vertices": vertices}
+        more = {} if self.clock is None else {"clock": self.clock.write()}
+        more |= {"early": plain(self.early)} if self.early else {}
+        return {"delay": self.delay, "units": plain(self.units)} | more | {"vertices": vertices}
 
     def require(self, count: int, n: int, m: int, q: int, sizes: Sizes) -> None:
         """Refuse what does not fit samples of so many vertices, states, inputs, disturbances."""
@@ -622,23 +722,32 @@ class Held(Short):
         key = (repr([(y.C, y.D) for y in outputs]), tuple(scales), step, intensity)
         if key in self._known:
             return self._known[key]
-        n = len(self.A[0])
+        n, m = len(self.A[0]), len(self.B[0][0])
         every, acting = self.constant(outputs), self._acting(len(outputs[0].C[0][0]))
-        B = [
-            [[row[acting.index(k)] if k in acting else ZERO for k in every] for row in M]
-            for M in self.B
-        ]
+        B = self._entering(acting[:m], every)
         rows = [[[*y.C[j][0], *y.D[j][0]] for y in outputs] for j in range(len(self.A))]
         C = [[row[:n] for row in M] for M in rows]
         D = [[[row[k] for k in every] for row in M] for M in rows]
+        changed = None
+        if self.early:  # what shows the inputs that act shows the next ones then
+            later = [[_exchanged(row, acting[:m], acting[m:]) for row in M] for M in rows]
+            shown = [[[row[k] for k in every] for row in M] for M in later]
+            changed = Changed(self.early, self._entering(acting[m:], every), shown)
         E = [
             [[x * s for x, s in zip(row, scales, strict=True)] for row in M] if scales else M
             for M in self.E
         ]
-        units = [self.units[n + acting.index(k)] if k in acting else Fraction(1) for k in every]
+        units = [self.units[n + acting.index(k) % m] if k in acting else Fraction(1) for k in every]
         every_unit = (*self.units[:n], *units)
-        self._known[key] = Period(self.A, B, C, D, E, step, intensity, every_unit)
+        self._known[key] = Period(self.A, B, C, D, E, step, intensity, every_unit, changed=changed)
         return self._known[key]
+
+    def _entering(self, acting: Sequence[int], every: Sequence[int]) -> list[Rationals]:
+        """Return B with these inputs among all constant signals."""
+        return [
+            [[row[acting.index(k)] if k in acting else ZERO for k in every] for row in M]
+            for M in self.B
+        ]
 
     def chosen(self, outputs: Sequence[Output], form: Polynomial) -> Polynomial:
         """Return the rows of [x; u] at a sample that outputs between samples depend on."""
@@ -664,11 +773,20 @@ class Held(Short):
     def _acting(self, width: int) -> list[int]:
         """Return which of [x; u] at a sample, of so many states, are the inputs that act."""
         n, m = len(self.A[0]), len(self.B[0][0])
-        first = n + (self.delay - 1) * m if self.delay else width
-        return list(range(first, first + m))
+        return held_columns(n, m, self.delay, self.early, width)
 
 
 # --- rationals -----------------------------------------------------------------------------------
+
+
+def _exchanged(
+    row: Sequence[Fraction], first: Sequence[int], last: Sequence[int]
+) -> list[Fraction]:
+    """Return a row with the entries of some columns moved to others."""
+    whole = list(row)
+    for a, b in zip(first, last, strict=True):
+        whole[a], whole[b] = ZERO, row[b] + row[a]
+    return whole
 
 
 def _beside(one: Rationals, other: Rationals) -> Rationals:
@@ -844,6 +962,21 @@ def _multiplied(X: Integers, of_X: int, Y: Integers, of_Y: int) -> tuple[Integer
     return _product(X, Y), off
 
 
+def _shared(
+    one: tuple[Fraction, Integers, int], other: tuple[Fraction, Integers, int]
+) -> tuple[Integers, int]:
+    """Return a sum of shares of symmetric matrices, and what it is off by."""
+    (a, X, of_X), (b, Y, of_Y) = one, other
+    whole = math.lcm(a.denominator, b.denominator)
+    p, q = int(a * whole), int(b * whole)
+    rows = range(len(X))
+    total = [
+        [(p * X[min(i, j)][max(i, j)] + q * Y[min(i, j)][max(i, j)]) // whole for j in rows]
+        for i in rows
+    ]
+    return total, math.ceil(a * of_X + b * of_Y) + 1
+
+
 def _half_more(
     M: Integers, of_M: int, left: Integers, right: Integers, of_F: int
 ) -> tuple[Integers, int]:
@@ -898,6 +1031,20 @@ def _halved(X: Series, Y: Series) -> Series:
     return [
         [[-(-(x + y) // 2) for x, y in zip(*rows, strict=True)] for rows in zip(*pair, strict=True)]
         for pair in zip(X, Y, strict=True)
+    ]
+
+
+def _mixed(*parts: tuple[Fraction, Series]) -> Series:
+    """Return a sum of shares of series, rounded up."""
+    return [
+        [
+            [
+                math.ceil(sum((share * x for (share, _), x in zip(parts, xs, strict=True)), ZERO))
+                for xs in zip(*rows, strict=True)
+            ]
+            for rows in zip(*matrices, strict=True)
+        ]
+        for matrices in zip(*(series for _, series in parts), strict=True)
     ]
 
 

@@ -137,6 +137,28 @@ def sample(M: Rationals, terms: int) -> Integers:
     return total
 
 
+def held_sample(M: Rationals, terms: int, early: Fraction, inputs: int) -> Integers:
+    """Return `sample` where inputs change when a share ``early`` of the period is left.
+
+    The columns of the next inputs follow those of the inputs that act before: these act for what
+    is left of the period, for which the exponential is that of a shorter one.
+    """
+    whole, n = sample(M, terms), len(M)
+    if not early:
+        return whole
+    soon = sample([[x * early for x in row] for row in M], terms)
+    held = slice(n, n + inputs)
+    return [
+        [
+            *x[:n],
+            *(a - b for a, b in zip(x[held], y[held], strict=True)),
+            *y[held],
+            *x[n + inputs :],
+        ]
+        for x, y in zip(whole, soon, strict=True)
+    ]
+
+
 def _derivatives(N: Integers, slope: Integers, shift: int) -> tuple[Rationals, Rationals]:
     """Return C and D of one parameter, from N + c I and |dM/dt_i|, where c is the shift.
 

@@ -304,6 +304,25 @@ def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fra
     return list(product(*zip(low, high, strict=True)))
 
 
+def read_early(table: Table, delay: int) -> Fraction:
+    """Read by how much of a period inputs act sooner than so many samples late."""
+    early = table.number("early", 0)
+    if not 0 <= early < 1 or (early and not delay):
+        raise FormatError("early is at least 0 and below 1, and 0 where delay is 0")
+    return early
+
+
+def held_columns(n: int, m: int, delay: int, early: Fraction, states: int) -> list[int]:
+    """Return the columns of [A, B], of so many states, by which held inputs move the first n.
+
+    Those of the inputs that have been on their way the longest come first. Where the next ones act
+    before a period ends, as the share ``early`` of it says, theirs follow.
+    """
+    groups = (delay, delay - 1) if early else (delay,)
+    firsts = (n + (late - 1) * m if late else states for late in groups)
+    return [k for first in firsts for k in range(first, first + m)]
+
+
 def lattice(
     low: Sequence[Fraction], high: Sequence[Fraction], degree: int
 ) -> list[tuple[Fraction, ...]]:

@@ -240,6 +240,15 @@ def below(upper: Polynomial, lower: Polynomial) -> Polynomial:
     return Polynomial(terms, upper.sizes, degrees, whole)
 
 
+def side_by_side(polynomials: Sequence[Polynomial]) -> Polynomial:
+    """Return polynomials' columns beside one another; those without columns are left out."""
+    turned = [P.T for P in polynomials if P.shape[1]]
+    whole = turned[0]
+    for P in turned[1:]:
+        whole = below(whole, P)
+    return whole.T
+
+
 def corners_of(sizes: Sizes) -> int:
     """Return the number of vertices of the family."""
     return math.prod(sizes)

@@ -233,6 +233,13 @@ def milliseconds_text(time: Fraction) -> str:
     return plain if "/" not in plain else f"~{float(1000 * time):.6g}"
 
 
+def late_text(late: Fraction) -> str:
+    """Say how many samples late: "1 sample late", "0.5 samples late"."""
+    if late.denominator == 1:
+        return f"{plural(int(late), 'sample')} late"
+    return f"{number_text(late)} samples late"
+
+
 def range_text(name: str, unit: str, low: Fraction, high: Fraction) -> str:
     """Return a parameter's interval, rounded inwards."""
     return f"{name} in [{digits_up(low)}, {digits_down(high)}] {unit}".rstrip()

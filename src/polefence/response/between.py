@@ -14,6 +14,7 @@ import numpy as np
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.between import Held
+from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Output
 
 SMALL, TERMS = 0.25, 14  # of |N| h, and terms of its series: what is left is below 1e-17
@@ -74,18 +75,48 @@ def means(
     """
     T = plant.period
     period = held.period(outputs, tuple(map(Fraction, scales)), T, Fraction(density) / 2)
-    A, B, C, D, E = (
-        np.tensordot(alpha, np.array(M, dtype=float), 1)
-        for M in (period.A, period.B, period.C, period.D, period.E)
+    A, C, E = (_at(alpha, M) for M in (period.A, period.C, period.E))
+    units, intensity, chosen = np.array(period.units, float), density / 2, held.chosen_of(outputs)
+    part, *others = (
+        _computed(
+            A, _at(alpha, B), C, _at(alpha, D), E, length * float(T * share), intensity, units
+        )
+        for share, B, D in period.phases
     )
-    units = np.array(period.units, dtype=float)
-    M, V, c, moved = _computed(A, B, C, D, E, length * float(T), density / 2, units)
-    return Means(M, V, c, held.chosen_of(outputs), moved * length)
+    for other in others:
+        part = part.then(other)
+    moved = (part.F - np.eye(len(units)))[:, : A.shape[-1]] / float(T)
+    return Means(part.M, part.V, part.c, chosen, moved)
+
+
+def _at(alpha: Array, matrices: Sequence[Rationals]) -> Array:
+    return np.tensordot(alpha, np.array(matrices, dtype=float), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What goes on in a time: its exponential, and the means M, V and c over it."""
+
+    time: float
+    F: Array
+    M: Array
+    V: Array
+    c: Array
+
+    def then(self, other: _Part) -> _Part:
+        """Return the two, one after the other."""
+        n, time = self.V.shape[-1], self.time + other.time
+        one, two = self.time / time, other.time / time
+        small, up = other.F[:, :n, :n], np.swapaxes(self.F, 1, 2)
+        M = one * self.M + two * up @ other.M @ self.F
+        V = one * small @ self.V @ np.swapaxes(small, 1, 2) + two * other.V
+        driven = np.einsum("pij,pij->p", other.M[:, :n, :n], self.V) * self.time
+        return _Part(time, other.F @ self.F, M, V, one * self.c + two * (other.c + driven))
 
 
 def _computed(
     A: Array, B: Array, C: Array, D: Array, E: Array, T: float, intensity: float, units: Array
-) -> tuple[Array, Array, Array, Array]:
+) -> _Part:
     count, n, k = len(A), A.shape[-1], A.shape[-1] + B.shape[-1]
     N = np.zeros((count, k, k))
     N[:, :n] = np.concatenate([A, B], axis=2) * T * units / units[:n, None]
@@ -108,8 +139,8 @@ def _computed(
         M = (M + np.swapaxes(F, 1, 2) @ M @ F) / 2
         V = (V + F[:, :n, :n] @ V @ np.swapaxes(F[:, :n, :n], 1, 2)) / 2
         F = F @ F
-    moved = (F - np.eye(k))[:, :n] * units[:n, None] / units / T
-    return M / units / units[:, None], V * units[:n] * units[:n, None], T * c, moved
+    V = V * units[:n] * units[:n, None]
+    return _Part(T, F * units[:, None] / units, M / units / units[:, None], V, T * c)
 
 
 def _integral(N: Array, Q: Array) -> tuple[Array, Array]:

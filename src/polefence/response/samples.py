@@ -10,7 +10,7 @@ every design.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -29,6 +29,7 @@ from polefence.proof.between import Clock
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
+from polefence.proof.plant import held_columns
 from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.text import plural
 from polefence.proof.work import FormatError
@@ -53,7 +54,7 @@ MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
 def at_sample_time(
     plant: UncertainPlant,
     sample_time: Any,
-    delay: int = 0,
+    delay: Any = 0,
     degree: int | None = None,
     remainder: float = ENOUGH,
     jitter: Any = 0,
@@ -69,9 +70,10 @@ def at_sample_time(
         In continuous time.
     sample_time : number
         T [s].
-    delay : int
-        How many samples late an input acts: 1 where the law is computed during a step. The inputs
-        on their way are further states, so that a law may feed them back.
+    delay : number
+        How many samples late an input acts, whole or not: 1 where the law is computed during a
+        step, 0.5 where that takes half of it. The inputs on their way are further states, so that
+        a law may feed them back.
     degree : int, optional
         Of the samples as a polynomial of the parameters, 1 to 8: the higher, the smaller is the
         remainder, and the more is to be proved. By default, the lowest of which the remainder is
@@ -105,30 +107,75 @@ def at_sample_time(
             f"parameter {plant.moving[0].name}: rate: samples are for constant parameters only; "
             "leave out rate, or the sample time"
         )
-    if not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= MAX_DELAY:
-        raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
+    late = _late_by(delay)
     counts = isinstance(degree, int) and not isinstance(degree, bool)
     if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     clock = _clock(plant, T, jitter, lost)
-    held = _held(plant, T)
-    bare, units = _on_the_way(plant, held, T, delay), _units(plant)
+    if clock is not None and late.early:
+        raise InputError(
+            f"delay = {delay!r}: with jitter or lost samples inputs act whole samples late; give "
+            f"{math.floor(late.samples)} or {late.whole}"
+        )
+    held = _held(plant, T, late.early)
+    bare, units = _on_the_way(plant, held, T, late), _units(plant)
     tried = _degrees(plant) if degree is None else [degree]
-    curve, about = _chosen(plant, bare, units, delay, tried, remainder * _change(held, units))
+    curve, about = _chosen(plant, bare, units, late, tried, remainder * _change(held, units))
     try:
         most = LONG if degree is None and plant.parameters else math.inf
-        samples = _with_remainder(plant, bare, units, delay, curve, about, most)
+        samples = _with_remainder(plant, bare, units, late, curve, about, most)
     except FormatError as problem:
         if degree is not None or not plant.parameters:
             raise InputError(
                 f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
             ) from problem
-        samples = _between_nodes(plant, bare, units, delay)
+        samples = _between_nodes(plant, bare, units, late)
     verdict = prove(claim_of_samples(samples))
     if not verdict.proved:
         raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
     origin = samples.sampling
     return replace(samples, sampling=origin and replace(origin, clock=clock)) if clock else samples
+
+
+@dataclass(frozen=True)
+class _Late:
+    """How many samples late an input acts."""
+
+    samples: Fraction
+
+    @property
+    def whole(self) -> int:
+        """The same rounded up: how many inputs are on their way."""
+        return math.ceil(self.samples)
+
+    @property
+    def early(self) -> Fraction:
+        """By how much less that is."""
+        return self.whole - self.samples
+
+    def columns(self, plant: UncertainPlant, states: int) -> list[int]:
+        """Return the columns of [A, B], of so many states, of the inputs that act."""
+        return held_columns(*plant.shape, self.whole, self.early, states)
+
+    def doubled(self, plant: UncertainPlant, rows: Array) -> Array:
+        """Return rows of [A, B, E], (..., n + m + q), the inputs' columns twice where two act."""
+        if not self.early:
+            return rows
+        n, m = plant.shape
+        held = rows[..., n : n + m]
+        return np.concatenate([rows[..., : n + m], held, rows[..., n + m :]], axis=-1)
+
+
+def _late_by(delay: Any) -> _Late:
+    try:
+        late = exact(delay, "delay")
+    except PlantError as error:
+        raise InputError(f"delay = {delay!r} must be a number of samples") from error
+    if isinstance(delay, float):  # 0.3, not the double next to it
+        late = Fraction(repr(delay))
+    if not 0 <= late <= MAX_DELAY:
+        raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
+    return _Late(late)
 
 
 def _clock(plant: UncertainPlant, T: Fraction, jitter: Any, lost: Any) -> Clock | None:
@@ -182,7 +229,7 @@ def _chosen(
     plant: UncertainPlant,
     bare: UncertainPlant,
     units: Array,
-    delay: int,
+    delay: _Late,
     degrees: list[int],
     enough: float,
 ) -> tuple[Remainder, Array]:
@@ -201,7 +248,7 @@ def _with_remainder(
     plant: UncertainPlant,
     bare: UncertainPlant,
     units: Array,
-    delay: int,
+    delay: _Late,
     wide: Remainder,
     about: Array,
     most: float,
@@ -214,43 +261,45 @@ def _with_remainder(
         If its series takes more than the most products, or more than are computed at all.
     """
     (n, m), q = plant.shape, plant.disturbance_count
-    terms = _terms(plant, units, float(bare.sample_time or 0), about)
+    terms = _terms(plant, delay, units, float(bare.sample_time or 0), about)
     sizes = plant.domain.sizes
     if products_of_series(len(plant.vertices), n, n + m + q, terms, sizes) > most:
         raise FormatError("the series has more terms than are worth it")
-    origin = SamplesOf(plant, delay, terms, tuple(map(Fraction, units.tolist())))
+    origin = _origin(plant, delay, terms, units)
     exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=origin)).off()
     entries = np.array([[float(x) for x in row] for row in exact])
     # 1 % of room over what it has to hold
-    rows = (entries + float(rest)) * 1.01 * units[:n, None] / units
-    rounded = tuple(map(_up, _placed(rows, bare, delay, n, m, q)))
+    rows = (entries + float(rest)) * 1.01 * units[:n, None] / delay.doubled(plant, units)
+    rounded = tuple(map(_up, _placed(rows, plant, bare, delay)))
     return replace(bare, remainder=replace(wide, entries=rounded), sampling=origin)
 
 
 def _between_nodes(
-    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: int
+    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: _Late
 ) -> UncertainPlant:
     """Return the samples with the remainder of an interpolation, which is smaller on parts."""
-    (n, m), q = plant.shape, plant.disturbance_count
-    exact = tuple(map(Fraction, units.tolist()))
-    origin = SamplesOf(plant, delay, 1, exact)
+    n = plant.shape[0]
+    origin = _origin(plant, delay, 1, units)
     try:
         terms = claim_of_samples(replace(bare, sampling=origin)).terms_needed()
         origin = replace(origin, terms=terms)
         bounds = claim_of_samples(replace(bare, sampling=origin)).bounds()
     except FormatError as problem:
         raise InputError(f"{plant.name}: {problem}; take a shorter sample time") from problem
-    scales = units[:n, None] / units
+    scales = units[:n, None] / delay.doubled(plant, units)
     along, third = (
-        np.array([[[float(x) for x in row] for row in C] for C in derivatives]) * 1.01
+        delay.doubled(plant, np.array([[list(map(float, row)) for row in C] for C in derivatives]))
+        * 1.01
         for derivatives in (bounds.along, bounds.third)
     )
-    known = np.abs([np.hstack(block) for block in _held(plant, bare.sample_time or Fraction(0))])
+    T = bare.sample_time or Fraction(0)
+    known = np.abs([np.hstack(block) for block in _held(plant, T, delay.early)])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
-    # with what rounding to doubles may change
-    remainders = [2.0**-51 * largest + 1.01 * float(bounds.missing), *along, *third]
+    # with what rounding to doubles may change; of two inputs a difference is rounded
+    missing = 2.02 * float(bounds.missing)
+    remainders = [2.0**-51 * largest + missing, *along, *third]
     rounding, *derivatives = (
-        tuple(map(_up, _placed(M * scales, bare, delay, n, m, q))) for M in remainders
+        tuple(map(_up, _placed(M * scales, plant, bare, delay))) for M in remainders
     )
     count = len(along)
     bends, turns = derivatives[:count], derivatives[count:] if count <= MOST_IN_MIDDLES else []
@@ -260,26 +309,31 @@ def _between_nodes(
     return replace(sampled, vertices=vertices)
 
 
-def _placed(rows: Array, bare: UncertainPlant, delay: int, n: int, m: int, q: int) -> Array:
-    """Return (n, n + m + q) in the rows and columns of [A, B, E] of the samples."""
-    late = delay * m
-    whole = np.zeros((n + late, sum(bare.shape) + q))
-    acting = slice(n + late - m, n + late) if delay else slice(n, n + m)
-    whole[:n, :n], whole[:n, acting] = rows[:, :n], rows[:, n : n + m]
-    whole[:n, sum(bare.shape) :] = rows[:, n + m :]
+def _origin(plant: UncertainPlant, delay: _Late, terms: int, units: Array) -> SamplesOf:
+    exact_units = tuple(map(Fraction, units.tolist()))
+    return SamplesOf(plant, delay.whole, terms, exact_units, early=delay.early)
+
+
+def _placed(rows: Array, plant: UncertainPlant, bare: UncertainPlant, delay: _Late) -> Array:
+    """Return rows of x, inputs that act and w in the rows and columns of the samples' [A, B, E]."""
+    n, q, states = plant.shape[0], plant.disturbance_count, bare.shape[0]
+    acting = delay.columns(plant, states)
+    whole = np.zeros((states, sum(bare.shape) + q))
+    whole[:n, :n], whole[:n, acting] = rows[:, :n], rows[:, n : n + len(acting)]
+    whole[:n, sum(bare.shape) :] = rows[:, n + len(acting) :]
     return whole
 
 
 def _curve(
-    plant: UncertainPlant, bare: UncertainPlant, delay: int, degree: int
+    plant: UncertainPlant, bare: UncertainPlant, delay: _Late, degree: int
 ) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
     """Return the Bernstein coefficients of the correction to the interpolated vertices."""
-    domain, shape = plant.domain, (delay, *plant.shape, plant.disturbance_count)
+    domain = plant.domain
     coefficients = domain.interpolated(_apart(plant, bare, delay, domain.nodes(degree)), degree)
     # to 40 bits of the largest entry; 1e-300 stands for zero
     largest = np.maximum(np.abs(coefficients).max(axis=0), 1e-300)
     unit = 2.0 ** (np.floor(np.log2(largest)) - 40)
-    rounded = (_placed(M, bare, *shape) for M in np.round(coefficients / unit) * unit)
+    rounded = (_placed(M, plant, bare, delay) for M in np.round(coefficients / unit) * unit)
     return tuple(tuple(tuple(map(Fraction, row.tolist())) for row in M) for M in rounded)
 
 
@@ -306,8 +360,8 @@ def _time(plant: UncertainPlant, sample_time: Any) -> Fraction:
     return T
 
 
-def _held(plant: UncertainPlant, T: Fraction) -> list[tuple[Array, Array, Array]]:
-    """Return F, G, H of every vertex."""
+def _held(plant: UncertainPlant, T: Fraction, early: Fraction) -> list[tuple[Array, Array, Array]]:
+    """Return F, G, H of every vertex; of inputs that change on the way G has the next behind."""
     m, matrices = plant.shape[1], []
     for vertex in plant.vertices:
         E = np.zeros((plant.shape[0], 0)) if vertex.E is None else vertex.E
@@ -317,26 +371,32 @@ def _held(plant: UncertainPlant, T: Fraction) -> list[tuple[Array, Array, Array]
                 f"{plant.name} outgrows floating point in a sample of {float(T):g} s; take a "
                 "shorter one"
             )
-        matrices.append((F, GH[:, :m], GH[:, m:]))
+        G = _changing(vertex.A, vertex.B, GH[:, :m], float(T * early)) if early else GH[:, :m]
+        matrices.append((F, G, GH[:, m:]))
     return matrices
 
 
+def _changing(A: Array, B: Array, G: Array, rest: float) -> Array:
+    """Return what inputs do before they change, and the next for the rest of the period."""
+    soon = zero_order_hold(A, B, rest)[1]
+    return np.concatenate([G - soon, soon], axis=-1)
+
+
 def _on_the_way(
-    plant: UncertainPlant, held: list[tuple[Array, Array, Array]], T: Fraction, delay: int
+    plant: UncertainPlant, held: list[tuple[Array, Array, Array]], T: Fraction, lateness: _Late
 ) -> UncertainPlant:
     """Return the plant in discrete time, with the inputs on their way as states."""
-    n, m = plant.shape
+    (n, m), delay = plant.shape, lateness.whole
     late = delay * m
+    acting = lateness.columns(plant, n + late)
     vertices = []
     for k, (F, G, H) in enumerate(held):
-        A, B = np.zeros((n + late, n + late)), np.zeros((n + late, m))
-        A[:n, :n] = F
+        both = np.zeros((n + late, n + late + m))
+        both[:n, :n], both[:n, acting] = F, G
         if delay:
-            A[:n, n + late - m :] = G
-            A[n + m :, n : n + late - m] = np.eye(late - m)
-            B[n : n + m] = np.eye(m)
-        else:
-            B[:n] = G
+            both[n + m : n + late, n : n + late - m] = np.eye(late - m)
+            both[n : n + m, n + late :] = np.eye(m)
+        A, B = both[:, : n + late], both[:, n + late :]
         E = np.vstack([H, np.zeros((late, H.shape[1]))]) if H.shape[1] else None
         vertices.append(System(A, B, E, f"vertex {k + 1}"))  # type: ignore[arg-type]
     labels = [state.label for state in states(plant)]
@@ -382,25 +442,30 @@ def _units(plant: UncertainPlant) -> Array:
     return np.concatenate([d, 2.0 ** np.round(np.log2(acting))])
 
 
-def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: int) -> Array:
+def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: _Late) -> Array:
     """Return an estimate of the interpolation error, in the units, from a few points."""
     apart = _apart(plant, samples, delay, plant.domain.nodes(samples.curve_degree + 1))
-    return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * units)
+    wide = delay.doubled(plant, units)
+    return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * wide)
 
 
-def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: int, alpha: Array) -> Array:
+def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: _Late, alpha: Array) -> Array:
     """Return the exact samples minus the interpolated ones at points alpha."""
     n, m = plant.shape
     A, B = plant.at(alpha)
-    BE = np.concatenate([B, _driven(plant, alpha)], axis=2)
-    exact = np.concatenate(zero_order_hold(A, BE, float(samples.sample_time or 0)), axis=2)
+    T = samples.sample_time or Fraction(0)
+    F, GH = zero_order_hold(A, np.concatenate([B, _driven(plant, alpha)], axis=2), float(T))
+    G = GH[..., :m]
+    if delay.early:
+        G = _changing(A, B, G, float(T * delay.early))
+    held = np.concatenate([F, G, GH[..., m:]], axis=2)
     A, B = samples.at(alpha)
-    acting = A[:, :n, n + delay * m - m :] if delay else B[:, :n]
+    acting = np.concatenate([A, B], axis=2)[:, :n, delay.columns(plant, samples.shape[0])]
     computed = np.concatenate([A[:, :n, :n], acting, _driven(samples, alpha)[:, :n]], axis=2)
-    return np.asarray(exact - computed)
+    return np.asarray(held - computed)
 
 
-def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
+def _terms(plant: UncertainPlant, delay: _Late, units: Array, T: float, about: Array) -> int:
     """Return how many terms make truncation small beside the interpolation error."""
     n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
@@ -410,7 +475,9 @@ def _terms(plant: UncertainPlant, units: Array, T: float, about: Array) -> int:
     for k in range(2, MAX_TERMS + FURTHER):
         power = most[:, :n] @ power / k
         powers.append(power)
-    left = np.cumsum(powers[::-1], axis=0)[::-1]  # of the k-th term and all behind it
+    left = delay.doubled(
+        plant, np.cumsum(powers[::-1], axis=0)[::-1]
+    )  # of the k-th term and all behind it
     # terms are left out where they are 1 % of what entries are off by, or of the size of rounding
     enough = np.maximum(0.01 * about, 1e-13 * left[0])
     good = [bool(np.all(rest <= enough)) for rest in left]

@@ -149,7 +149,7 @@ def _countable(
                 "region"
             )
         sampling = plant.sampling
-        plant = at_sample_time(sampling.plant, plant.sample_time, sampling.delay, d - 1)
+        plant = at_sample_time(sampling.plant, plant.sample_time, sampling.late, d - 1)
 
 
 def _boxed(method: Method | None) -> Scheduled:

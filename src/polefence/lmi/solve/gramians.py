@@ -501,7 +501,8 @@ def in_parts(
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
     whole = Box.whole(problem.domain)
-    tried, first = BENT if problem.plant.bent else DEGREES, problem.inside(whole)
+    first = problem.inside(whole)
+    tried: tuple[int, ...] = BENT if problem.plant.bent else DEGREES
     if problem.clocked:  # where one is not enough, parts take less than a higher one
         tried = OVER_CLOCK
     work = {degree: first.work(degree) * ROUNDS for degree in tried}

@@ -109,7 +109,8 @@ class Rms(SignalClaim):
         held = self.held
         if held is not None and not any(
             isinstance(other, Samples)
-            and (other.A, other.B, other.E, other.delay) == (held.A, held.B, held.E, held.delay)
+            and (other.A, other.B, other.E) == (held.A, held.B, held.E)
+            and (other.delay, other.early) == (held.delay, held.early)
             for other in claims
         ):
             return "held: no claim says that the plant is the samples of this one"

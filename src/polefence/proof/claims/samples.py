@@ -1,10 +1,10 @@
 """The plant in the file is what a computer sees of another one: its samples, the input held.
 
 Between samples T apart the inputs and disturbances of x' = A x + B u + E w are held, and u acts
-``delay`` samples late; the states are then x and the inputs on their way. At every alpha of the box
-of the parameters, or of the simplex where there are none, the exact [F, G, H] of
-x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its vertices and
-the curve that is added to it.
+``delay`` samples late, or ``early`` T sooner; the states are then x and the inputs on their way. At
+every alpha of the box of the parameters, or of the simplex where there are none, the exact
+[F, G, H] of x(t + T) = F x + G u + H w is within the plant's remainder of the combination of its
+vertices and the curve that is added to it.
 
 With M(alpha) = [A, B, E] T it is [I, 0] + sum of A^(k - 1) M / k!, whose first terms are compared
 coefficient by coefficient, and the others bounded: see `polefence.proof.claims.steps`. Of a plant
@@ -18,17 +18,33 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import add
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
-from polefence.proof.interpolation import ONE, Bends, bends, sample, terms_needed
+from polefence.proof.interpolation import ONE, Bends, bends, held_sample, terms_needed
 from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, longest, mix
-from polefence.proof.plant import Node, Plant, corner_weights, corners, sizes_of
-from polefence.proof.polynomials import Polynomial, Sizes, bernstein, constant, multinomial
+from polefence.proof.plant import (
+    Node,
+    Plant,
+    corner_weights,
+    corners,
+    held_columns,
+    read_early,
+    sizes_of,
+)
+from polefence.proof.polynomials import (
+    Polynomial,
+    Sizes,
+    bernstein,
+    constant,
+    multinomial,
+    side_by_side,
+)
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.short import Short
-from polefence.proof.text import milliseconds_text, plural
+from polefence.proof.text import late_text, milliseconds_text
 from polefence.proof.work import MAX_IN_PARTS, RATIONAL, FormatError, spend
 
 MAX_TERMS, MAX_DELAY = 120, 64
@@ -53,6 +69,7 @@ class Samples(Short, Claim):
     delay: int
     terms: int
     units: tuple[Fraction, ...]
+    early: Fraction = ZERO
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
@@ -62,7 +79,8 @@ class Samples(Short, Claim):
         E = [row.matrix("E") for row in rows if "E" in row]
         delay, terms = table.whole("delay", 0), table.whole("terms", 1, MAX_TERMS)
         width = len(A[0]) + len(B[0][0]) + (len(E[0][0]) if E else 0)
-        return cls(plant, A, B, E, delay, terms, table.numbers("units", width))
+        early = read_early(table, delay)
+        return cls(plant, A, B, E, delay, terms, table.numbers("units", width), early)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -71,11 +89,12 @@ class Samples(Short, Claim):
             for j in range(len(self.A))
         ]
         numbers = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
-        return {"kind": self.kind} | numbers | {"vertices": vertices}
+        early = {"early": plain(self.early)} if self.early else {}
+        return {"kind": self.kind} | numbers | early | {"vertices": vertices}
 
     def statement(self, plant: Plant) -> str:
         """Say what the plant is of."""
-        late = f", u {plural(self.delay, 'sample')} late" if self.delay else ""
+        late = f", u {late_text(self.delay - self.early)}" if self.delay else ""
         held = "u and w held" if self.E else "u held"
         time = milliseconds_text(plant.step)
         first = f" (states 1 to {self.width})" if plant.n > self.width else ""
@@ -201,7 +220,9 @@ class Samples(Short, Claim):
         rounding, *along = self._in_units(
             list(map(self._held, (remainder.rounding, *remainder.bends, *remainder.third)))
         )
-        every = (*bounds.along, *(bounds.third if remainder.third else ()))
+        # what inputs do in a part of the period bends no more than in all of it
+        every = map(self._twice, (*bounds.along, *(bounds.third if remainder.third else ())))
+        missing = 2 * bounds.missing if self.early else bounds.missing
         for most, bend in zip(along, every, strict=True):
             if any(
                 x > y for rows in zip(bend, most, strict=True) for x, y in zip(*rows, strict=True)
@@ -209,10 +230,10 @@ class Samples(Short, Claim):
                 return undecided("the samples bend more than the plant says")
         M = self._rates()
         for at, matrix in self._known_samples():
-            series = sample(mix(corner_weights(at), M), self.terms)
+            series = held_sample(mix(corner_weights(at), M), self.terms, self.early, self.m)
             for i, (row, terms) in enumerate(zip(self._in_units([matrix])[0], series, strict=True)):
                 for j, (x, y) in enumerate(zip(row, terms, strict=True)):
-                    apart = abs(x - (i == j) - Fraction(y, ONE)) + bounds.missing
+                    apart = abs(x - (i == j) - Fraction(y, ONE)) + missing
                     if apart > rounding[i][j]:
                         return undecided("a sample is farther off than the plant says")
         count = len(self.plant.A) + len(self.plant.nodes)
@@ -235,10 +256,23 @@ class Samples(Short, Claim):
 
     def _held(self, matrix: Sequence[Sequence[Fraction]]) -> Rationals:
         """Return the rows and columns of [A, B, E] that are of what is sampled."""
-        late = slice(self.width - self.m, self.width)
-        acting = late if self.delay else slice(self.plant.n, self.plant.n + self.m)
         rest = slice(self.plant.n + self.plant.m, None)
-        return [[*row[: self.n], *row[acting], *row[rest]] for row in matrix[: self.n]]
+        return [
+            [*row[: self.n], *(row[k] for k in self._acting), *row[rest]]
+            for row in matrix[: self.n]
+        ]
+
+    @property
+    def _acting(self) -> list[int]:
+        """Columns of [A, B] of the inputs that act."""
+        return held_columns(self.n, self.m, self.delay, self.early, self.plant.n)
+
+    def _twice(self, rows: Rationals) -> Rationals:
+        """Return rows of [A, B, E] with the inputs' columns once more where two act."""
+        if not self.early:
+            return rows
+        n, m = self.n, self.m
+        return [[*row[: n + m], *row[n : n + m], *row[n + m :]] for row in rows]
 
     def off(self) -> tuple[Rationals, Fraction]:
         """Return the largest magnitude of each entry's coefficients in the units, and the rest.
@@ -268,7 +302,20 @@ class Samples(Short, Claim):
         # an entry may have a thousand bits, about
         spend(RATIONAL * 2 * len(self.A) * n * width, length + 1000, 3 * length)
         series, left, rest = steps.series_by_entries(self._rates(), self.terms, self.sizes)
-        eye = [row + [ZERO] * (width - n) for row in identity(n)]
+        if self.early:
+            steps.require_moderate(len(self.A), n, width, self.terms, self.sizes)
+            soon = steps.series_by_entries(self._rates(self.early), self.terms, self.sizes)
+            inputs = slice(n, n + self.m)
+            now = soon[0].part(slice(None), inputs)
+            before = series.part(slice(None), inputs) - now
+            parts = (series.part(slice(None), slice(n)), before, now)
+            series = side_by_side([*parts, series.part(slice(None), slice(n + self.m, None))])
+            left = [
+                [*x[:n], *map(add, x[inputs], y[inputs]), *y[inputs], *x[n + self.m :]]
+                for x, y in zip(left, soon[1], strict=True)
+            ]
+            rest += soon[2]
+        eye = [row + [ZERO] * (series.shape[1] - n) for row in identity(n)]
         apart = bernstein(self._in_units(self._steps()), self.sizes, 1)
         remainder = self.plant.remainder
         if remainder is not None and remainder.curve:
@@ -277,18 +324,26 @@ class Samples(Short, Claim):
         return apart - constant(eye, self.sizes) - series, left, rest
 
     def _in_units(self, matrices: list[Rationals], time: Fraction | int = 1) -> list[Rationals]:
-        """Return matrices (n, n + m + q) in the units, times a time."""
+        """Return matrices of the columns of `_held` in the units, times a time."""
+        units = self._twice([list(self.units)])[0]
+        return [
+            [
+                [value * time * u / unit for value, u in zip(row, units, strict=True)]
+                for row, unit in zip(matrix, units[: self.n], strict=True)
+            ]
+            for matrix in matrices
+        ]
+
+    def _rates(self, share: Fraction | int = 1) -> list[Rationals]:
+        """Return [A, B, E] of a share of T in the units, at every vertex."""
+        time = share * self.plant.step
         return [
             [
                 [value * time * u / unit for value, u in zip(row, self.units, strict=True)]
                 for row, unit in zip(matrix, self.units[: self.n], strict=True)
             ]
-            for matrix in matrices
+            for matrix in _beside(self.A, self.B, self.E)
         ]
-
-    def _rates(self) -> list[Rationals]:
-        """Return [A, B, E] T in the units, at every vertex."""
-        return self._in_units(_beside(self.A, self.B, self.E), self.plant.step)
 
     def _steps(self) -> list[Rationals]:
         """Return F, G, H side by side at every vertex, as the plant has them."""
@@ -298,10 +353,9 @@ class Samples(Short, Claim):
 
     def _step(self, A: Rationals, B: Rationals, E: Rationals) -> Rationals:
         """Return F, G, H side by side."""
-        n, m = self.n, self.m
-        E = E or [[] for _ in A]
-        G = [row[self.width - m : self.width] for row in A] if self.delay else B
-        return [A[i][:n] + G[i][:m] + E[i] for i in range(n)]
+        n, E = self.n, E or [[] for _ in A]
+        both = [a + b for a, b in zip(A, B, strict=True)]
+        return [both[i][:n] + [both[i][k] for k in self._acting] + E[i] for i in range(n)]
 
     def _moves_on(self) -> bool:
         """Whether what is not between samples is exact: inputs move on, and no sooner."""
@@ -318,7 +372,9 @@ class Samples(Short, Claim):
                 return False
             if not self.delay:
                 continue
-            if any(any(row[n : width - m]) for row in A[:n]) or any(map(any, B[:n])):
+            acting = self._acting
+            both = [a + b for a, b in zip(A[:n], B[:n], strict=True)]
+            if any(x for row in both for k, x in enumerate(row) if k >= n and k not in acting):
                 return False
             for i in range(width - n):
                 moved = list(zero_row)

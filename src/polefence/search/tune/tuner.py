@@ -273,8 +273,7 @@ class _Search:
             some = np.random.default_rng(SEED).permutation(count)[:most]
             corners = corners[np.sort(some)]
         self.first = task.at(corners)
-        clocked = any(channel.beside for channel in self.first.channels)
-        self.places = np.array(self.domain.monomials(1)) if clocked else _cloud(self.domain)
+        self.places = _cloud(self.domain)
         self.cloud = task.at(self.domain.alpha(self.places))
 
     def run(self, laws: Sequence[Law], alone: bool = False) -> list[Tuned]:

@@ -70,7 +70,11 @@ MOST_WORK = 3e8  # of one search beyond the first [multiplications an iteration]
 ENOUGH = 0.5
 # Times the work of an iteration that a search may take which ends there: 31 of a van's, 2 s.
 SHORT = 6
-OVER_CLOCK = (1e-2, 3e-2, 0.1)  # the same shares for parts of the box where periods have any length
+OVER_CLOCK = (
+    2e-2,
+    5e-2,
+    0.15,
+)  # the same shares for parts of the box where periods have any length
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 

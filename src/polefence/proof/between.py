@@ -81,6 +81,7 @@ UNBOUNDED = 10**18  # work: what the count around it leaves
 LARGE = 1 << 40  # times its units, what a period may make of a state: else too few bits are left
 
 MOST_PERIODS, MOST_PARTS = 64, 16  # of a clock
+MOVED = 3  # number of G N, behind M, V and c
 
 Point = tuple[Fraction, ...]
 Series = list[Integers]  # coefficients of powers of s, in multiples of 2^-96
@@ -272,8 +273,8 @@ class Period(Short):
         self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
     ) -> tuple[Polynomial, Rationals]:
         """Return one of M, V, c and G N on a part, and what it may miss, in units."""
-        if self.lengths is not None:
-            return self._over_lengths(k, unit, low, high, sizes)
+        if k == MOVED:
+            return self._moved(unit, low, high, sizes)
         points = lattice(low, high, 2 if self._in_middles else 1)
         found = list(map(self._at, points))
         ends = set(corners(low, high))
@@ -287,14 +288,16 @@ class Period(Short):
         rounding = _rounding(k, found) * LARGER ** (self.parameters if self._in_middles else 0)
         return P, [[x + rounding for x in row] for row in remainder.entries]
 
-    def _over_lengths(
-        self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
+    def _moved(
+        self, unit: Rationals, low: Point, high: Point, sizes: Sizes
     ) -> tuple[Polynomial, Rationals]:
-        """Return the same where periods have any length: affine in the parameters, not in that.
+        """Return G N of periods of any length: affine in the parameters, not in that.
 
-        They bend along the length most, by far: through a value in the middle the interpolation
-        is of degree 2 along it. It makes errors of those before it larger, by at most 5/4.
+        It bends along the length most, by far, and its degree counts twice: through a value in the
+        middle the interpolation is of degree 2 along the length alone. It makes errors of those
+        before it larger, by at most 5/4.
         """
+        k = MOVED
         ends, coefficients, found = corners(low[:-1], high[:-1]), list[Rationals](), list[_Values]()
         for at in ends:
             three = [self._at((*at, t)) for t in (ZERO, Fraction(1, 2), Fraction(1))]
@@ -309,9 +312,8 @@ class Period(Short):
         P = bernstein(coefficients, sizes, degrees)
         sides = [(b - a) ** 2 for a, b in zip(low[:-1], high[:-1], strict=True)]
         more = [[ZERO] * len(row) for row in unit]
-        for side, (_, _, twice, _) in zip(sides, (f[k] for f in self._every[:-1]), strict=True):
-            share = side * LARGER * 2 / 8  # powers of s are halves of second derivatives
-            more = _plus(more, twice, share)
+        for side, bend in zip(sides, self.bends, strict=True):
+            more = _plus(more, bend, side * LARGER)
         more = _plus(more, self._every[-1][k][3], Fraction(6) / THIRD)
         rounding = _rounding(k, found) * LARGER
         return P, [[x + rounding for x in row] for row in more]
@@ -341,7 +343,7 @@ class Period(Short):
         low, high = (*low[:more], ZERO), (*high[:more], Fraction(1))
         u = self.units
         unit = [[a / (b * self.step) for b in u] for a in u[: self.n]]
-        moved, off = self._interpolated(3, unit, low, high, sizes)
+        moved, off = self._interpolated(MOVED, unit, low, high, sizes)
         most = self.lengths[1]
         whole = math.lcm(*(x.denominator for x in self.lengths))
         ends = tuple(int(x * whole) for x in self.lengths)
@@ -375,7 +377,7 @@ class Period(Short):
         # of powers of s a product is ten; twice the slopes, and h a quarter, are 3 doublings
         products = 10 * (2 * TERMS + 5 * (self._doublings + 4) + 8) * len(self.phases)
         spend(self.parameters * products * self.count**3, FINE, FINE)
-        _ = self._remainders if self.lengths is None else self._every
+        _ = self._remainders
 
     def _counted(self, key: Any, computed: Callable[[], Any]) -> Any:
         """Return what is computed once, and count its work each time."""
@@ -562,6 +564,16 @@ class Period(Short):
             third = thrice if self._in_middles else []
             remainders.append(Remainder.between(none, twice, third))
         return tuple(remainders)
+
+    @property
+    def bends(self) -> list[Integers]:
+        """What affine interpolation of G N misses along each parameter, over the square of a side.
+
+        In multiples of 2^-96 of the units.
+        """
+        along = (derivatives[MOVED][2] for derivatives in self._every[: self._plain])
+        # powers of s are halves of second derivatives, of which it misses an eighth
+        return [[[-(-x // 4) for x in row] for row in twice] for twice in along]
 
     @cached_property
     def _every(self) -> list[tuple[Series, ...]]:

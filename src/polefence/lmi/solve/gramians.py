@@ -36,7 +36,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
-from polefence.proof.between import Clock, Period, Step
+from polefence.proof.between import ONE, Clock, Period, Step
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
 from polefence.proof.polynomials import monomials_of, multinomial
 from polefence.proof.remainder import SHARE
@@ -152,6 +152,8 @@ class Ticks:
     M, V, c : (count, ., .) arrays
     degrees : pair of int
         Of all of them, in the parameters and in the length.
+    own : tuple of int
+        In the parameters alone: of what moves, of M, of V and of c.
     """
 
     domain: Domain
@@ -162,6 +164,7 @@ class Ticks:
     V: Array
     c: Array
     degrees: tuple[int, int]
+    own: tuple[int, int, int, int]
 
     @property
     def theta(self) -> float:
@@ -180,14 +183,16 @@ class Ticks:
 def _ticks(step: Step, domain: Domain) -> Ticks:
     mean = step.mean
     every = (step.moved, mean.M, mean.V, mean.c)
-    plain = max(max(P.degrees[:-1], default=0) for P in every)
+    of_moved, of_M, of_V, of_c = (max(P.degrees[:-1], default=0) for P in every)
+    own = of_moved, of_M, of_V, of_c
+    plain = max(own)
     along = max(P.degrees[-1] for P in every)
     degrees = (*(plain,) * (len(step.theta.sizes) - 1), along)
     theta = _coefficients(step.theta, 1)
     ends = float(theta.min()), float(theta.max())
     off = np.array([[float(x) for x in row] for row in step.off])
     moved, M, V, c = (_coefficients(P, degrees) for P in every)
-    return Ticks(domain, ends, moved, off, M, V, c, (plain, along))
+    return Ticks(domain, ends, moved, off, M, V, c, (plain, along), own)
 
 
 def _coefficients(P: ExactPolynomial, degrees: int | tuple[int, ...]) -> Array:
@@ -320,8 +325,25 @@ class DualProblem:
             self.domain,
             lambda alpha: self.closed(alpha)[0],
             lambda poles: -growth(poles, self.step),
-            None if self.box is None else off_along(self.plant, self.law.gain, self.box),
+            None if self.box is None else self._off_along(self.box),
         )
+
+    def _off_along(self, box: Box) -> Array | None:
+        """Return what entries of the closed loop on a part are off by along each parameter."""
+        means = self.means
+        if means is None or means.clock is None:
+            return off_along(self.plant, self.law.gain, box)
+        period, (n, m) = means.period.between(means.clock.lengths[-1]), self.plant.shape
+        units = np.array(period.units, dtype=float)
+        sides = np.subtract(box.high, box.low)
+        off = np.zeros((len(sides), n, n + m))
+        bends = np.array(period.bends, dtype=float) / ONE / float(period.step)
+        off[:, : period.n, means.chosen] = bends * units[: period.n, None] / units
+        off *= sides[:, None, None] ** 2
+        K = self.law.gain(
+            box.alpha(self.domain, np.full(self.domain.corners, 1 / self.domain.corners))
+        )
+        return np.asarray(off[..., :n] + off[..., n:] @ np.abs(K))
 
     def form(self, alpha: Array) -> Array:
         """Return [W; Z], or [I; K], at points."""
@@ -945,23 +967,26 @@ class _OverClock(_Interpolation):
         return [] if self.problem.means is None else list(self.problem.means.ticks)
 
     @property
-    def moving(self) -> tuple[int, int]:
-        """Degrees of what moves in the parameters, and in the length of a period."""
-        plain, along = zip(*(ticks.degrees for ticks in self.own), strict=True)
-        return max(plain), max(along)
+    def along(self) -> int:
+        """Degree of what moves in the length of a period."""
+        return max(ticks.degrees[1] for ticks in self.own)
+
+    def plain(self, k: int) -> int:
+        """Degree in the parameters of what moves, of M, of V or of c."""
+        return max(ticks.own[k] for ticks in self.own)
 
     @property
     def degrees(self) -> tuple[int, int]:
         """Of the inequality, in the parameters and in the length of a period."""
-        plain, along = self.moving
-        rows = plain + self.problem.law.degree
-        return max(self.degree + self.problem.left + rows, self.degree + 2 * rows), 2 * along
+        law = self.problem.law
+        rows = self.plain(0) + law.degree
+        plain = max(self.degree + self.problem.left + rows, self.degree + 2 * rows)
+        return max(plain, self.plain(1) + 2 * law.degree), 2 * self.along
 
     @property
     def degrees_of_noise(self) -> tuple[int, int]:
         """The same of what the noise adds."""
-        plain, along = self.moving
-        return self.degree + plain, along
+        return max(self.degree + self.plain(2), self.plain(3)), self.along
 
     @cached_property
     def looped(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:

@@ -150,7 +150,7 @@ def test_a_gain_that_is_given_is_judged_as_a_computer_runs_it(folder, capsys):
         (["--sample-time", "0"], "spring.toml: --sample-time 0: sample_time = 0 must be positive"),
         (["--sample-time", "nan"], "spring.toml: --sample-time nan: "),
         (["--sample-time", "9"], "--sample-time 9: .*take a shorter sample time"),
-        (["--sample-time", "0.1", "--delay", "-1"], "delay = -1 must be 0 to 64, in samples"),
+        (["--sample-time", "0.1", "--delay", "-1"], "delay = -1.0 must be 0 to 64, in samples"),
     ],
 )
 def test_bad_sample_times_are_one_line(folder, capsys, words, message):

@@ -159,6 +159,111 @@ void law_reset(law_memory *memory)
     }
 }
 
+/* A row of the gain times the signals: of u, or of the rates. */
+static law_real row_of(const law_real w[TERMS], uint32_t i, const law_real signals[SIGNALS])
+{
+    law_real sum = 0.0F;
+    uint32_t j;
+
+    for (j = 0U; j < SIGNALS; j++) {
+        sum += value_at(K[(i * SIGNALS) + j], w) * signals[j];
+    }
+    return sum;
+}
+
+#define PASSES 3U /* the first leaves rounding, the others what that does to itself */
+#define DEPENDENT 5.96046448e-08F /* of a row, what is left of one that others make up for */
+#define ROUNDING 2.14576721e-06F /* of the sizes of u and what it is a sum of */
+
+static law_real size_of(law_real value)
+{
+    return (value < 0.0F) ? -value : value;
+}
+
+uint32_t law_start(law_memory *memory,
+                   const law_real p[LAW_PARAMETERS],
+                   const law_real y[LAW_MEASURED],
+                   const law_real u[LAW_INPUTS])
+{
+    law_real signals[SIGNALS];
+    law_real asked[INPUTS];
+    law_real left[INPUTS];
+    law_real across[INPUTS][ORDER];
+    law_real square[INPUTS];
+    law_real w[TERMS];
+    uint32_t flags = weigh(p, w);
+    bool finite = true;
+    uint32_t pass;
+    uint32_t i;
+    uint32_t j;
+    uint32_t k;
+
+    for (j = 0U; j < MEASURED; j++) {
+        signals[j] = y[j];
+    }
+    for (k = 0U; k < ORDER; k++) {
+        signals[MEASURED + k] = is_finite(memory->x[k]) ? memory->x[k] : 0.0F;
+    }
+    for (i = 0U; i < INPUTS; i++) {
+        law_real whole = 0.0F;
+
+        asked[i] = within(u[i], LIMIT[i], &flags);
+        for (k = 0U; k < ORDER; k++) {
+            across[i][k] = value_at(K[(i * SIGNALS) + MEASURED + k], w);
+            whole += across[i][k] * across[i][k];
+        }
+        square[i] = 0.0F;
+        for (k = 0U; k < ORDER; k++) {
+            square[i] += across[i][k] * across[i][k];
+        }
+        if (!(square[i] > (DEPENDENT * whole))) {
+            square[i] = 0.0F;
+        }
+    }
+    for (pass = 0U; pass < PASSES; pass++) {
+        for (i = 0U; i < INPUTS; i++) {
+            left[i] = asked[i] - row_of(w, i, signals);
+        }
+        for (i = 0U; i < INPUTS; i++) {
+            if (square[i] > 0.0F) {
+                for (k = 0U; k < ORDER; k++) {
+                    signals[MEASURED + k] += (left[i] / square[i]) * across[i][k];
+                }
+            } else {
+                left[i] = 0.0F;
+            }
+        }
+    }
+    for (i = 0U; i < INPUTS; i++) {
+        const law_real first = row_of(w, i, signals);
+        law_real size = size_of(asked[i]);
+
+        for (j = 0U; j < SIGNALS; j++) {
+            size += size_of(value_at(K[(i * SIGNALS) + j], w) * signals[j]);
+        }
+        if (!is_finite(size) || !is_finite(first)) {
+            finite = false;
+        } else if (!(size_of(asked[i] - first) <= (ROUNDING * size))) {
+            flags |= LAW_BUMP;
+        } else {
+            /* what is asked for */
+        }
+    }
+    for (k = 0U; k < ORDER; k++) {
+        if (!is_finite(signals[MEASURED + k])) {
+            finite = false;
+        }
+    }
+    if (finite) {
+        for (k = 0U; k < ORDER; k++) {
+            memory->x[k] = signals[MEASURED + k];
+        }
+    } else {
+        flags = LAW_NO_CONTROL;
+    }
+    return flags;
+}
+
 uint32_t law_update(law_memory *memory,
                     const law_real p[LAW_PARAMETERS],
                     const law_real y[LAW_MEASURED],
@@ -183,11 +288,8 @@ uint32_t law_update(law_memory *memory,
         signals[MEASURED + j] = memory->x[j];
     }
     for (i = 0U; i < ROWS; i++) {
-        law_real sum = 0.0F;
+        law_real sum = row_of(w, i, signals);
 
-        for (j = 0U; j < SIGNALS; j++) {
-            sum += value_at(K[(i * SIGNALS) + j], w) * signals[j];
-        }
         if (i >= INPUTS) {
             /* a rate: what the state is at the next update */
             sum = memory->x[i - INPUTS] + (LAW_SAMPLE_TIME * sum);

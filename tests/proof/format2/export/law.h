@@ -62,6 +62,26 @@ typedef struct {
 /* Puts the law's states to 0. To be called before the first update. */
 void law_reset(law_memory *memory);
 
+/* the first u is farther from the one that is asked for than rounding: no states of the law give it */
+#define LAW_BUMP 64U
+
+/* Moves the law's states, as little as can be, to where the first update at this y answers the u that
+ * is asked for, such as the one that acts now: so that nothing jumps where the law takes over, from a hand
+ * or from another law. To be called before that update, after law_reset or in place of it.
+ *
+ * What the first update answers is computed, as it will be, and compared: LAW_BUMP where it is off by
+ * more than rounding. Of several inputs that cannot all be had the first are. Later updates follow y
+ * as ever; what is left of the start dies out as the loop does, with the law's own modes.
+ * A u beyond its limit is asked for at the limit.
+ *
+ * Returns LAW_OK, or what happened; LAW_NO_CONTROL where a number is NaN, infinite or too large: the
+ * states are then as they were.
+ */
+uint32_t law_start(law_memory *memory,
+                   const law_real p[LAW_PARAMETERS],
+                   const law_real y[LAW_MEASURED],
+                   const law_real u[LAW_INPUTS]);
+
 /* Computes the inputs u from the measured signals y and the parameters p.
  *
  * To be called once every LAW_SAMPLE_TIME: it takes the law's own states to the next update.

@@ -64,7 +64,7 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
         return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
     ends = (plant.sample_time * end for end in (sampling.clock.least, sampling.clock.most))
     return [
-        f"  inputs held for {' to '.join(map(milliseconds_text, ends))} ms, each time anew{late}: "
+        f"  inputs held for {' to '.join(map(milliseconds_text, ends))} ms in any order{late}: "
         f"{which} at all times, and the loop is stable; all else at samples every {time} ms"
     ]
 

@@ -23,7 +23,7 @@ plus s times the largest magnitudes of their slopes: powers of s up to the third
 rounded up. The diagonals of A keep their signs: exp(A h) is e^(-a h) exp((A + a I) h), of which the
 latter's series has no negative term.
 
-A clock that is not perfect makes a period theta T, theta anywhere in an interval, each time anew:
+A clock that is not perfect makes periods theta T, theta anywhere in an interval, in any order:
 theta is one more coordinate t, of [A, B] theta T, on which neither the law nor Q depends. Then
 
     (exp(N theta T) - 1) / T = theta int_0^1 exp(N theta T s) ds N
@@ -94,6 +94,14 @@ class Mean(Short):
     M: Polynomial
     V: Polynomial
     c: Polynomial
+
+    def noise(self, Q: Polynomial) -> Polynomial:
+        """Return c + tr Q V."""
+        total, V = self.c, self.V
+        for i in range(V.shape[0]):
+            row = slice(i, i + 1)
+            total = total + Q.part(row, slice(V.shape[0])) * V.part(slice(None), row)
+        return total
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from polefence.plant.parameters import exact
 from polefence.plant.parts import ends, inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
+from polefence.proof.between import MOST_IN_MIDDLES, Clock
 from polefence.proof.between import MOST_PARTS as MOST_CLOCK_PARTS
-from polefence.proof.between import Clock
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
@@ -47,7 +47,6 @@ MOST_LOST = 16  # samples in a row
 # for +-20 % at 4.8 ms is 2 % above the least in floats with 0.25, and has no proof with twice that.
 TURNED = 0.25
 RATIO = 1.25  # of a part's longest period to its shortest: a spring's rms for +-20 % is then 1 %
-MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k
 
 
 @explained
@@ -81,7 +80,7 @@ def at_sample_time(
     remainder : float
         What is small beside what a sample changes, where no degree is given.
     jitter : number
-        By what share of T a period may be longer or shorter, each time anew; below 1.
+        By what share of T each period may be longer or shorter; below 1.
     lost : int
         How many samples in a row may be lost: the input is held, and the law waits. With both, an
         rms is bounded for periods of (1 - jitter) T to (1 + lost) (1 + jitter) T in any order, and

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from polefence.proof.between import Held, Mean, Period, Point, Step
+from polefence.proof.between import Held, Period, Point, Step
 from polefence.proof.claims.signal import (
     DualLoop,
     Rows,
@@ -72,24 +72,15 @@ def rows_of_clock(
         if spread is not None:
             _require_cover(spread, _missed(subject, outputs, held, step))
             blocks = with_remainder(inner, loop, spread, form)
-        moved = of_noise(step.mean, Q)
+        moved = step.mean.noise(Q)
         rows[f"of the output, periods {k + 1}"] = blocks
         rows[f"of the noise, periods {k + 1}"] = [[number(level**2, Q.sizes) - moved]]
     return rows if spread is None else rows | below_kappa(Q, spread)
 
 
-def of_noise(mean: Mean, Q: Polynomial) -> Polynomial:
-    """Return c + tr Q V."""
-    total, V = mean.c, mean.V
-    for i in range(V.shape[0]):
-        row = slice(i, i + 1)
-        total = total + Q.part(row, slice(V.shape[0])) * V.part(slice(None), row)
-    return total
-
-
 def noises(Q: Polynomial, steps: Sequence[Step]) -> list[Polynomial]:
     """Return c + tr Q V of every part of the periods."""
-    return [of_noise(step.mean, _wide(Q)) for step in steps]
+    return [step.mean.noise(_wide(Q)) for step in steps]
 
 
 def _wide(P: Polynomial) -> Polynomial:

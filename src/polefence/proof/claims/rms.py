@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 from polefence.proof.between import Held, Mean, Period, Step
 from polefence.proof.claims.base import Claim
-from polefence.proof.claims.clock import noises, of_noise, rows_of_clock, steps_of
+from polefence.proof.claims.clock import noises, rows_of_clock, steps_of
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
@@ -125,7 +125,7 @@ class Rms(SignalClaim):
         times = milliseconds_text(step)
         if clock is not None:
             ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
-            times = f"{' to '.join(ends)} ms, each time anew, and the loop stable"
+            times = f"{' to '.join(ends)} ms in any order, and the loop stable"
             return f", at all times, with inputs held for {times}"
         return f", at all times, with inputs held for {times} ms"
 
@@ -188,7 +188,7 @@ class Rms(SignalClaim):
         form = self.held.chosen(self.outputs, self.subject.law.form(self.subject.sizes))
         mean = self._mean()
         energy = form.T.half_times(mean.M * form)
-        return dual_of_noise(self, square, self.intensity, energy, partial(of_noise, mean))
+        return dual_of_noise(self, square, self.intensity, energy, mean.noise)
 
     @property
     def least_square(self) -> Fraction | None:
@@ -200,7 +200,7 @@ class Rms(SignalClaim):
             return None
         Q = bernstein(evidence.X, self.subject.sizes, evidence.degree)
         clock = self.held.clock
-        moved = noises(Q, self._steps()) if clock else [of_noise(self._mean(), Q)]
+        moved = noises(Q, self._steps()) if clock else [self._mean().noise(Q)]
         return max(largest_coefficient(one, evidence.elevation) for one in moved)
 
     def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:

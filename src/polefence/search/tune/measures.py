@@ -36,6 +36,9 @@ MARGIN = 1e-5  # by which what must be kept is kept: 1e-4 costs the shown car as
 WIDE = 1.00005
 # Operations of one point, and times n^3: 0.1 ms for n = 4, measured with three signals.
 ONE, EACH = 8e4, 300.0
+# The same of a bound for periods in any order, times n^4 of each: a quarter of 14 ms for n = 9 and
+# two, so that such a search may take four times as long as others.
+IN_ANY_ORDER = 200.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +160,8 @@ class Points:
     def requirement(self, k: int, K: Array, modes: Modes) -> Found:
         """Return the k-th requirement."""
         channel = self.channels[k + 1]
+        if channel.beside:
+            spend(len(K) * IN_ANY_ORDER * (1 + len(channel.beside)) * channel.A.shape[-1] ** 4)
         if channel.length != 1:  # of a clock that is not perfect
             modes = Modes(channel.A + channel.B @ K, modes.step)
         measure = self.task.requirements[k].slopes(channel.closed(K, modes))

@@ -1048,9 +1048,10 @@ class _OverClock(_Interpolation):
         """Loops and costs of the shortest and longest periods at the nodes, noise; lengths."""
         problem = self.problem
         nodes = problem.domain.nodes(self.degree)
-        every, noise = list[tuple[Array, Array]](), list[Array]()
-        for ticks in self.own:
-            for end in np.eye(2):
+        every, noise, times = list[tuple[Array, Array]](), list[Array](), list[float]()
+        for number, ticks in enumerate(self.own):
+            # where a part ends the next begins
+            for end, time in list(zip(np.eye(2), ticks.lengths, strict=True))[int(number > 0) :]:
                 alpha = _beside(nodes, np.tile(end, (len(nodes), 1)))
                 W, N, Y, E, *_ = problem.ticked(ticks, alpha)
                 if problem.law.W is not None:
@@ -1058,9 +1059,9 @@ class _OverClock(_Interpolation):
                 F = np.eye(N.shape[-1]) + problem.step * N
                 every.append((F, problem.step * Y.swapaxes(-1, -2) @ Y))
                 noise.append(E @ E.swapaxes(-1, -2))
+                times.append(time)
         F, M = (np.stack(each, axis=1) for each in zip(*every, strict=True))
-        times = np.ravel([ticks.lengths for ticks in self.own])
-        return F, M, np.mean(noise, axis=0), times
+        return F, M, np.mean(noise, axis=0), np.array(times)
 
     def _solutions(
         self,

@@ -68,8 +68,9 @@ class Common:
         """Slopes of the cost with respect to F and M, (count, k, n, n) each."""
         slopes = [np.zeros_like(self.F), np.zeros_like(self.M)]
         for some in _batches(np.flatnonzero(self.found), *self.F.shape[1:3]):
-            units = _Units.of(self.F[some], self.M[some], self.W[some])
-            found = _slopes(units, units.inward(self.Q[some]), self.gap)
+            with np.errstate(all="ignore"):
+                units = _Units.of(self.F[some], self.M[some], self.W[some])
+                found = _slopes(units, units.inward(self.Q[some]), self.gap)
             for whole, part in zip(slopes, found, strict=True):
                 whole[some] = part
         return slopes[0], slopes[1]

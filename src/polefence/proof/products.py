@@ -180,11 +180,11 @@ class _Nodes:
         spend(self.moves(None) * shape.rows, shape.columns * 8 * size)
         for axis, total in enumerate(self.totals):
             table = _along(table, axis, *_inverse(total))
-        return {
-            self._exponent(index): shape.unpacked(both, size)
-            for index, both in table.items()
-            if any(both)
-        }
+        # a product that is zero keeps one term, which has its shape
+        kept = {index: both for index, both in table.items() if any(both)} or dict(
+            [next(iter(table.items()))]
+        )
+        return {self._exponent(index): shape.unpacked(both, size) for index, both in kept.items()}
 
     def _at(self, P: Terms, factor: int) -> dict[Exponent, Integers]:
         """Return the values of a factor at all nodes; a row is one number on the way."""

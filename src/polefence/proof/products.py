@@ -178,6 +178,7 @@ class _Nodes:
             q = transposed([_packed(row, size) for row in other[at]])
             table[at] = shape.product(p, q)
         spend(self.moves(None) * shape.rows, shape.columns * 8 * size)
+        spend(self.count * shape.entries, 8 * size)
         for axis, total in enumerate(self.totals):
             table = _along(table, axis, *_inverse(total))
         # a product that is zero keeps one term, which has its shape
@@ -192,6 +193,7 @@ class _Nodes:
         size = (length + 1) // 8 + 1
         columns = len(one[0])
         spend(self.moves(factor) * len(one), columns * 8 * size)
+        spend(self.count * len(one) * columns, 8 * size)
         table = {e[1::2]: [_packed(row, size)[0] for row in M] for e, M in P.items()}
         for axis, (pair, total) in enumerate(self.pairs):
             table = _along(table, axis, _values(pair[factor], total))

@@ -1,7 +1,8 @@
 """What a clock that is not perfect costs the van, whose law has no states of its own; figure.
 
 ``python docs/examples/clock_price.py [FOLDER]`` prints the page's table and writes clock-price.png
-into the folder, by default here. It takes a quarter of an hour.
+into the folder, by default here. It takes a quarter of an hour. First it prints by how much some
+periods in turn make the loop of the spec's own law grow, that for a perfect clock.
 """
 
 import sys
@@ -9,13 +10,43 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import expm
 
 import polefence as pf
+from polefence.response.between import held_of
+from polefence.response.closed import close
 
 SPEC = Path(pf.examples.__file__).with_name("van.toml")
 T = 0.002  # s
 CLOCKS = ((0, 0), (0.05, 0), (0.1, 0), (0.2, 0))  # share by which periods jitter, samples lost
 ROW = "{:g} % of jitter, {} lost: {:.4f} proved in any order, {:.4f} worst of constant periods"
+
+
+TURNS = ((1.6,), (4.8,), (4.8, 4.8, 1.6))  # ms
+
+
+def perfect():
+    """The spec's own law for a perfect clock."""
+    seen = pf.at_sample_time(pf.load(SPEC), T)
+    return pf.optimise(seen, *pf.load_specifications(SPEC), structure=pf.load_structure(SPEC))
+
+
+def growth(done, turn):
+    """The largest growth of a loop at a corner over these periods in turn [ms]."""
+    corners, held = np.eye(len(done.plant.vertices)), held_of(done.plant)
+    loops, largest = close(done.plant, done.law, corners), 0.0
+    for k in range(len(corners)):
+        A, B = (np.array(M[k], dtype=float) for M in (held.A, held.B))
+        (n, m), moved = B.shape, np.eye(done.plant.shape[0])
+        N = np.block([[A, B], [np.zeros((m, n + m))]])
+        for length in turn:
+            step = np.eye(len(moved)) + T * loops.closed[k]
+            F = expm(N * length / 1000)[:n]
+            step[:n] = F[:, n:] @ loops.K[k][:m]
+            step[:n, :n] += F[:, :n]
+            moved = step @ moved
+        largest = max(largest, np.abs(np.linalg.eigvals(moved)).max())
+    return largest
 
 
 def priced(jitter, lost):
@@ -30,6 +61,9 @@ def priced(jitter, lost):
 
 def main(folder="."):
     """Design, print and draw."""
+    done = perfect()
+    for turn in TURNS:
+        print(f"periods of {turn} ms in turn: growth {growth(done, turn):.4f}", flush=True)
     rows = []
     for jitter, lost in CLOCKS:
         rows.append((100 * jitter, *priced(jitter, lost)))

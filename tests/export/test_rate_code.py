@@ -12,7 +12,6 @@ from polefence import (
     PolynomialGain,
     Saturation,
     ScheduledGain,
-    UncertainPlant,
     analyse,
     at_sample_time,
 )
@@ -24,29 +23,18 @@ from polefence.export.fmu import fmu
 from polefence.export.vectors import HELD_BACK, LIMITED, Ends, special, vectors
 from polefence.plant.delta import delta_form
 from polefence.plant.larger import with_states
-from polefence.plant.parameters import Parameter
 from support.cortex import run
 from support.files import rewritten
+from support.lag import lag
 from support.shapes_of_laws import SANITIZED, STRICT
 
 T, LIMIT, RATE, OWN = 0.02, 1.5, 12.0, -0.375
 NO_CONTROL = 4
 
 
-def lag():
-    return UncertainPlant.from_function(
-        lambda a, b: ([[a]], [[b]], [[b]]),
-        [Parameter("a", 0.8, 1.2), Parameter("b", 0.9, 1.1)],
-        states=("x [m]",),
-        inputs=("u [N]",),
-        disturbances=("w",),
-        name="lag",
-    )
-
-
 @cache
 def design(kind):
-    plant, box = at_sample_time(lag(), T, 1), lag().parameters
+    plant, box = at_sample_time(lag("x [m]", "u [N]"), T, 1), lag().parameters
     if kind == "own states":
         plant = with_states(plant, 1)
         law = PolynomialGain(((0, 0),), [[(-4.0, -0.1, -3.0), (1.0, 0.0, 0.0)]], (), box)

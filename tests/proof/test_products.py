@@ -94,3 +94,18 @@ def power(at, e):
     for x, k in zip(at, e, strict=True):
         value *= x**k
     return value
+
+
+def test_a_product_that_is_zero_keeps_its_shape():
+    sizes = (2, 2, 2)
+    zero, threes = (
+        Polynomial(
+            {e: [[x] * 6 for _ in range(6)] for e in monomials_of(sizes, (2, 2, 2))},
+            sizes,
+            (2, 2, 2),
+        )
+        for x in (0, 3)
+    )
+    product = zero * threes
+    assert product.shape == (6, 6)
+    assert not any(any(row) for M in product.terms.values() for row in M)

@@ -3,46 +3,20 @@
 import numpy as np
 import pytest
 
-from polefence import Disk, PolynomialGain, Structure, UncertainPlant, analyse, at_sample_time
+from polefence import Disk, PolynomialGain, Structure, analyse, at_sample_time
 from polefence.certify.running import running
 from polefence.plant.larger import with_states
-from polefence.plant.parameters import Parameter
 from polefence.response.discrete import Sampling
-from polefence.vehicle import Actuator, Hardware, disturbed, drive
-from polefence.vehicle.driving import compiled
-from polefence.vehicle.driving import drive as driving
+from polefence.vehicle import Actuator, Hardware
+from support.lag import BOTH, STEP, A, B, driven, lag
 
-LIMIT, H, A, B = 1.4, 1e-3, 1.2, 0.9
-BOTH = pytest.mark.parametrize("kernel", [True, False])
-
-
-def lag():
-    return UncertainPlant.from_function(
-        lambda a, b: ([[a]], [[b]], [[b]]),
-        [Parameter("a", 0.8, 1.2), Parameter("b", 0.9, 1.1)],
-        states=("x",),
-        inputs=("u",),
-        disturbances=("w",),
-        name="lag",
-    )
+LIMIT = 1.4
 
 
 def integrating(gain):
     plant = with_states(lag(), 1)
     law = PolynomialGain(((0, 0),), [[(-4.0, -3.0), (1.0, 0.0)]], (), plant.parameters)
     return plant, law.with_anti_windup(None if gain is None else np.array([[0, 0], [gain, 0]]))
-
-
-def driven(monkeypatch, kernel, plant, law, hardware, T=6.0):
-    if kernel and compiled.compiled() is None:
-        pytest.skip("built without a compiler")
-    start = np.zeros(plant.shape[0])
-    start[0] = 1.0
-    moved = disturbed(plant, None, H, T, start=start)
-    with monkeypatch.context() as patch:
-        if not kernel:
-            patch.setattr(driving, "compiled", lambda: None)
-        return drive(plant, law, moved, {"a": A, "b": B}, hardware)
 
 
 @BOTH
@@ -62,7 +36,7 @@ def test_at_samples_it_is_what_the_code_does(monkeypatch, kernel, delayed):
         z += T * (x - 0.375 * (u - asked))
         now, acting = (acting, u) if delayed else (u, u)
         x = np.exp(A * T) * x + (np.exp(A * T) - 1) / A * B * now
-    found = done.states[0, :: round(T / H)][:300]
+    found = done.states[0, :: round(T / STEP)][:300]
     assert np.abs(found - np.array(seen)).max() < 1e-9
     assert any(event.kind == "limit" for event in done.events)
 
@@ -78,7 +52,7 @@ def test_in_continuous_time_it_is_the_equation(monkeypatch, kernel):
         u = min(max(asked, -LIMIT), LIMIT)
         return np.array([A * y[0] + B * u, y[0] - 0.375 * (u - asked)])
 
-    h = H / 4
+    h = STEP / 4
     for k in range(4 * 6000):
         if k % 4 == 0:
             assert np.abs(done.states[0, k // 4] - state).max() < 1e-5
@@ -148,5 +122,5 @@ def test_a_law_that_was_designed_at_samples_one_late_runs_as_its_code(monkeypatc
         z += T * (x - 0.375 * (u - asked))
         x = np.exp(A * T) * x + (np.exp(A * T) - 1) / A * B * late
         late = u
-    found = done.states[0, :: round(T / H)][:300]
+    found = done.states[0, :: round(T / STEP)][:300]
     assert np.abs(found - np.array(seen)).max() < 1e-9

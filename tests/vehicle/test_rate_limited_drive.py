@@ -8,44 +8,17 @@ from polefence import (
     FixedGain,
     PolynomialGain,
     ScheduledGain,
-    UncertainPlant,
     analyse,
     at_sample_time,
 )
 from polefence.base.errors import InputError
 from polefence.certify.running import running
 from polefence.plant.larger import with_actuator, with_states
-from polefence.plant.parameters import Parameter
 from polefence.response.discrete import Sampling
-from polefence.vehicle import Actuator, Hardware, disturbed, drive
-from polefence.vehicle.driving import compiled
-from polefence.vehicle.driving import drive as driving
+from polefence.vehicle import Actuator, Hardware
+from support.lag import BOTH, STEP, A, B, driven, lag
 
-LIMIT, RATE, H, A, B, T = 1.6, 12.0, 1e-3, 1.2, 0.9, 0.02
-BOTH = pytest.mark.parametrize("kernel", [True, False])
-
-
-def lag():
-    return UncertainPlant.from_function(
-        lambda a, b: ([[a]], [[b]], [[b]]),
-        [Parameter("a", 0.8, 1.2), Parameter("b", 0.9, 1.1)],
-        states=("x",),
-        inputs=("u",),
-        disturbances=("w",),
-        name="lag",
-    )
-
-
-def driven(monkeypatch, kernel, plant, law, hardware, duration=6.0):
-    if kernel and compiled.compiled() is None:
-        pytest.skip("built without a compiler")
-    start = np.zeros(plant.shape[0])
-    start[0] = 1.0
-    moved = disturbed(plant, None, H, duration, start=start)
-    with monkeypatch.context() as patch:
-        if not kernel:
-            patch.setattr(driving, "compiled", lambda: None)
-        return drive(plant, law, moved, {"a": A, "b": B}, hardware)
+LIMIT, RATE, T = 1.6, 12.0, 0.02
 
 
 def within(demand, last, limit=LIMIT):
@@ -83,10 +56,10 @@ def test_a_computer_moves_what_it_sends_no_faster(monkeypatch, kernel, kind):
     made = running(lag(), analyse(samples, LAWS[kind], Disk(0, 1)).design)
     hardware = Hardware(sampling=made.sampling, actuator=Actuator(limit=LIMIT, slew=RATE))
     done = driven(monkeypatch, kernel, made.plant, made.law, hardware)
-    found = done.states[0, :: round(T / H)][:300]
+    found = done.states[0, :: round(T / STEP)][:300]
     seen = seen_at_samples(lambda x, late, _: -4 * x - 0.1 * late)
     assert np.abs(found - seen[:, :2]).max() < 1e-9
-    sent = done.applied[0, :: round(T / H), 0]
+    sent = done.applied[0, :: round(T / STEP), 0]
     assert np.abs(np.diff(sent)).max() < RATE * T * (1 + 1e-9)
     assert next(event.kind for event in done.events) == "rate limit"
 
@@ -101,7 +74,7 @@ def test_with_anti_windup_it_runs_as_its_code(monkeypatch, kernel):
     hardware = Hardware(sampling=made.sampling, actuator=Actuator(limit=LIMIT, slew=RATE))
     done = driven(monkeypatch, kernel, made.plant, made.law, hardware)
     seen = seen_at_samples(lambda x, late, z: -4 * x - 0.1 * late - 3 * z)
-    assert np.abs(done.states[0, :: round(T / H)][:300] - seen).max() < 1e-9
+    assert np.abs(done.states[0, :: round(T / STEP)][:300] - seen).max() < 1e-9
 
 
 @BOTH
@@ -118,7 +91,7 @@ def test_an_actuator_with_a_lag_moves_no_faster(monkeypatch, kernel, own):
         demand = min(max(-4 * y[0], -LIMIT), LIMIT)
         return np.array([A * y[0] + B * y[1], min(max(w * (demand - y[1]), -8.0), 8.0)])
 
-    state, h = np.array([1.0, 0.0]), H / 4
+    state, h = np.array([1.0, 0.0]), STEP / 4
     for k in range(4 * 2000):
         if k % 4 == 0:
             force = done.states[0, k // 4, 1] if own else done.applied[0, k // 4, 0]
@@ -158,6 +131,6 @@ def test_an_input_that_moves_at_once_has_no_rate(monkeypatch):
 def test_a_sampling_controller_begins_from_zero(monkeypatch):
     hardware = Hardware(sampling=Sampling(T, False), actuator=Actuator(slew=RATE))
     done = driven(monkeypatch, True, lag(), FixedGain([[-4.0]]), hardware, 1.0)
-    sent = done.applied[0, :: round(T / H), 0]
+    sent = done.applied[0, :: round(T / STEP), 0]
     assert sent[0] == -RATE * T
     assert np.abs(np.diff(sent)).max() < RATE * T * (1 + 1e-9)

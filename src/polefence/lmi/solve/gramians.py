@@ -51,7 +51,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
 # 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
-DEGREES, BENT, OVER_CLOCK = (2, 4), (1, 2), (1,)  # on parts of the box; of samples between nodes
+DEGREES, BENT, IN_ANY_ORDER = (2, 4), (1, 2), (1,)  # on parts of the box; of samples between nodes
 LOWEST = 0.03  # of a level, what a point's own is at least
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there
@@ -152,7 +152,7 @@ class Ticks:
     M, V, c : (count, ., .) arrays
     degrees : pair of int
         Of all of them, in the parameters and in the length.
-    own : tuple of int
+    plain : tuple of int
         In the parameters alone: of what moves, of M, of V and of c.
     """
 
@@ -164,7 +164,7 @@ class Ticks:
     V: Array
     c: Array
     degrees: tuple[int, int]
-    own: tuple[int, int, int, int]
+    plain: tuple[int, int, int, int]
 
     @property
     def theta(self) -> float:
@@ -184,15 +184,14 @@ def _ticks(step: Step, domain: Domain) -> Ticks:
     mean = step.mean
     every = (step.moved, mean.M, mean.V, mean.c)
     of_moved, of_M, of_V, of_c = (max(P.degrees[:-1], default=0) for P in every)
-    own = of_moved, of_M, of_V, of_c
-    plain = max(own)
+    plain = of_moved, of_M, of_V, of_c
     along = max(P.degrees[-1] for P in every)
-    degrees = (*(plain,) * (len(step.theta.sizes) - 1), along)
+    degrees = (*(max(plain),) * (len(step.theta.sizes) - 1), along)
     theta = _coefficients(step.theta, 1)
     ends = float(theta.min()), float(theta.max())
     off = np.array([[float(x) for x in row] for row in step.off])
     moved, M, V, c = (_coefficients(P, degrees) for P in every)
-    return Ticks(domain, ends, moved, off, M, V, c, (plain, along), own)
+    return Ticks(domain, ends, moved, off, M, V, c, (max(plain), along), plain)
 
 
 def _coefficients(P: ExactPolynomial, degrees: int | tuple[int, ...]) -> Array:
@@ -526,7 +525,7 @@ def in_parts(
     first = problem.inside(whole)
     tried: tuple[int, ...] = BENT if problem.plant.bent else DEGREES
     if problem.clocked:  # where one is not enough, parts take less than a higher one
-        tried = OVER_CLOCK
+        tried = IN_ANY_ORDER
     work = {degree: first.work(degree) * ROUNDS for degree in tried}
     degrees = [d for d in work if work[d] <= MOST_IN_PART]
     if not degrees:
@@ -962,18 +961,18 @@ class _OverClock(_Interpolation):
     gap: float = NARROW
 
     @cached_property
-    def own(self) -> list[Ticks]:
+    def parts(self) -> list[Ticks]:
         """The parts of the periods."""
         return [] if self.problem.means is None else list(self.problem.means.ticks)
 
     @property
     def along(self) -> int:
         """Degree of what moves in the length of a period."""
-        return max(ticks.degrees[1] for ticks in self.own)
+        return max(ticks.degrees[1] for ticks in self.parts)
 
     def plain(self, k: int) -> int:
         """Degree in the parameters of what moves, of M, of V or of c."""
-        return max(ticks.own[k] for ticks in self.own)
+        return max(ticks.plain[k] for ticks in self.parts)
 
     @property
     def degrees(self) -> tuple[int, int]:
@@ -991,12 +990,12 @@ class _OverClock(_Interpolation):
     @cached_property
     def looped(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:
         """For each the weights, Q's basis and the loops at the nodes of the inequality."""
-        return [self._at(ticks, self.degrees) for ticks in self.own]
+        return [self._at(ticks, self.degrees) for ticks in self.parts]
 
     @cached_property
     def driven(self) -> list[tuple[Array, Array, tuple[Array, ...]]]:
         """The same at those of what the noise adds."""
-        return [self._at(ticks, self.degrees_of_noise) for ticks in self.own]
+        return [self._at(ticks, self.degrees_of_noise) for ticks in self.parts]
 
     def _at(self, ticks: Ticks, degrees: tuple[int, int]) -> tuple[Array, Array, tuple[Array, ...]]:
         plain, theta = self.problem.domain.nodes(degrees[0]), _ENDS.nodes(degrees[1])
@@ -1023,7 +1022,7 @@ class _OverClock(_Interpolation):
         narrow = self._centres(np.zeros_like(self.units))
         if narrow is None:
             return None
-        more = max(float(ticks.c.max()) for ticks in self.own)
+        more = max(float(ticks.c.max()) for ticks in self.parts)
         whole = (level * (1 - ROOM)) ** 2 - float(narrow.cost.max()) - more
         for share in WIDER:
             if whole <= 0:
@@ -1049,7 +1048,7 @@ class _OverClock(_Interpolation):
         problem = self.problem
         nodes = problem.domain.nodes(self.degree)
         every, noise, times = list[tuple[Array, Array]](), list[Array](), list[float]()
-        for number, ticks in enumerate(self.own):
+        for number, ticks in enumerate(self.parts):
             # where a part ends the next begins
             for end, time in list(zip(np.eye(2), ticks.lengths, strict=True))[int(number > 0) :]:
                 alpha = _beside(nodes, np.tile(end, (len(nodes), 1)))
@@ -1080,7 +1079,7 @@ class _OverClock(_Interpolation):
 
     def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
         entries, sizes = list[Array](), list[tuple[Array, Array]]()
-        for ticks, (own, basis, (W, N, *_)) in zip(self.own, self.looped, strict=True):
+        for ticks, (own, basis, (W, N, *_)) in zip(self.parts, self.looped, strict=True):
             known = self.problem.entries(ticks)
             entries += [] if known is None else [known]
             P = (W + self.problem.step * N).swapaxes(-1, -2) @ np.tensordot(basis, Q, 1)
@@ -1095,9 +1094,9 @@ class _OverClock(_Interpolation):
     ) -> tuple[Array, float]:
         if level is not None:
             raise np.linalg.LinAlgError("a gain has no periods of any length")
-        step, every, longest = self.problem.step, list[Array](), self.own[-1].theta
+        step, every, longest = self.problem.step, list[Array](), self.parts[-1].theta
         degrees = self.degrees
-        for ticks, (own, basis, (W, N, Y, *_)) in zip(self.own, self.looped, strict=True):
+        for ticks, (own, basis, (W, N, Y, *_)) in zip(self.parts, self.looped, strict=True):
             Q = np.tensordot(basis, coefficients, 1)
             P = (W + step * N).swapaxes(-1, -2) @ Q
             both = W @ Q @ N

@@ -21,6 +21,7 @@ from polefence.proof.matrices import Rationals, beside, identity, longest, mix, 
 from polefence.proof.plant import Node, Plant, corner_weights, corners, lattice, split
 from polefence.proof.polynomials import (
     MAX_DEGREE,
+    Exponent,
     Polynomial,
     Sizes,
     affine,
@@ -31,7 +32,6 @@ from polefence.proof.polynomials import (
     count_of,
     restricted,
 )
-from polefence.proof.products import Exponent
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.short import Short

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, combinations_with_replacement, product
+from operator import mul
 from typing import Any
 
 from polefence.proof.matrices import (
@@ -20,22 +21,15 @@ from polefence.proof.matrices import (
     transposed,
     whole_numbers,
 )
-from polefence.proof.products import (
-    COORDINATES,
-    Degrees,
-    Exponent,
-    Packed,
-    Terms,
-    longest_of,
-    multiplied,
-    spend_exponents,
-)
 from polefence.proof.short import Short
-from polefence.proof.work import spend
+from polefence.proof.work import MAX_HELD, WorkError, spend
 
 MAX_DEGREE = 16  # of any polynomial, in each simplex
+COORDINATES = 2  # of an exponent, which are added at the cost of one operation
 
+Exponent = tuple[int, ...]
 Sizes = tuple[int, ...]  # corners of each simplex
+Terms = dict[Exponent, Integers]
 
 
 @dataclass(frozen=True)
@@ -59,24 +53,20 @@ class Polynomial(Short):
 
     def __mul__(self, other: Polynomial) -> Polynomial:
         """Return the product; a polynomial of one entry multiplies matrices of any shape."""
-        if self.shape == (1, 1):
-            return self._times(other, _weighted(self.terms, other.terms))
-        return self._times(other, multiplied(self.terms, other.terms, self._box(other)))
+        multiply = _weighted if self.shape == (1, 1) else _product
+        return self._with(
+            multiply(self.terms, other.terms),
+            tuple(map(int.__add__, self.degrees, other.degrees)),
+            self.whole * other.whole,
+        )
 
     def half_times(self, other: Polynomial) -> Polynomial:
         """Return a product that is known to be symmetric: half of it is computed."""
-        terms = multiplied(self.terms, other.terms, self._box(other), half=True)
-        return self._times(other, terms)
-
-    def _times(self, other: Polynomial, terms: Terms) -> Polynomial:
-        degrees = tuple(map(int.__add__, self.degrees, other.degrees))
-        return self._with(terms, degrees, self.whole * other.whole)
-
-    def _box(self, other: Polynomial) -> list[Degrees] | None:
-        """Return both degrees in each interval, None where a simplex is none."""
-        if set(self.sizes) != {2}:
-            return None
-        return list(zip(self.degrees, other.degrees, strict=True))
+        return self._with(
+            _product(self.terms, other.terms, half=True),
+            tuple(map(int.__add__, self.degrees, other.degrees)),
+            self.whole * other.whole,
+        )
 
     def __add__(self, other: Polynomial) -> Polynomial:
         degrees, whole = joint([self, other]), math.lcm(self.whole, other.whole)
@@ -120,16 +110,12 @@ class Polynomial(Short):
 
     def raised(self, degrees: tuple[int, ...]) -> Polynomial:
         """Return the same polynomial times powers of the sums of coordinates, of these degrees."""
-        by = list(map(int.__sub__, degrees, self.degrees))
-        if not any(by) or not self.terms:
-            return self._with(self.terms, degrees)
-        growth = sum(size.bit_length() * times for size, times in zip(self.sizes, by, strict=True))
-        packed, start = Packed.of(self.terms, growth), 0
-        for size, times_of in zip(self.sizes, by, strict=True):
-            for _ in range(times_of):
-                packed = packed.elevated(range(start, start + size))
+        terms, start = self.terms, 0
+        for size, present, wanted in zip(self.sizes, self.degrees, degrees, strict=True):
+            for _ in range(wanted - present):
+                terms = _elevated(terms, range(start, start + size))
             start += size
-        return self._with(packed.terms, degrees)
+        return self._with(terms, degrees)
 
     def elevated(self, by: int) -> Polynomial:
         """Return the same polynomial, raised by so much in each simplex."""
@@ -172,7 +158,7 @@ class Polynomial(Short):
     @property
     def bits(self) -> int:
         """Length of the longest entry."""
-        return longest_of(self.terms)
+        return _longest(self.terms)
 
     def _with(
         self, terms: Terms, degrees: tuple[int, ...] | None = None, whole: int | None = None
@@ -368,6 +354,20 @@ def basis(at: list[Fraction], sizes: Sizes, degree: int) -> list[Fraction]:
 # --- terms ---------------------------------------------------------------------------------------
 
 
+def _longest(P: Terms) -> int:
+    entries = chain.from_iterable(chain.from_iterable(P.values()))
+    return max(map(int.bit_length, entries), default=0)
+
+
+def _hold(matrices: int, entries: int, length: int) -> None:
+    if matrices * entries * (36 + length // 7) > MAX_HELD:
+        raise WorkError("its polynomials are too large to be checked here; take fewer parameters")
+
+
+def _spend_exponents(count: int, P: Terms) -> None:
+    spend(count * len(next(iter(P), ())) // COORDINATES, 0)
+
+
 def _add(P: Terms, exponent: Exponent, matrix: Integers) -> None:
     P[exponent] = plus(P[exponent], matrix) if exponent in P else matrix
 
@@ -383,19 +383,90 @@ def _multiple(factor: int, P: Terms) -> Terms:
     if factor == 1:
         return P
     entries = sum(len(matrix) * len(matrix[0]) for matrix in P.values())
-    spend(entries, factor.bit_length(), longest_of(P))
+    spend(entries, factor.bit_length(), _longest(P))
     return {e: times(factor, matrix) for e, matrix in P.items()}
+
+
+def _product(P: Terms, Q: Terms, half: bool = False) -> Terms:
+    """Multiply matrix polynomials, entries with rows; of a symmetric product half is computed.
+
+    The numbers of a row are digits of one number, in a base that no digit of the result exceeds.
+    """
+    left, right = _longest(P), _longest(Q)
+    none: Integers = [[]]
+    one, other = next(iter(P.values()), none), next(iter(Q.values()), none)
+    columns = len(other[0])
+    entries = len(one) * (len(one) + 1) // 2 if half else len(one) * columns
+    spend(len(P) * len(Q) * entries * len(one[0]), left, right)
+    _spend_exponents(len(P) * len(Q), P)
+    # sums of at most so many products, and a sign
+    width = left + right + (min(len(P), len(Q)) * len(other)).bit_length() + 1
+    size = width // 8 + 1
+    firsts = [i if half else 0 for i in range(len(one))]
+    packed: dict[Exponent, list[int]] = {}
+    rows = {e: transposed([_packed(row, size) for row in q]) for e, q in Q.items()}
+    for d, p in P.items():
+        for e, q in rows.items():
+            target = tuple(map(int.__add__, d, e))
+            both = [sum(map(mul, row, q[i])) for i, row in zip(firsts, p, strict=True)]
+            known = packed.get(target)
+            packed[target] = both if known is None else list(map(int.__add__, known, both))
+        _hold(len(packed), len(one) * columns, left + right)
+    result = {
+        e: [_unpacked(x, size, columns - i) for i, x in zip(firsts, both, strict=True)]
+        for e, both in packed.items()
+    }
+    return {e: _mirrored(upper) for e, upper in result.items()} if half else result
+
+
+def _packed(row: Sequence[int], size: int) -> list[int]:
+    """Return the sums of x_k 2^(8 size (k - i)) over k >= i, of each i."""
+    sums = [0]
+    for x in reversed(row):
+        sums.append((sums[-1] << 8 * size) + x)
+    return sums[:0:-1] or sums
+
+
+def _unpacked(value: int, size: int, count: int) -> list[int]:
+    """Return the x_k of the first sum of `_packed`, less than 2^(8 size - 1) in magnitude."""
+    half = 1 << 8 * size - 1
+    # with half a base added to each digit none is negative
+    shifted = value + half * (((1 << 8 * size * count) - 1) // ((1 << 8 * size) - 1))
+    digits = shifted.to_bytes(size * count, "little")
+    return [
+        int.from_bytes(digits[k : k + size], "little") - half for k in range(0, size * count, size)
+    ]
+
+
+def _mirrored(upper: Integers) -> Integers:
+    """Return a symmetric matrix of its rows from the diagonal on."""
+    every = range(len(upper))
+    return [[upper[min(i, j)][abs(i - j)] for j in every] for i in every]
 
 
 def _weighted(weights: Terms, X: Terms) -> Terms:
     """Multiply by a polynomial of one entry."""
     result: Terms = {}
     entries = sum(len(matrix) * len(matrix[0]) for matrix in X.values())
-    spend(len(weights) * entries, longest_of(weights), longest_of(X))
-    spend_exponents(len(weights) * len(X), X)
+    spend(len(weights) * entries, _longest(weights), _longest(X))
+    _spend_exponents(len(weights) * len(X), X)
     for d, ((weight,),) in weights.items():
         for e, matrix in X.items():
             _add(result, tuple(map(int.__add__, d, e)), times(weight, matrix))
+    return result
+
+
+def _elevated(P: Terms, simplex: range) -> Terms:
+    """Multiply by the sum of a simplex's coordinates."""
+    none: Integers = [[]]
+    one, length = next(iter(P.values()), none), _longest(P)
+    spend(len(P) * len(simplex) * len(one) * len(one[0]), length)
+    _spend_exponents(len(P) * len(simplex), P)
+    _hold(len(P) * len(simplex), len(one) * len(one[0]), length)
+    result: Terms = {}
+    for e, matrix in P.items():
+        for j in simplex:
+            _add(result, (*e[:j], e[j] + 1, *e[j + 1 :]), matrix)
     return result
 
 
@@ -406,14 +477,14 @@ def _composed(P: Terms, forms: list[Terms], length: int) -> Terms:
     def monomial(e: Exponent) -> Terms:
         if e not in products:
             j = next(j for j, power in enumerate(e) if power)
-            products[e] = multiplied(forms[j], monomial((*e[:j], e[j] - 1, *e[j + 1 :])))
+            products[e] = _product(forms[j], monomial((*e[:j], e[j] - 1, *e[j + 1 :])))
         return products[e]
 
     result: Terms = {}
     for e, matrix in P.items():
         values, entries = monomial(e), len(matrix) * len(matrix[0])
         spend(len(values) * entries, max(map(bits, values.values()), default=0), bits(matrix))
-        spend_exponents(len(values), values)
+        _spend_exponents(len(values), values)
         for d, ((value,),) in values.items():
             _add(result, d, times(value, matrix))
     return result

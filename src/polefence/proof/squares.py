@@ -17,7 +17,7 @@ from itertools import combinations_with_replacement
 from math import comb
 
 from polefence.proof.matrices import Rationals
-from polefence.proof.products import Exponent
+from polefence.proof.polynomials import Exponent
 
 Sparse = dict[Exponent, Fraction]
 

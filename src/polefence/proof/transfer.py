@@ -53,8 +53,7 @@ from polefence.proof.matrices import (
     times,
     whole_numbers,
 )
-from polefence.proof.polynomials import Polynomial, joint
-from polefence.proof.products import Exponent, Terms
+from polefence.proof.polynomials import Exponent, Polynomial, Terms, joint
 from polefence.proof.regions import HalfPlane
 from polefence.proof.roots import roots_inside
 from polefence.proof.work import RATIONAL, FormatError, spend

@@ -28,7 +28,7 @@ from polefence.lmi.solve import interior_point
 from polefence.lmi.solve.interior_point import WIDE, Outcome
 from polefence.lmi.solve.stacked import Blocks, Factors
 from polefence.plant.system import Array
-from polefence.proof.products import Exponent
+from polefence.proof.polynomials import Exponent
 from polefence.proof.squares import bases, joined, known, moved
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from polefence.proof.laws import Evidence, Law, Point
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
 from polefence.proof.motion import is_moving, motion_text
 from polefence.proof.plant import Plant
-from polefence.proof.polynomials import Polynomial, Sizes, count_of, joint, symmetric
-from polefence.proof.products import Exponent
+from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
 from polefence.proof.short import Short
 from polefence.proof.work import MAX_WORK, RATIONAL, FormatError, WorkError, counted, spend, tell

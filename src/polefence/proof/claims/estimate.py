@@ -38,8 +38,14 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.pieces import numbered
 from polefence.proof.plant import Plant, Range
-from polefence.proof.polynomials import Polynomial, Sizes, constant, count_of, form
-from polefence.proof.products import COORDINATES
+from polefence.proof.polynomials import (
+    COORDINATES,
+    Polynomial,
+    Sizes,
+    constant,
+    count_of,
+    form,
+)
 from polefence.proof.reading import Table
 from polefence.proof.regions import factors, lyapunov
 from polefence.proof.text import digits_down, region_text

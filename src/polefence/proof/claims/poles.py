@@ -73,6 +73,7 @@ from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Node, Plant, Range, sizes_of
 from polefence.proof.polynomials import (
     MAX_DEGREE,
+    Exponent,
     Polynomial,
     Sizes,
     basis,
@@ -82,7 +83,6 @@ from polefence.proof.polynomials import (
     count_of,
     monomials,
 )
-from polefence.proof.products import Exponent
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,

@@ -71,6 +71,7 @@ from polefence.proof.matrices import (
 from polefence.proof.plant import MAX_PARAMETERS, Plant, Range
 from polefence.proof.polynomials import (
     MAX_DEGREE,
+    Exponent,
     Polynomial,
     Sizes,
     bernstein,
@@ -79,7 +80,6 @@ from polefence.proof.polynomials import (
     monomials,
     multinomial,
 )
-from polefence.proof.products import Exponent
 from polefence.proof.reading import Table, plain, require_shape
 from polefence.proof.short import Short
 from polefence.proof.text import region_text

@@ -606,7 +606,7 @@ def bare(label: str) -> str:
 
 def exported(design: Design, kind: str, bits: int, ranges: dict[str, float]) -> tuple[Any, str]:
     """Return the code of a design, None of none, and whether its loop is proved, or why not."""
-    sampling = None if design.plant.sample_time is not None else Sampling(0.001, delayed=True)
+    sampling = None if design.plant.sample_time is not None else Sampling(0.001, delay=1)
     asked: dict[str, Any] = {"sampling": sampling, "bits": 32}
     if design.law.anti_windup is not None:
         asked["limits"] = LIMIT

@@ -56,7 +56,7 @@ def on_board(van, design):
     Return the drives, whether all bits are equal, and what an update costs.
     """
     seen = [k for k, name in enumerate(van.states) if name.startswith("measured ")]
-    sampling = pf.export.Sampling(PERIOD, delayed=True)
+    sampling = pf.export.Sampling(PERIOD, delay=1)
     with TemporaryDirectory() as place:
         pf.export.export_c99(design, 32, sampling=sampling).save(place)
         target, host = (built(place, name) for name in ("target", "host"))

@@ -21,7 +21,7 @@ LOADS = {240: "#2166ac", 340: "#b2182b"}  # of two cars [kg]
 def exported():
     """Design, and its law as float32 code; u acts one sample late."""
     design = pf.place(pf.examples.family("quarter-car-physical"), pf.Disk(-40, 31), "scheduled")
-    sampling = pf.export.Sampling(PERIOD, delayed=True)
+    sampling = pf.export.Sampling(PERIOD, delay=1)
     return design, pf.export.export_c99(design, 32, sampling=sampling)
 
 

@@ -15,7 +15,7 @@ from polefence.response.discrete import zero_order_hold
 
 PERIOD, FINE = 0.001, 10  # [s]; steps of the car in a step of the unit
 STEPS = 800  # of the unit, in a drive
-SAMPLING = pf.export.Sampling(PERIOD, delayed=True)
+SAMPLING = pf.export.Sampling(PERIOD, delay=1)
 KINDS = ("float64", "float32", "wrong load")
 LOADS = {240: "#2166ac", 340: "#b2182b"}  # of two cars [kg]
 

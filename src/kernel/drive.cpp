@@ -50,9 +50,11 @@ enum Mode : Int { by_gain, held, sampled };  // what is demanded: K x, or what w
 
 struct Stretch {
     Int count, n, m, q, N, driven, width, steps, first, total, every;
+    Int late, change;  // demands on their way; the step of a period in which the next one acts,
+    double share;      // and after which share of it
     double h;
     const double *A, *B, *E, *S, *alpha, *noise, *K;
-    bool moves, K_moves, delayed;
+    bool moves, K_moves;
     Mode mode;
     double lag, limit;
     bool slews;              // inputs may move so fast only:
@@ -67,7 +69,9 @@ struct Stretch {
     double gravity;
     Int heavy;
     const double *per_mass, *first_load;
-    double *z, *after, *held, *waiting, *states, *rates, *demanded, *applied, *pushes;
+    double *z, *after, *underway, *states, *rates, *demanded, *applied, *pushes;
+
+    bool breaks(Int instant) const { return share > 0 && instant % every == change; }
 };
 
 // Up to eight cars that go through a stretch of steps.
@@ -77,35 +81,34 @@ class Cars {
         : s(stretch), begin(begin), many(std::min(L, s.count - begin)), A(s.n * s.n * L),
           B(s.n * s.m * L), E(s.n * s.q * L), S(s.n * s.stops * L), g(s.n * L), K(s.m * s.n * L),
           x(s.width * L), at(s.width * L), slopes(4 * s.width * L), asked(s.m * L), given(s.m * L),
-          set(s.m * L), waiting(s.m * L), push(s.stops * L), per_mass(L), gone(L, false) {
+          set(s.m * L), underway((1 + s.late) * s.m * L), push(s.stops * L), per_mass(L),
+          gone(L, false) {
         for (Int l = 0; l < L; ++l)
             for (Int i = 0; i < s.width; ++i) x[i * L + l] = s.z[car(l) * s.width + i];
         for (Int l = 0; l < L; ++l)
-            for (Int j = 0; j < s.m; ++j) {
-                set[j * L + l] = s.held[car(l) * s.m + j];
-                waiting[j * L + l] = s.waiting[car(l) * s.m + j];
-            }
+            for (Int i = 0; i < (1 + s.late) * s.m; ++i)
+                underway[i * L + l] = s.underway[car(l) * (1 + s.late) * s.m + i];
         look();
     }
 
     void go() {
-        const Int size = s.width * L;
-        double *a = slopes.data(), *b = a + size, *c = b + size, *d = c + size;
-        const double h = s.h;
+        double *a = slopes.data();
+        Int row = 0;
         for (Int k = 0; k < s.steps; ++k) {
-            equations(3 * k);
+            const bool breaks = s.breaks(s.first + k);
+            equations(row);
             sample(k);
             slope(x.data(), a);
             record(s.first + k, a);
-            for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * a[i];
-            equations(3 * k + 1);
-            slope(at.data(), b);
-            for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * b[i];
-            slope(at.data(), c);
-            for (Int i = 0; i < size; ++i) at[i] = x[i] + h * c[i];
-            equations(3 * k + 2);
-            slope(at.data(), d);
-            for (Int i = 0; i < size; ++i) x[i] += h / 6 * (a[i] + 2 * (b[i] + c[i]) + d[i]);
+            advance(breaks ? s.share * s.h : s.h, row);
+            row += 3;
+            if (breaks) {
+                equations(row);
+                hold(s.late - 1);
+                slope(x.data(), a);
+                advance((1 - s.share) * s.h, row);
+                row += 3;
+            }
             look();
         }
         if (s.steps) {
@@ -121,10 +124,8 @@ class Cars {
                 s.z[car(l) * s.width + i] = x[i * L + l];
                 s.after[car(l) * s.width + i] = a[i * L + l];
             }
-            for (Int j = 0; j < s.m; ++j) {
-                s.held[car(l) * s.m + j] = set[j * L + l];
-                s.waiting[car(l) * s.m + j] = waiting[j * L + l];
-            }
+            for (Int i = 0; i < (1 + s.late) * s.m; ++i)
+                s.underway[car(l) * (1 + s.late) * s.m + i] = underway[i * L + l];
         }
     }
 
@@ -132,11 +133,26 @@ class Cars {
     using Numbers = std::vector<double>;
     const Stretch &s;
     Int begin, many;
-    Numbers A, B, E, S, g, K, x, at, slopes, asked, given, set, waiting, push, per_mass;
+    Numbers A, B, E, S, g, K, x, at, slopes, asked, given, set, underway, push, per_mass;
     std::vector<char> gone;
     bool known = false, K_known = false;
 
     Int car(Int l) const { return begin + std::min(l, many - 1); }
+
+    // A step of Runge-Kutta, or a part of one: its slope at the begin is known.
+    void advance(double h, Int row) {
+        const Int size = s.width * L;
+        double *a = slopes.data(), *b = a + size, *c = b + size, *d = c + size;
+        for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * a[i];
+        equations(row + 1);
+        slope(at.data(), b);
+        for (Int i = 0; i < size; ++i) at[i] = x[i] + h / 2 * b[i];
+        slope(at.data(), c);
+        for (Int i = 0; i < size; ++i) at[i] = x[i] + h * c[i];
+        equations(row + 2);
+        slope(at.data(), d);
+        for (Int i = 0; i < size; ++i) x[i] += h / 6 * (a[i] + 2 * (b[i] + c[i]) + d[i]);
+    }
 
     // M = sum of alpha_j M_j
     void mix(const double *vertices, Int size, Int row, Numbers &M) const {
@@ -195,7 +211,7 @@ class Cars {
     double sent(Int j, Int l, double force, const double *y) const {
         if (std::isfinite(s.limit)) force = cut(force, -s.limit, s.limit);
         if (!s.slews) return force;
-        const double middle = s.followed[j] < 0 ? waiting[j * L + l] : y[s.followed[j] * L + l];
+        const double middle = s.followed[j] < 0 ? underway[j * L + l] : y[s.followed[j] * L + l];
         return cut(force, middle - s.reach[j], middle + s.reach[j]);
     }
 
@@ -216,9 +232,21 @@ class Cars {
             for (Int l = 0; l < L; ++l) v[l] += own.rate[i] * y[i * L + l];
     }
 
-    // A controller that samples sets what it holds; of a damper that is a coefficient.
+    // What acts of the demands; the rates of the law's own states act at once.
+    void hold(Int late) {
+        for (Int i = 0; i < s.m * L; ++i)
+            set[i] = underway[i < s.driven * L ? late * s.m * L + i : i];
+    }
+
+    // A controller that samples demands anew, of a damper a coefficient; some demand is held.
     void sample(Int k) {
-        if (s.mode != sampled || (s.first + k) % s.every) return;
+        if (s.mode == by_gain) return;
+        const Int step = (s.first + k) % s.every;
+        if (s.mode == sampled && !step) demand(k);
+        hold(step > s.change || (step == s.change && !(s.share > 0)) ? s.late - 1 : s.late);
+    }
+
+    void demand(Int k) {
         if (s.K_moves || !K_known) {
             const Int before = (s.first + s.every - 1) / s.every;  // samples before this stretch
             gain(s.K_moves ? (s.first + k) / s.every - before : 0);
@@ -239,10 +267,8 @@ class Cars {
                 u[l] = cut(c, low, part.high + part.high_start * over);
             }
         }
-        for (Int i = 0; i < s.m * L; ++i) {
-            set[i] = s.delayed && i < s.driven * L ? waiting[i] : asked[i];
-            waiting[i] = asked[i];
-        }
+        std::copy_backward(underway.begin(), underway.end() - s.m * L, underway.end());
+        std::copy(asked.begin(), asked.end(), underway.begin());
     }
 
     // What is no number stays none.
@@ -363,22 +389,24 @@ void take(void *of, Int) {
 
 Int size(std::size_t own) { return static_cast<Int>(own); }
 
-// Goes through the steps first, ..., first + steps - 1, of which `noise` has three rows each; where
-// it has a single one, no step is gone, and what is the case at the instant `first` is recorded.
+// Goes through the steps first, ..., first + steps - 1. `noise` has three rows of each, six where
+// another demand acts within it. Without steps it has one row, and what is the case at the instant
+// `first` is recorded.
 void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const In<3> &alpha,
-           const In<2> &noise, const In<4> &K, double h, Int first, Int mode, Int every, bool delayed,
-           Int driven, double lag, double limit, const In<1> &reach, const In<1> &followed,
-           const In<2> &anti_windup, const In<2> &dampers, const In<2> &damper_rates,
+           const In<2> &noise, const In<4> &K, double h, Int first, Int steps, Int mode, Int every,
+           Int change, double share, Int driven, double lag, double limit, const In<1> &reach,
+           const In<1> &followed, const In<2> &anti_windup, const In<2> &dampers, const In<2> &damper_rates,
            const In<1> &stops, const In<2> &compression, double gravity, Int heavy,
            const In<1> &per_mass, const In<1> &first_load, const Out<2> &z,
-           const Out<2> &after, const Out<2> &held_before, const Out<2> &waiting, const Out<3> &states,
-           const Out<3> &rates, const Out<3> &demanded, const Out<3> &applied, const Out<3> &pushes,
+           const Out<2> &after, const Out<3> &underway, const Out<3> &states, const Out<3> &rates,
+           const Out<3> &demanded, const Out<3> &applied, const Out<3> &pushes,
            Int threads) {
     Stretch s{};
     s.N = size(A.shape(0)), s.n = size(A.shape(1)), s.m = size(B.shape(2)), s.q = size(E.shape(2));
     s.count = size(z.shape(0)), s.width = size(z.shape(1)), s.total = size(states.shape(1));
-    s.steps = size(noise.shape(0)) / 3, s.first = first, s.driven = driven, s.every = every;
-    s.h = h, s.lag = lag, s.limit = limit, s.gravity = gravity, s.heavy = heavy, s.delayed = delayed;
+    s.steps = steps, s.first = first, s.driven = driven, s.every = every;
+    s.change = change, s.share = share, s.late = size(underway.shape(1)) - 1;
+    s.h = h, s.lag = lag, s.limit = limit, s.gravity = gravity, s.heavy = heavy;
     require(s.N > 0 && s.n > 0 && s.m > 0 && size(A.shape(2)) == s.n, "A does not fit");
     require(size(B.shape(0)) == s.N && size(B.shape(1)) == s.n, "B does not fit");
     require(size(E.shape(0)) == s.N && size(E.shape(1)) == s.n, "E does not fit");
@@ -398,15 +426,19 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
     require(s.own <= s.m - driven && (!s.own || size(anti_windup.shape(1)) == driven),
             "the anti-windup does not fit");
     const Int rows = size(alpha.shape(0)), stages = size(noise.shape(0));
-    require(s.count > 0 && (stages == 1 || (stages > 0 && stages == 3 * s.steps)) &&
-                size(noise.shape(1)) == s.q,
+    require(first >= 0 && steps >= 0 && steps < s.total && first < s.total - steps,
+            "the steps do not fit");
+    require(every > 0 && s.late >= 0 && change >= 0 && change <= every && share >= 0 && share < 1 &&
+                (change == every ? share == 0 : s.late > 0),
+            "what is on its way does not fit");
+    Int pieces = steps;
+    for (Int k = first; k < first + steps; ++k) pieces += s.breaks(k);
+    require(s.count > 0 && stages == (steps ? 3 * pieces : 1) && size(noise.shape(1)) == s.q,
             "the disturbance does not fit");
-    require(first >= 0 && first + s.steps < s.total, "the steps do not fit");
     require((rows == 1 || rows == stages) && size(alpha.shape(1)) == s.count &&
                 size(alpha.shape(2)) == s.N,
             "alpha does not fit");
-    require(mode >= by_gain && mode <= sampled && (mode != sampled || every > 0),
-            "there is no such law");
+    require(mode >= by_gain && mode <= sampled, "there is no such law");
     s.mode = static_cast<Mode>(mode);
     Int wanted = stages;
     if (mode == sampled)  // samples at the instants of these steps
@@ -443,9 +475,8 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
             "the load does not fit");
     require(size(after.shape(0)) == s.count && size(after.shape(1)) == s.width,
             "the slopes do not fit");
-    for (const auto *own : {&held_before, &waiting})
-        require(size(own->shape(0)) == s.count && size(own->shape(1)) == s.m,
-                "what is held does not fit");
+    require(size(underway.shape(0)) == s.count && size(underway.shape(2)) == s.m,
+            "what is on its way does not fit");
     const auto fits = [&](const Out<3> &own, Int each) {
         return size(own.shape(0)) == s.count && size(own.shape(1)) == s.total &&
                size(own.shape(2)) == each;
@@ -458,8 +489,8 @@ void drive(const In<3> &A, const In<3> &B, const In<3> &E, const In<3> &S, const
     s.noise = noise.data(), s.K = K.data(), s.z = z.data(), s.compression = compression.data();
     s.per_mass = per_mass.data(), s.first_load = first_load.data();
     s.after = after.data();
-    s.held = held_before.data(), s.waiting = waiting.data(), s.states = states.data();
-    s.rates = rates.data(), s.demanded = demanded.data(), s.applied = applied.data();
+    s.underway = underway.data(), s.states = states.data(), s.rates = rates.data(),
+    s.demanded = demanded.data(), s.applied = applied.data();
     s.pushes = pushes.data();
     nb::gil_scoped_release release;
     Shared shared{s};
@@ -472,15 +503,16 @@ void add_drive(nb::module_ &module) {
     module.def("drive", &drive, nb::arg("A").noconvert(), nb::arg("B").noconvert(),
                nb::arg("E").noconvert(), nb::arg("S").noconvert(), nb::arg("alpha").noconvert(),
                nb::arg("noise").noconvert(), nb::arg("K").noconvert(), nb::arg("h"),
-               nb::arg("first"), nb::arg("mode"), nb::arg("every"), nb::arg("delayed"),
-               nb::arg("driven"), nb::arg("lag"), nb::arg("limit"),
+               nb::arg("first"), nb::arg("steps"), nb::arg("mode"), nb::arg("every"),
+               nb::arg("change"), nb::arg("share"), nb::arg("driven"), nb::arg("lag"),
+               nb::arg("limit"),
                nb::arg("reach").noconvert(), nb::arg("followed").noconvert(),
                nb::arg("anti_windup").noconvert(), nb::arg("dampers").noconvert(),
                nb::arg("damper_rates").noconvert(), nb::arg("stops").noconvert(),
                nb::arg("compression").noconvert(), nb::arg("gravity"), nb::arg("heavy"),
                nb::arg("per_mass").noconvert(), nb::arg("first_load").noconvert(),
-               nb::arg("z").noconvert(), nb::arg("after").noconvert(), nb::arg("held").noconvert(),
-               nb::arg("waiting").noconvert(), nb::arg("states").noconvert(),
+               nb::arg("z").noconvert(), nb::arg("after").noconvert(),
+               nb::arg("underway").noconvert(), nb::arg("states").noconvert(),
                nb::arg("rates").noconvert(), nb::arg("demanded").noconvert(),
                nb::arg("applied").noconvert(), nb::arg("pushes").noconvert(),
                nb::arg("threads") = 1);

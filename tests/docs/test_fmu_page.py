@@ -68,7 +68,7 @@ def test_unit_and_drive_agree(example, ran) -> None:
 
 def test_a_demand_that_is_not_late_is_another_loop(example, ran, monkeypatch) -> None:
     load = max(ran.drives)
-    monkeypatch.setattr(example, "SAMPLING", replace(example.SAMPLING, delayed=False))
+    monkeypatch.setattr(example, "SAMPLING", replace(example.SAMPLING, delay=0))
     assert example.off(ran.found[load, "float64"], example.drive(ran.design, load)).max() > 1e-3
 
 

@@ -1,7 +1,9 @@
 """Drives of exported code beside its plant: what they measure, against the loop's covariance."""
 
+import math
 import re
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -42,7 +44,7 @@ def exported(kind, delay, bits=64, size=None):
     """Return code with its board, of a law that was designed before its sample time or at it."""
     if kind in ("quadratic", "scheduled"):
         design = place(plant(), HalfPlane(DECAY), kind)
-        code = export_c99(design, sampling=Sampling(T, bool(delay)), **numbers(design, bits, size))
+        code = export_c99(design, sampling=Sampling(T, delay), **numbers(design, bits, size))
     else:
         sampled = at_sample_time(plant(), T, delay)
         late = [own for own in sampled.states if "late" in own]
@@ -84,28 +86,35 @@ def long_run(design, at, delay):
     (A, B), E, count = plant().at(alpha), plant().driven(alpha), 200
     K, h = design.law.gain(alpha), T / count
     own = K.shape[0] - 1
-    late = 1 if design.plant.sample_time is not None and delay else 0
-    # (x, the last demand, the law's own state, u that acts)
-    columns = [0, 1, *([2] if late else []), *range(3, 3 + own)]
-    wide = np.zeros((1 + own, 4 + own))
+    first = math.ceil(delay)
+    late = first if design.plant.sample_time is not None else 0
+    # (x, the law's own state, the last three demands, the newest first, u that acts)
+    columns = [0, 1, *range(2 + own, 2 + own + late), *range(2, 2 + own)]
+    wide = np.zeros((1 + own, 6 + own))
     wide[:, columns] = K
-    update = np.eye(4 + own)
-    update[2] = wide[0]
-    update[3 : 3 + own, :] += T * wide[1:]
-    update[-1] = np.eye(4 + own)[2] if delay else wide[0]
+    update = np.eye(6 + own)
+    update[2 : 2 + own, :] += T * wide[1:]
+    update[2 + own : 5 + own] = [wide[0], *np.eye(6 + own)[2 + own : 4 + own]]
+    update[-1] = update[2 + own + first]
+    change = np.eye(6 + own)
+    change[-1] = np.eye(6 + own)[1 + own + first]
+    changed = round((1 - first + delay) * count)  # after so many steps the next one acts
     M = expm(np.block([[A, B], [np.zeros((1, 3))]]) * h)[:2]
-    step = np.eye(4 + own)
+    step = np.eye(6 + own)
     step[:2, :2], step[:2, -1] = M[:, :2], M[:, 2]
-    noise = np.zeros((4 + own, 4 + own))
+    noise = np.zeros((6 + own, 6 + own))
     noise[:2, :2] = E @ E.T * DENSITY / 2 * h
-    whole, added = np.eye(4 + own), np.zeros_like(noise)
-    for _ in range(count):
+    whole, added = np.eye(6 + own), np.zeros_like(noise)
+    for k in range(count):
+        if k == changed:
+            whole, added = change @ whole, change @ added @ change.T
         whole, added = step @ whole, step @ added @ step.T + noise
     X, sums = solve_discrete_lyapunov(whole @ update, added), np.zeros(2)
     X = update @ X @ update.T
-    signals = np.zeros((2, 4 + own))
-    signals[0, :2], signals[0, -1], signals[1, 2] = A[1], B[1, 0], 1
-    for _ in range(count):
+    signals = np.zeros((2, 6 + own))
+    signals[0, :2], signals[0, -1], signals[1, 2 + own] = A[1], B[1, 0], 1
+    for k in range(count):
+        X = change @ X @ change.T if k == changed else X
         sums += np.diag(signals @ X @ signals.T) / count
         X = step @ X @ step.T + noise
     return np.sqrt(sums)
@@ -115,14 +124,52 @@ def value_of(place_text):
     return {name: float(v) for name, v in re.findall(r"(\w) = ([0-9.]+)", place_text)}
 
 
-CASES = [("quadratic", 0), ("quadratic", 1), ("scheduled", 1), ("order 1", 0), ("order 1", 1)]
+CASES = [("quadratic", 0), ("quadratic", 1), ("scheduled", 1)]
+CASES += [("order 1", delay) for delay in (0, 1, 0.5, 1.3)]
+
+
+@pytest.mark.parametrize("delay", [0, 1, 0.5, 1.3])
+def test_its_steps_give_the_rms_of_the_loop(monkeypatch, delay):
+    """Covariances of the board's own steps and looks, which no drive scatters about."""
+    of_board, boards = import_module("polefence.export.board"), []
+    known = of_board._board
+    monkeypatch.setattr(of_board, "_board", lambda *made: boards.append(known(*made)) or boards[-1])
+    made, first = exported("order 1", delay), math.ceil(delay)
+    for one in boards[0].places:
+        at = value_of(one.text)
+        # (x, the law's own state, the demands, the newest first)
+        K, N, H = made.design.law.gain(plant().alpha(**at)), 4 + first, 1 + first
+        wide, update, whole, added = np.zeros((2, N)), np.eye(N), np.eye(N), np.zeros((N, N))
+        late = first if made.design.plant.sample_time is not None else 0
+        wide[:, [0, 1, *range(3, 3 + late), 2]] = K
+        update[2] += T * wide[1]
+        update[3:] = [wide[0], *np.eye(N)[3 : 2 + H]]
+        moved = []
+        for M in one.steps:
+            step, noise = np.eye(N), np.zeros((N, N))
+            step[:2, :2], step[:2, 3:] = M[:, :2], M[:, 2 : 2 + H]
+            noise[:2, :2] = M[:, 2 + H :] @ M[:, 2 + H :].T
+            moved.append((step, noise))
+        phases = list(zip(boards[0].phases, moved, one.seen, strict=True))
+        for phase, (step, noise), _ in phases:
+            for _ in range(phase.steps):
+                whole, added = step @ whole, step @ added @ step.T + noise
+        X, sums = update @ solve_discrete_lyapunov(whole @ update, added) @ update.T, np.zeros(2)
+        for phase, (step, noise), seen in phases:
+            rows = np.zeros((2, N))
+            rows[:, :2], rows[:, 3:] = seen[:, :2], seen[:, 2 : 2 + H]
+            for k in range(phase.steps + 1):
+                weight = 1 if k in (0, phase.steps) else 4 if k % 2 else 2  # Simpson's rule
+                sums += weight * phase.share / (3 * phase.steps) * np.diag(rows @ X @ rows.T)
+                X = step @ X @ step.T + noise if k < phase.steps else X
+        assert np.sqrt(sums) == pytest.approx(long_run(made.design, at, delay), rel=2e-4)
 
 
 @pytest.mark.parametrize(("kind", "delay"), CASES)
 def test_what_is_measured_is_the_rms_of_the_loop(host_compiler, tmp_path, kind, delay):
     made = exported(kind, delay)
     # the law's own state is slow: one drive scatters by more
-    found = driven(made, tmp_path, SAMPLES * (8 if kind == "order 1" else 1))
+    found = driven(made, tmp_path, SAMPLES * (32 if kind == "order 1" else 1))
     assert [name for name, *_ in found] == ["acceleration", "force"]
     for k, (_, proved, measured, where) in enumerate(found):
         at = value_of(where)

@@ -116,7 +116,7 @@ def test_a_file_that_says_more_of_its_equations_is_refused():
 
 def test_the_loop_at_samples_reads_inputs_on_their_way_exactly():
     made = export_c99(
-        law_design("scheduled"), fixed=32, ranges=RANGES, sampling=Sampling(0.01, delayed=True)
+        law_design("scheduled"), fixed=32, ranges=RANGES, sampling=Sampling(0.01, delay=1)
     )
     assert made.proved
     held = made.timing.proof.rounded.claim

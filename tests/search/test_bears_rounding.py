@@ -111,7 +111,7 @@ def test_what_is_borne_is_exported_at_any_sample_time(kind, bits):
         return
     assert proved
     for time in (0.0031, 0.01):
-        assert _exports(design, bits, ranges, sampling=Sampling(time, delayed=False))
+        assert _exports(design, bits, ranges, sampling=Sampling(time, delay=0))
 
 
 def test_sixteen_bits_are_refused_where_a_tight_region_needs_more():

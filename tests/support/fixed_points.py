@@ -72,7 +72,7 @@ def exported(kind, bits, limit=None):
         law_design(kind),
         fixed=bits,
         ranges=MORE.get(kind, RANGES),
-        sampling=Sampling(TIME, delayed=True) if own else None,
+        sampling=Sampling(TIME, delay=1) if own else None,
         limits=() if limit is None else limit,
         allow_unproved=True,
     )

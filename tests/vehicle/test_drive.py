@@ -288,51 +288,62 @@ def test_noise_is_white_seeded_held_and_cut_off(physical, design):
 # -- sampling and actuators ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("delayed", [False, True])
-def test_a_sampled_loop_is_the_discrete_loop(physical, design, delayed):
+@pytest.mark.parametrize("delay", [0, 1, 0.4, 1.75])
+def test_a_sampled_loop_is_the_discrete_loop(physical, design, delay):
     car, T = {"m1": 310, "beta": -3}, 0.004
     start = np.array([0.02, 0.001, 0.1, -0.2, 0.0])
     ours = drive(
-        physical, design, duration=0.2, parameters=car, start=start, sampling=Sampling(T, delayed)
+        physical, design, duration=0.2, parameters=car, start=start, sampling=Sampling(T, delay)
     )
     A, B = physical.at(physical.alpha(**car))
-    K = design.law.gain_at(**car)
-    big = np.zeros((6, 6))
-    big[:5, :5], big[:5, 5:] = A * T, B * T
-    Phi, Gamma = expm(big)[:5, :5], expm(big)[:5, 5:]
-    x, waiting = start, np.zeros(1)
+    K, moved, first = design.law.gain_at(**car), by_parts(A, B, T, delay), math.ceil(delay)
+    x, sent = start, [np.zeros(1)] * 4
+    terms = (np.abs(K) @ np.abs(start)).item()  # of a demand, which is small beside them
     for k in range(50):
         assert near(ours.states[0, 4 * k], x, rel=1e-5, within=1e-9)
-        demand = K @ x
-        u, waiting = (waiting, demand) if delayed else (demand, demand)
-        assert ours.demanded[0, 4 * k : 4 * k + 4, 0] == pytest.approx(np.full(4, u[0]), rel=1e-5)
-        x = Phi @ x + Gamma @ u
+        sent = [K @ x, *sent[:-1]]
+        steps = math.ceil(4 * (1 - first + delay))  # instants before the next one acts
+        acting = ours.demanded[0, 4 * k : 4 * k + steps, 0]
+        assert acting == pytest.approx(np.full(steps, sent[first][0]), rel=1e-5, abs=1e-7 * terms)
+        x = moved(x, sent)
     assert any("the controller samples every 0.004 s" in note for note in ours.notes)
     fine = drive(
         physical, design, duration=0.05, parameters=car, start=start, adaptive=True,
-        sampling=Sampling(T, delayed),
+        sampling=Sampling(T, delay),
     )  # fmt: skip
     assert near(fine.states[0], ours.states[0, :51], rel=1e-5, within=1e-7)
 
 
-@pytest.mark.parametrize("delayed", [False, True])
-def test_states_of_the_law_are_stepped_at_once_as_its_code_does(delayed):
+@pytest.mark.parametrize("delay", [0, 1, 0.4])
+def test_states_of_the_law_are_stepped_at_once_as_its_code_does(delay):
     plant, car, T = with_states(family("quarter-car-ride"), 1), {"m1": 300, "beta": 2}, 0.01
     K = np.array([[9000, 0, -2000, 150, 1000.0], [0.5, 0, 0.1, 0, -5.0]])
     start = np.array([0.02, 0.001, 0.1, -0.2, 0.3])
     ours = drive(
-        plant, K, duration=0.2, parameters=car, start=start, sampling=Sampling(T, delayed)
+        plant, K, duration=0.2, parameters=car, start=start, sampling=Sampling(T, delay)
     ).states[0]
     A, B = plant.at(plant.alpha(**car))
-    big = np.zeros((5, 5))
-    big[:4, :4], big[:4, 4] = A[:4, :4] * T, B[:4, 0] * T
-    Phi, Gamma = expm(big)[:4, :4], expm(big)[:4, 4]
-    every, x, waiting = round((len(ours) - 1) / 20), start, 0.0
+    moved = by_parts(A[:4, :4], B[:4, :1], T, delay)
+    every, x, sent = round((len(ours) - 1) / 20), start, [np.zeros(1)] * 2
     for k in range(20):
         assert near(ours[every * k], x, rel=1e-5, within=1e-7)
         u, rate = K @ x
-        acting, waiting = (waiting, u) if delayed else (u, u)
-        x = np.array([*(Phi @ x[:4] + Gamma * acting), x[4] + T * rate])
+        sent = [np.array([u]), sent[0]]
+        x = np.array([*moved(x[:4], sent), x[4] + T * rate])
+
+
+def by_parts(A, B, T, delay):
+    """What a period makes of x: by exponentials of its two parts, of demands, the newest first."""
+    n, m = B.shape
+    first = math.ceil(delay)
+
+    def moved(x, sent):
+        for share, late in ((1 - first + delay, first), (first - delay, first - 1)):
+            F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * T * share)
+            x = F[:n, :n] @ x + F[:n, n:] @ sent[late]
+        return x
+
+    return moved
 
 
 @pytest.mark.parametrize("hardware", [{"limit": 1.0}, {"bandwidth": 0.1}])
@@ -358,7 +369,7 @@ def test_with_faster_hardware_the_plain_loop_returns(physical, design):
 
     for errors in (
         [error(sampling=Sampling(T)) for T in (0.004, 0.002, 0.001)],
-        [error(sampling=Sampling(T, delayed=True)) for T in (0.002, 0.001, 0.0005)],
+        [error(sampling=Sampling(T, delay=1)) for T in (0.002, 0.001, 0.0005)],
         [error(actuator=Actuator(f)) for f in (75.0, 150.0, 300.0)],
     ):
         ratios = np.array(errors[:-1]) / errors[1:]

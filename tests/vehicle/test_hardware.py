@@ -124,7 +124,7 @@ def test_every_command_takes_a_spec_with_hardware(tmp_path, capsys):
     assert main(["compare", str(path), "--law", "quadratic", "--law", "passive"]) == 0
 
 
-@pytest.mark.parametrize("sampling", [None, Sampling(0.002, delayed=True)])
+@pytest.mark.parametrize("sampling", [None, Sampling(0.002, delay=1)])
 @pytest.mark.parametrize("m1", [250.0, 330.0])
 def test_a_law_takes_the_acceleration_of_the_car_that_is_driven(lagging, sampling, m1):
     """Its rows are those of the load, and the law's gain that of what it is told of it."""

@@ -16,7 +16,7 @@ from polefence.base.explained import explained
 from polefence.certify.design import Design
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import own_states, with_states
+from polefence.plant.larger import MOST_STATES, own_states, with_states
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Array
 from polefence.proof.short import Short
@@ -34,7 +34,7 @@ class Running(Short):
         Its last states are the law's, their rates its last inputs.
     law : Law
     sampling : Sampling
-        When it is run, and whether its inputs act a sample late.
+        When it is run, and how late its inputs act.
     """
 
     plant: UncertainPlant
@@ -57,7 +57,7 @@ def running(plant: UncertainPlant, design: Design) -> Running:
     Raises
     ------
     InputError
-        If it is no such design, the plant has another shape, inputs act more than a sample late, or
+        If it is no such design, the plant has another shape, too many inputs are on their way, or
         the law cannot be written so.
     """
     sampling = design.plant.sampling
@@ -65,15 +65,15 @@ def running(plant: UncertainPlant, design: Design) -> Running:
         raise InputError(f"{design.plant.name}: the design has no sample time")
     if plant.sample_time is not None or sampling.plant.shape != plant.shape:
         raise InputError(f"{plant.name} is not the plant that the design samples")
-    if sampling.late not in (0, 1):
-        raise InputError(
-            f"inputs that act {late_text(sampling.late)} cannot be simulated; design for a delay "
-            "of 0 or 1"
-        )
     late, T = sampling.delay * plant.shape[1], float(design.plant.sample_time)
     kept = own_states(design.plant)
+    if late + kept > MOST_STATES:
+        raise InputError(
+            f"inputs {late_text(sampling.late)}: with the law's own states, {late + kept} numbers "
+            f"are kept from sample to sample; at most {MOST_STATES} can be driven"
+        )
     law = _law(design, plant, late, kept, T) if late or kept else design.law
-    return Running(with_states(plant, late + kept), law, Sampling(T, bool(sampling.delay), True))
+    return Running(with_states(plant, late + kept), law, Sampling(T, sampling.late, True))
 
 
 def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) -> Law:
@@ -90,8 +90,10 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
         if total != len(columns):
             raise InputError("the law feeds back states of filters; such a law cannot be simulated")
         W, Z = np.split(law.form, [total], axis=1)
-        rates = (Z[:, :late] - W[:, n : n + late]) / T  # (K - [0, I]) W, of what is late
-        Z = np.concatenate([Z, rates], axis=1)
+        own = W[:, n : n + late]
+        following = np.concatenate([Z[:, :m], own], axis=1)[:, :late]
+        rates = (following - own) / T  # (K - [0, I]) W, of what is late
+        Z = np.concatenate([Z[:, :m], rates, Z[:, m:]], axis=1)
         return ScheduledGain(W, Z, law.parameters, law.degree, law.domain.sizes)
     measured = tuple(_picked(y, columns) for y in law.measured or states(design.plant))
     late_states = states(with_states(plant, late + kept))[n : n + late]
@@ -113,6 +115,8 @@ def _law(design: Design, plant: UncertainPlant, late: int, kept: int, T: float) 
 def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Array:
     """Return K with the rates of the late inputs below those of the inputs: (u - x) / T.
 
+    Of one that is a sample later it is what is x then that follows.
+
     Parameters
     ----------
     first : int
@@ -120,8 +124,9 @@ def _rows(K: Array, first: int, m: int, late: int, T: float, one: float) -> Arra
     one : float
         How many times the identity is in this term.
     """
-    rates = K[:m].copy()[:late]
-    rates[np.arange(late), first + np.arange(late)] -= one
+    own = np.zeros((late, K.shape[1]))
+    own[:, first : first + late] = one * np.eye(late)
+    rates = np.vstack([K[:m], own])[:late] - own
     return np.vstack([K[:m], rates / T, K[m:]])
 
 

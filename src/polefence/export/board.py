@@ -1,7 +1,8 @@
 """The law in the loop, on an emulated microprocessor: drives over random roads, as a C program.
 
 The plant runs in doubles beside the exported code, by matrices of the exponential from one instant
-to the next. Its noise is white in continuous time: what an interval adds to the states has the
+to the next. Where an input acts late by a part of a period, this has two phases, each with instants
+of its own. Its noise is white in continuous time: what an interval adds to the states has the
 covariance that Van Loan's block exponential says. So the rms that is measured has no error but
 that of a drive of finite length, and no step of a solver. It is measured between samples too: the
 mean over a period is that of the trapezoidal rule at instants that the loop's fastest pole sets.
@@ -12,7 +13,7 @@ It is driven where each promised rms is worst among corners and random points of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -30,7 +31,6 @@ from polefence.plant.system import Array
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.rms import Rms
 from polefence.proof.short import Short
-from polefence.proof.text import late_text
 from polefence.requirements.weights import WEIGHTS, filter_of
 from polefence.response.discrete import exponential
 from polefence.response.stationary import lyapunov, unstable
@@ -69,8 +69,27 @@ class Promise(Short):
 
 
 @dataclass(frozen=True, eq=False)
+class Phase(Short):
+    """A part of every period, in which inputs stay as they are.
+
+    Attributes
+    ----------
+    share : float
+        Of the period.
+    steps : int
+        From its begin to its end.
+    late : int
+        How many samples old the inputs are that act.
+    """
+
+    share: float
+    steps: int
+    late: int
+
+
+@dataclass(frozen=True, eq=False)
 class Place(Short):
-    """One plant of the family, from one instant to the next.
+    """One plant of the family, from one instant to the next in each phase of a period.
 
     Attributes
     ----------
@@ -78,15 +97,15 @@ class Place(Short):
         Where it is.
     given : (g,) array
         What the code is given.
-    step : (n, n + held + noises) array
-    seen : (signals, n + held) array
+    steps : list of (n, n + held + noises) array
+    seen : list of (signals, n + held) array
     measured : (r, n + held) array
     """
 
     text: str
     given: Array
-    step: Array
-    seen: Array
+    steps: list[Array]
+    seen: list[Array]
     measured: Array
 
 
@@ -98,8 +117,7 @@ class Board(Short):
     ----------
     places : tuple of Place
     promises : tuple of Promise
-    steps : int
-        From one sample to the next.
+    phases : tuple of Phase
     samples : int
         Of a drive.
     between : bool
@@ -110,7 +128,7 @@ class Board(Short):
 
     places: tuple[Place, ...]
     promises: tuple[Promise, ...]
-    steps: int
+    phases: tuple[Phase, ...]
     samples: int
     between: bool
     proved_of: str
@@ -171,11 +189,6 @@ def require_drivable(claims: Sequence[Claim], timed: bool, observer: bool = Fals
 def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Claim]) -> Board:
     own, delay = kept(design), texts.delay
     sampling = design.plant.sampling
-    if sampling is not None and sampling.early:
-        raise InputError(
-            f"a board (--board) applies inputs whole samples late; they act "
-            f"{late_text(sampling.late)} here: export it without --board"
-        )
     plant = design.plant if sampling is None else sampling.plant
     n, m = plant.shape
     if sampling is None:
@@ -197,15 +210,16 @@ def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Clai
     alphas = cloud(design, POINTS)[:POINTS]
     E = _noise(plant, bounds[0], alphas)[:, :n]
     worst = _worst(design, promises, alphas, E, period, delay)
-    steps = 1 if plant.sample_time is not None else _steps(plant, n, period)
+    phases = _phases(plant, n, period, delay, 0.0 if sampling is None else float(sampling.early))
     sizes = (n, m, delay)
     places = [
-        _place(design, plant, program, promises, alphas[k], E[k], sizes, period / steps)
+        _place(design, plant, program, promises, alphas[k], E[k], sizes, phases, period)
         for k in worst
     ]
-    width = max(place.step.shape[1] for place in places)
+    width = max(M.shape[1] for place in places for M in place.steps)
     places = [_wide(place, width) for place in places]
-    rows = places[0].step.size + places[0].seen.size
+    rows = places[0].steps[0].size + places[0].seen[0].size
+    steps = sum(phase.steps for phase in phases)
     samples = int(WORK / (len(places) * ROADS * steps * rows))
     samples = max(100, min(samples, int(LONGEST / period)))
     between, proved_of = plant.sample_time is None, "in continuous time"
@@ -213,7 +227,7 @@ def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Clai
         proved_of = "at all times" if sampling is not None else "at samples"
         if not all(claim.held for claim in bounds) and sampling is not None:
             proved_of += ", of weighted signals at samples"
-    return Board(tuple(places), promises, steps, samples, between, proved_of)
+    return Board(tuple(places), promises, phases, samples, between, proved_of)
 
 
 def _units(plant: UncertainPlant) -> dict[str, str]:
@@ -302,9 +316,17 @@ def _worst(
     return list(dict.fromkeys(places))
 
 
-def _steps(plant: UncertainPlant, n: int, period: float) -> int:
+def _phases(
+    plant: UncertainPlant, n: int, period: float, delay: int, early: float
+) -> tuple[Phase, ...]:
+    """Return the phases of a period; in the last one inputs act that are a sample younger."""
+    if plant.sample_time is not None:
+        return (Phase(1.0, 1, delay),)
     fastest = float(np.abs(np.linalg.eigvals(plant.A[:, :n, :n])).max())
-    return 2 * int(np.clip(np.ceil(period * fastest / TURN / 2), 1, MOST_STEPS // 2))
+    shares = [(1 - early, delay), (early, delay - 1)] if early else [(1.0, delay)]
+    turns = (np.ceil(share * period * fastest / TURN / 2) for share, _ in shares)
+    steps = (2 * int(np.clip(turn, 1, MOST_STEPS // 2)) for turn in turns)
+    return tuple(Phase(share, k, late) for (share, late), k in zip(shares, steps, strict=True))
 
 
 def _covariance(A: Array, E: Array, time: float, plant: UncertainPlant) -> Array:
@@ -329,37 +351,63 @@ def _place(
     alpha: Array,
     E: Array,
     sizes: tuple[int, int, int],
-    step: float,
+    phases: tuple[Phase, ...],
+    period: float,
 ) -> Place:
     """Return the plant at one point, with the filters behind its signals."""
     n, m, delay = sizes
     width = (delay + 1) * m
+    steps, seen = list[Array](), list[Array]()
+    for phase in phases:
+        A, driven, acting, rows = _behind_filters(plant, promises, alpha, E, sizes, phase.late)
+        total, time = len(A), phase.share * period / phase.steps
+        Q = _covariance(A, driven, time, plant)
+        if plant.sample_time is None:
+            block = np.zeros((total + width, total + width))
+            block[:total] = np.hstack([A, acting]) * time
+            moved = exponential(block)[:total]
+        else:
+            moved = np.hstack([A, acting])
+        steps.append(np.hstack([moved, _root(Q)]))
+        seen.append(rows)
+    own = kept(design)
+    late = [] if design.plant.sampling is None else list(range(total, total + delay * m))
+    measured = _measured(design, alpha, own, (n, total, width), late)
+    values = _given(design, program, alpha)
+    text = where_text(design.plant, alpha.tolist()).removeprefix(" at ") or "the plant"
+    return Place(text, values, steps, seen, measured)
+
+
+def _behind_filters(
+    plant: UncertainPlant,
+    promises: Sequence[Promise],
+    alpha: Array,
+    E: Array,
+    sizes: tuple[int, int, int],
+    late: int,
+) -> tuple[Array, Array, Array, Array]:
+    """Return A, E and B of plant and filters where inputs so late act, and the rows of signals.
+
+    Signals that show the inputs that are first to act, ``delay`` samples late, show these.
+    """
+    n, m, delay = sizes
     A, B = (M[:n, :c] for M, c in zip(plant.at(alpha), (n, m), strict=True))
-    acting = np.zeros((n, width))
-    acting[:, delay * m :] = B
+    first, now = (slice(k * m, (k + 1) * m) for k in (delay, late))
+    acting = np.zeros((n, (delay + 1) * m))
+    acting[:, now] = B
     rows = list[tuple[Array, Array]]()
     for promise in promises:
         for C, D, weight in zip(promise.C, promise.D, promise.filters, strict=True):
             c, d = alpha @ C, alpha @ D
+            shown, d[first] = d[first].copy(), 0
+            d[now] += shown
             c = np.concatenate([c, np.zeros(len(A) - len(c))])
             if weight:
                 A, E, acting, c, d = _filtered(A, E, acting, c, d, weight)
             rows.append((c, d))
     total = len(A)
     seen = np.array([np.concatenate([c, np.zeros(total - len(c)), d]) for c, d in rows])
-    Q = _covariance(A, E, step, plant)
-    if plant.sample_time is None:
-        block = np.zeros((total + width, total + width))
-        block[:total] = np.hstack([A, acting]) * step
-        moved = exponential(block)[:total]
-    else:
-        moved = np.hstack([A, acting])
-    own = kept(design)
-    late = [] if design.plant.sampling is None else list(range(total, total + delay * m))
-    measured = _measured(design, alpha, own, (n, total, width), late)
-    values = _given(design, program, alpha)
-    text = where_text(design.plant, alpha.tolist()).removeprefix(" at ") or "the plant"
-    return Place(text, values, np.hstack([moved, _root(Q)]), seen, measured)
+    return A, E, acting, seen
 
 
 def _filtered(
@@ -422,15 +470,14 @@ def _root(Q: Array) -> Array:
 
 def _wide(place: Place, width: int) -> Place:
     """Return a place with as many columns of noise as the others."""
-    more = np.zeros((len(place.step), width - place.step.shape[1]))
-    step = np.hstack([place.step, more])
-    return Place(place.text, place.given, step, place.seen, place.measured)
+    steps = [np.pad(M, ((0, 0), (0, width - M.shape[1]))) for M in place.steps]
+    return replace(place, steps=steps)
 
 
 def _numbers(board: Board, program: Program) -> dict[str, Any]:
     """Return the context of the template."""
     double, first = NUMBERS[64], board.places[0]
-    total, (_, width) = len(first.step), first.seen.shape
+    total, (_, width) = len(first.steps[0]), first.seen[0].shape
 
     def given(value: float) -> str:
         return program.number.text(value) if program.scales is None else f"{value:.0f}"
@@ -442,8 +489,8 @@ def _numbers(board: Board, program: Program) -> dict[str, Any]:
         {
             "text": _quoted(place.text),
             "given": [given(float(x)) for x in place.given],
-            "step": table(place.step),
-            "seen": table(place.seen),
+            "steps": [table(M) for M in place.steps],
+            "seen": [table(M) for M in place.seen],
             "measured": table(place.measured),
         }
         for place in board.places
@@ -461,9 +508,9 @@ def _numbers(board: Board, program: Program) -> dict[str, Any]:
         "promises": promises,
         "plant_states": total,
         "held": width - total,
-        "noises": first.step.shape[1] - width,
-        "signals_seen": len(first.seen),
-        "instants": board.steps,
+        "noises": first.steps[0].shape[1] - width,
+        "signals_seen": len(first.seen[0]),
+        "phases": [(phase.steps, double.text(phase.share)) for phase in board.phases],
         "samples": board.samples,
         "roads": ROADS,
         "between": board.between,

@@ -25,7 +25,7 @@ from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
-from polefence.proof.text import milliseconds_text
+from polefence.proof.text import late_text, milliseconds_text
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
 from polefence.search.observer import Observer
@@ -197,7 +197,12 @@ def timing(
         raise InputError(
             "the plant is in discrete time: its own sample time holds; leave the sample time out"
         )
-    sample_time, delay = sampling.period, int(sampling.delayed)
+    if sampling.late not in (0, 1):
+        raise InputError(
+            f"inputs {late_text(sampling.late)}: the code of a law of continuous time acts 0 or 1 "
+            "sample late; design the law at the sample time for another delay"
+        )
+    sample_time, delay = sampling.period, sampling.whole
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
     )

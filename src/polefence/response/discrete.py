@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained_fields
 from polefence.plant.system import Array
+from polefence.proof.between import MAX_DELAY
 from polefence.proof.short import Short
 from polefence.response.weighting import positive
 
@@ -36,19 +38,37 @@ class Sampling(Short):
     Attributes
     ----------
     period : float
-    delayed : bool
-        The demand computed at one sample goes out at the next; until the second it is zero.
+    delay : number
+        How many samples after its own a demand goes out, whole or not: 1 is the next one, 0.5 the
+        middle between both. Until the first goes out there is none.
     designed : bool
         Whether the law was designed for it: then it is in what is proved.
     """
 
     period: float
-    delayed: bool = False
+    delay: int | float | Fraction = 0
     designed: bool = False
 
     @explained_fields
     def __post_init__(self) -> None:
         positive(self.period, "sampling period [s]")
+        if not 0 <= self.delay <= MAX_DELAY:
+            raise InputError(f"delay = {self.delay!r} must be 0 to {MAX_DELAY}, in samples")
+
+    @property
+    def late(self) -> Fraction:
+        """The delay as it reads: 0.3, not the double next to it."""
+        return Fraction(repr(self.delay) if isinstance(self.delay, float) else self.delay)
+
+    @property
+    def whole(self) -> int:
+        """The delay rounded up: how many demands are on their way."""
+        return math.ceil(self.late)
+
+    @property
+    def early(self) -> Fraction:
+        """Of a period, by how much less that is."""
+        return self.whole - self.late
 
 
 def zero_order_hold(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:

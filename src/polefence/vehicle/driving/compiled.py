@@ -12,7 +12,14 @@ import numpy as np
 from polefence.base.processors import spare_processors
 from polefence.lmi.solve.engine import kernel
 from polefence.plant.system import Array
-from polefence.vehicle.driving.integration import INSIDE, Controller, Learner, Model, stage_times
+from polefence.vehicle.driving.integration import (
+    INSIDE,
+    Controller,
+    Learner,
+    Model,
+    Pieces,
+    stage_times,
+)
 from polefence.vehicle.driving.result import (
     Record,
     instants,
@@ -109,7 +116,9 @@ class _Way:
         self.model, self.controller = model, controller
         (n, m), count, total = model.plant.shape, len(start), model.excitation.steps + 1
         self.z, self.after = np.array(start, dtype=float), np.zeros(start.shape)
-        self.held, self.waiting = np.zeros((count, m)), np.zeros((count, m))
+        self.underway = np.zeros((count, 1, m))
+        if controller is not None:
+            self.underway = np.zeros(controller.underway.shape)
         self.states = np.empty((count, total, model.width))
         self.rates = np.empty((count, total, n))
         self.demanded, self.applied = np.empty((count, total, m)), np.empty((count, total, m))
@@ -139,7 +148,7 @@ class _Way:
             until = min(steps, *((k // pace + 1) * pace for pace in paces))
             used[:, k : until + 1] = controller.used[:, None]
             if controller.held is not None:
-                self.held = np.ascontiguousarray(controller.held)
+                self.underway = np.ascontiguousarray(controller.underway)
             if k == steps:
                 self.end()
                 return used
@@ -151,14 +160,16 @@ class _Way:
         k = first
         while k < until:
             end = min(until, k + self.length)
-            numbers = np.arange(k, end)
-            self._call(k, stage_times(self.model, numbers), np.repeat(numbers, 3))
+            pieces = Pieces(np.arange(k, end))
+            if self.controller is not None:
+                pieces = pieces.broken(self.controller)
+            self._call(k, end - k, *stage_times(self.model, pieces))
             k = end
 
     def end(self) -> None:
         """Record the last instant; the road there is that of the last step."""
         step, steps = self.model.excitation.step, self.model.excitation.steps
-        self._call(steps, np.array([(steps - INSIDE) * step]), np.array([steps - 1]))
+        self._call(steps, 0, np.array([(steps - INSIDE) * step]), np.array([steps - 1]))
 
     @property
     def length(self) -> int:
@@ -169,20 +180,21 @@ class _Way:
         # multiplications in one call, after which Ctrl-C is heard
         return max(1, min(CHUNK // numbers, 200_000_000 // (4 * count * model.width**2)))
 
-    def _call(self, first: int, times: Array, numbers: Array) -> None:
+    def _call(self, first: int, steps: int, times: Array, numbers: Array) -> None:
         model = self.model
         alpha = model.trajectories.space.alpha(model.trajectories.at(times))
         noise = model.excitation.disturbance(times, numbers)[:, : self.words["E"].shape[-1]]
-        mode, K = self._law(first, times)
+        mode, K = self._law(first, steps, times)
+        change, share = self.controller.changes if self.controller else (self.every, 0.0)
         compiled()(
             alpha=np.ascontiguousarray(alpha), noise=np.ascontiguousarray(noise, dtype=float),
-            K=K, first=first, mode=mode, every=self.every, z=self.z, after=self.after,
-            held=self.held, waiting=self.waiting, states=self.states, rates=self.rates,
-            demanded=self.demanded, applied=self.applied, pushes=self.stops,
-            delayed=bool(self.controller and self.controller.delayed), **self.words,
+            K=K, first=first, steps=steps, mode=mode, every=self.every, change=change, share=share,
+            z=self.z, after=self.after, underway=self.underway, states=self.states,
+            rates=self.rates, demanded=self.demanded, applied=self.applied, pushes=self.stops,
+            **self.words,
         )  # fmt: skip
 
-    def _law(self, first: int, times: Array) -> tuple[int, Array]:
+    def _law(self, first: int, steps: int, times: Array) -> tuple[int, Array]:
         """Return the mode, and the gains at the stages or samples: one row if constant."""
         model, controller = self.model, self.controller
         n, m = model.plant.shape
@@ -192,8 +204,8 @@ class _Way:
         elif controller is None:
             gains = none
         elif self.learner is None:
-            steps = max(1, len(times) // 3)
-            samples = np.arange(-(-first // self.every) * self.every, first + steps, self.every)
+            until = first + max(1, steps)
+            samples = np.arange(-(-first // self.every) * self.every, until, self.every)
             gains = none if not len(samples) else model.gains(controller.parameters(samples))
         elif controller.held is not None:
             return HELD, none

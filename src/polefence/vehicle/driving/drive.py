@@ -42,6 +42,7 @@ from polefence.vehicle.driving.integration import (
     Controller,
     Learner,
     Model,
+    Pieces,
     Reading,
     gains_of,
     integrate,
@@ -396,7 +397,7 @@ def _recovering(
     demand. Any other law is returned as it is, with none.
     """
     given = getattr(law, "law", law)
-    late = sampling is not None and sampling.designed and sampling.delayed
+    late = sampling is not None and sampling.designed and sampling.late > 0
     if given is None or (getattr(given, "anti_windup", None) is None and not late):
         return plant, law, None
     larger, own = stepped(plant, given_law(plant, given))
@@ -475,7 +476,7 @@ def fastest_pole(model: Model, trajectories: Trajectories, settled: bool) -> flo
     """
     steps = model.excitation.steps
     k = np.unique(np.linspace(0, steps - 1, 20).astype(int))
-    every = stages(model, k)
+    every = stages(model, Pieces(k))
     K = every.K
     if K is None and model.reading is None and not settled:
         corners = trajectories.space.values(np.eye(len(model.plant.vertices)))

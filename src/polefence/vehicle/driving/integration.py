@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -39,8 +41,9 @@ Cross = Callable[[int, Array], tuple[Array, Callable[[], Array]]]
 Row = tuple[Array, Array, Array, Array, Array | None]
 
 # Jumps at an instant of the grid belong to the step that begins there: a step is looked at this
-# share of it inside its ends.
+# share of it inside its ends, and so are its pieces.
 INSIDE = 1e-8
+ROUNDED = 1e-6  # of a step: what changes so near to an instant changes there
 
 Gains = Callable[[Array], Array]
 
@@ -173,26 +176,44 @@ def _fixed(model: Model, controller: Controller | None) -> Cross:
     def cross(k: int, z: Array) -> tuple[Array, Callable[[], Array]]:
         nonlocal equations, maps
         if k % length == 0:
-            equations = stages(model, np.arange(k, min(k + length, model.excitation.steps)))
+            numbers = np.arange(k, min(k + length, model.excitation.steps))
+            equations = stages(model, Pieces(numbers))
             maps = _maps(equations, h) if linear else maps
-        gain, held = (controller.gain, controller.held) if controller else (None, None)
-        if linear:
+        pieces, rows = (
+            Pieces(np.array([k])),
+            [equations.row(3 * (k % length) + s) for s in range(3)],
+        )
+        if controller is not None and controller.breaks(k):
+            pieces = pieces.broken(controller)
+            both = stages(model, pieces)
+            rows = [both.row(s) for s in range(6)]
+        elif linear:
+            held = controller.held if controller else None
             R, r = (M[k % length if len(M) > 1 else 0] for M in maps)
             after = (R @ z[:, :, None])[:, :, 0] + r[:, :, 0]
             if held is not None:
                 after += (r[:, :, 1:] @ model.limited(held, z)[:, :, None])[:, :, 0]
-            return after, lambda: model.slope(
-                after, equations.row(3 * (k % length) + 2), gain, held
-            )
-        first, middle, last = (equations.row(3 * (k % length) + s) for s in range(3))
-        a = model.slope(z, first, gain, held)
-        b = model.slope(z + h / 2 * a, middle, gain, held)
-        c = model.slope(z + h / 2 * b, middle, gain, held)
-        d = model.slope(z + h * c, last, gain, held)
-        after = z + h / 6 * (a + 2 * (b + c) + d)
-        return after, lambda: model.slope(after, last, gain, held)
+            return after, lambda: model.slope(after, rows[-1], held=held)
+        for i, share in enumerate(pieces.lengths):
+            if i and controller is not None:
+                controller.change()
+            gain, held = (controller.gain, controller.held) if controller else (None, None)
+            z = _runge_kutta(model, z, h * share, rows[3 * i : 3 * i + 3], gain, held)
+        return z, lambda: model.slope(z, rows[-1], gain, held)
 
     return cross
+
+
+def _runge_kutta(
+    model: Model, z: Array, h: float, rows: list[Row], gain: Array | None, held: Array | None
+) -> Array:
+    """Return z a time h later; rows are those of begin, middle and end."""
+    first, middle, last = rows
+    a = model.slope(z, first, gain, held)
+    b = model.slope(z + h / 2 * a, middle, gain, held)
+    c = model.slope(z + h / 2 * b, middle, gain, held)
+    d = model.slope(z + h * c, last, gain, held)
+    return np.asarray(z + h / 6 * (a + 2 * (b + c) + d))
 
 
 def _maps(equations: Equations, h: float) -> tuple[Array, Array]:
@@ -212,15 +233,38 @@ def _maps(equations: Equations, h: float) -> tuple[Array, Array]:
     return eye + h / 6 * total, h / 6 * constant
 
 
-def stages(model: Model, k: Any) -> Equations:
-    """Return the equations at beginning, middle and end of steps number k, one after the other."""
-    return model.equations(stage_times(model, k), np.repeat(k, 3))
+class Pieces:
+    """Steps, or pieces of them: the numbers of the steps, where each begins, and shares of it."""
+
+    def __init__(self, numbers: Any) -> None:
+        self.numbers, self.begins, self.lengths = numbers, numbers, np.ones(len(numbers))
+
+    def broken(self, controller: Controller) -> Pieces:
+        """Return them with a step in two where what the controller holds changes within it."""
+        twice = np.array([controller.breaks(k) for k in self.numbers.tolist()], dtype=bool)
+        broken = Pieces(np.repeat(self.numbers, 1 + twice))
+        second = np.flatnonzero(np.diff(broken.numbers, prepend=-1) == 0)
+        _, share = controller.changes
+        broken.begins = broken.begins.astype(float)
+        broken.begins[second] += share
+        broken.lengths[second - 1], broken.lengths[second] = share, 1 - share
+        return broken
+
+    @property
+    def inside(self) -> Array:
+        """Begin, middle and end of each, one after the other, in steps."""
+        within = self.lengths[:, None] * [0, 0.5, 1] + np.array([INSIDE, 0, -INSIDE])
+        return np.asarray((self.begins[:, None] + within).ravel())
 
 
-def stage_times(model: Model, k: Any) -> Array:
-    """Return beginning, middle and end of steps number k, one after the other."""
-    inside = np.array([INSIDE, 0.5, 1 - INSIDE])
-    return np.asarray(((k[:, None] + inside) * model.excitation.step).ravel())
+def stages(model: Model, pieces: Pieces) -> Equations:
+    """Return the equations at beginning, middle and end of steps, one after the other."""
+    return model.equations(*stage_times(model, pieces))
+
+
+def stage_times(model: Model, pieces: Pieces) -> tuple[Array, Array]:
+    """Return beginning, middle and end of steps, one after the other, and their numbers."""
+    return pieces.inside * model.excitation.step, np.repeat(pieces.numbers, 3)
 
 
 def _adaptive(model: Model, controller: Controller | None) -> Cross:
@@ -229,7 +273,7 @@ def _adaptive(model: Model, controller: Controller | None) -> Cross:
     h, n = model.excitation.step, model.plant.shape[0]
     steady = None
     if model.trajectories.constant and (model.reading is None or model.reading.constant):
-        steady = stages(model, np.arange(1)).row(0)
+        steady = stages(model, Pieces(np.arange(1))).row(0)
         E = model.entry(model.trajectories.space.alpha(model.trajectories.at(np.zeros(1))))
 
     def row_at(t: float, k: int) -> Row:
@@ -242,22 +286,28 @@ def _adaptive(model: Model, controller: Controller | None) -> Cross:
         return steady[0], g, *steady[2:]
 
     def cross(k: int, z: Array) -> tuple[Array, Callable[[], Array]]:
-        gain, held = (controller.gain, controller.held) if controller else (None, None)
         dead = np.isnan(z).any(axis=1)
         alive = np.logical_not(dead)[:, None]
+        gain, held = None, None
 
         def slope(t: float, flat: Array) -> Array:
             now = flat.reshape(z.shape)
             return np.where(alive, model.slope(now, row_at(t, k), gain, held), 0.0).ravel()
 
-        begin, end = k * h, (k + 1) * h
-        now = np.where(alive, z, 0.0).ravel()
-        solver = DOP853(slope, begin, now, end, first_step=end - begin, rtol=1e-10, atol=1e-13)
-        while solver.status == "running":
-            problem = solver.step()
-            if problem:
-                raise InputError(f"the adaptive step fails at {solver.t:g} s: {problem}")
-        after = np.where(alive, solver.y.reshape(z.shape), np.nan)
+        ends, now = [k * h, (k + 1) * h], np.where(alive, z, 0.0).ravel()
+        if controller is not None and controller.breaks(k):
+            ends.insert(1, (k + controller.changes[1]) * h)
+        for i, (begin, end) in enumerate(pairwise(ends)):
+            if i and controller is not None:
+                controller.change()
+            gain, held = (controller.gain, controller.held) if controller else (None, None)
+            solver = DOP853(slope, begin, now, end, first_step=end - begin, rtol=1e-10, atol=1e-13)
+            while solver.status == "running":
+                problem = solver.step()
+                if problem:
+                    raise InputError(f"the adaptive step fails at {solver.t:g} s: {problem}")
+            now = solver.y
+        after = np.where(alive, now.reshape(z.shape), np.nan)
         return after, lambda: model.slope(after, row_at((k + 1) * h, k), gain, held)
 
     return cross
@@ -308,7 +358,8 @@ class Controller:
     """A sampling controller.
 
     With ``sampling`` a demand is computed and held; without, the gain is set anew at each sample
-    of the learner and u = K x in between.
+    of the learner and u = K x in between. ``underway`` (count, k, m) are the demands of the last
+    samples, the newest first, and ``held`` is what acts of them.
     """
 
     def __init__(
@@ -323,39 +374,68 @@ class Controller:
         shape = (len(model.trajectories.cars), model.plant.shape[1])
         self.gain: Array | None = None
         self.held: Array | None = np.zeros(shape) if sampling else None
-        self.waiting = np.zeros(shape)
+        self.late = sampling.whole if sampling else 0
+        self.underway = np.zeros((shape[0], 1 + self.late, shape[1]))
         self.used = self.parameters(np.zeros(1))[0]
 
     def sample(self, k: int, z: Array, slope: Callable[[], Array] | None) -> None:
         """Do what is due at instant k; ``slope`` gives z' just before it, None at the first."""
+        sampled = self.sampling is not None
+        if sampled and k and (k - 1) % self.every_demand >= self.changes[0]:
+            self.change()  # which the kernel has done in its own record
         learns = isinstance(self.source, Learner) and k % self.every_estimate == 0
         if learns and isinstance(self.source, Learner) and slope is not None:
             self.source.learn(z, slope(), self.demand(z))
-        if self.sampling is None:
+        if not sampled:
             if learns:
                 self.used = self.parameters(np.array([k]))[0]
                 self.gain = self.model.padded(self.model.gains(self.used))
         elif k % self.every_demand == 0:
             self.used = self.parameters(np.array([k]))[0]
             K = self.model.gains(self.used)
-            demand = self.model.settings(self.model.demanded(K, z, self.waiting), z)
-            self.held = demand
-            if self.delayed:
-                # the rates of the law's own states act at once: its code keeps these
-                late = self.model.driven
-                self.held = np.concatenate([self.waiting[:, :late], demand[:, late:]], axis=1)
-            self.waiting = demand
+            last = self.underway[:, 0]
+            demand = self.model.settings(self.model.demanded(K, z, last), z)
+            self.underway = np.concatenate([demand[:, None], self.underway[:, :-1]], axis=1)
+            self._hold(self.late)
+        if sampled and (k % self.every_demand, 0.0) == self.changes:
+            self.change()
+
+    def change(self) -> None:
+        """Have the next demand act, between two samples."""
+        self._hold(self.late - 1)
+
+    def _hold(self, late: int) -> None:
+        # the rates of the law's own states act at once: its code keeps these
+        driven = self.model.driven
+        acting = self.underway[:, late, :driven], self.underway[:, 0, driven:]
+        self.held = np.concatenate(acting, axis=1)
+
+    @cached_property
+    def changes(self) -> tuple[int, float]:
+        """The step of a period in which the next demand acts, and after which share of it.
+
+        Behind the last step where that is at no instant between two samples.
+        """
+        if self.sampling is None or not self.sampling.early:
+            return self.every_demand, 0.0
+        at = (1 - self.sampling.early) * self.every_demand
+        step = math.floor(at)
+        share = float(at - step)
+        if share > 1 - ROUNDED:
+            return step + 1, 0.0
+        return step, share if share > ROUNDED else 0.0
+
+    def breaks(self, k: int) -> bool:
+        """Whether the next demand acts within step k."""
+        step, share = self.changes
+        return share > 0 and k % self.every_demand == step
 
     def demand(self, z: Array) -> Array:
         """Return the demand at z, (count, m)."""
         if self.held is not None:
             return self.model.forces(self.held, z)
-        return self.waiting if self.gain is None else self.model.demanded(self.gain, z)
-
-    @property
-    def delayed(self) -> bool:
-        """Whether a demand acts a sample late."""
-        return self.sampling is not None and self.sampling.delayed
+        none = np.zeros(self.underway[:, 0].shape)
+        return none if self.gain is None else self.model.demanded(self.gain, z)
 
     @property
     def beliefs(self) -> tuple[Belief, ...]:

@@ -17,6 +17,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, inputs, rates_in
 from polefence.plant.system import Array
 from polefence.proof.short import Short
+from polefence.proof.text import late_text
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
 from polefence.response.linear import Response
@@ -48,7 +49,8 @@ class Drive(Short):
         x and dx/dt; at an instant where something jumps, just after it.
     demanded, applied : (count, time, m) arrays
         Inputs demanded by the law, and inputs that the actuators gave. With a delay of one sample
-        the demand now is the law's answer to the sample before.
+        the demand now is the law's answer to the sample before; with one of half a sample it is
+        that in the first half of a period, and the answer to the last sample in the second.
     disturbance : (time, q) array
         The road's velocity, or another given disturbance, over the step that begins at the instant.
     stop_forces : (count, time, k) array
@@ -291,8 +293,8 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
     """Return notes on conditions of the whole drive that no claim covers."""
     notes = []
     if sampling is not None and not sampling.designed:
-        delayed = ", a sample late" if sampling.delayed else ""
-        notes.append(f"the controller samples every {sampling.period:g} s{delayed}: in no claim")
+        late = f", {late_text(sampling.late)}" if sampling.late else ""
+        notes.append(f"the controller samples every {sampling.period:g} s{late}: in no claim")
     if model.actuator.bandwidth is not None:
         notes.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")
     if learner is not None:

@@ -129,7 +129,7 @@ def test_an_input_that_moves_at_once_has_no_rate(monkeypatch):
 
 
 def test_a_sampling_controller_begins_from_zero(monkeypatch):
-    hardware = Hardware(sampling=Sampling(T, False), actuator=Actuator(slew=RATE))
+    hardware = Hardware(sampling=Sampling(T), actuator=Actuator(slew=RATE))
     done = driven(monkeypatch, True, lag(), FixedGain([[-4.0]]), hardware, 1.0)
     sent = done.applied[0, :: round(T / STEP), 0]
     assert sent[0] == -RATE * T

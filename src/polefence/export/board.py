@@ -5,7 +5,7 @@ to the next. Where an input acts late by a part of a period, this has two phases
 of its own. Its noise is white in continuous time: what an interval adds to the states has the
 covariance that Van Loan's block exponential says. So the rms that is measured has no error but
 that of a drive of finite length, and no step of a solver. It is measured between samples too: the
-mean over a period is that of the trapezoidal rule at instants that the loop's fastest pole sets.
+mean over a period is that of Simpson's rule at instants that the loop's fastest pole sets.
 
 It is driven where each promised rms is worst among corners and random points of the family.
 """

@@ -197,12 +197,13 @@ def timing(
         raise InputError(
             "the plant is in discrete time: its own sample time holds; leave the sample time out"
         )
-    if sampling.late not in (0, 1):
+    late = sampling.lateness
+    if late.samples not in (0, 1):
         raise InputError(
-            f"inputs {late_text(sampling.late)}: the code of a law of continuous time acts 0 or 1 "
+            f"inputs {late_text(late.samples)}: the code of a law of continuous time acts 0 or 1 "
             "sample late; design the law at the sample time for another delay"
         )
-    sample_time, delay = sampling.period, sampling.whole
+    sample_time, delay = sampling.period, late.whole
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
     )

@@ -19,8 +19,8 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.base.explained import explained_fields
 from polefence.plant.system import Array
-from polefence.proof.between import MAX_DELAY
 from polefence.proof.short import Short
+from polefence.response.late import Late
 from polefence.response.weighting import positive
 
 # Samples that one product covers, and bytes of the buffer that it reads.
@@ -52,23 +52,12 @@ class Sampling(Short):
     @explained_fields
     def __post_init__(self) -> None:
         positive(self.period, "sampling period [s]")
-        if not 0 <= self.delay <= MAX_DELAY:
-            raise InputError(f"delay = {self.delay!r} must be 0 to {MAX_DELAY}, in samples")
+        Late.by(self.delay)
 
     @property
-    def late(self) -> Fraction:
-        """The delay as it reads: 0.3, not the double next to it."""
-        return Fraction(repr(self.delay) if isinstance(self.delay, float) else self.delay)
-
-    @property
-    def whole(self) -> int:
-        """The delay rounded up: how many demands are on their way."""
-        return math.ceil(self.late)
-
-    @property
-    def early(self) -> Fraction:
-        """Of a period, by how much less that is."""
-        return self.whole - self.late
+    def lateness(self) -> Late:
+        """How late a demand goes out."""
+        return Late.by(self.delay)
 
 
 def zero_order_hold(A: Array, E: Array, h: float | Array) -> tuple[Array, Array]:

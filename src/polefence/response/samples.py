@@ -10,7 +10,7 @@ every design.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -27,13 +27,14 @@ from polefence.plant.system import Array, System
 from polefence.proof.between import MOST_IN_MIDDLES, Clock
 from polefence.proof.between import MOST_PARTS as MOST_CLOCK_PARTS
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.samples import MAX_DELAY, MAX_TERMS
+from polefence.proof.claims.samples import MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
 from polefence.proof.plant import held_columns
 from polefence.proof.remainder import MAX_CURVE, Remainder
 from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
+from polefence.response.late import Late
 
 # Of the largest change in a sample, which hardware makes larger. With ten times as much a car with
 # an actuator and two sensors has no proof at 2 ms that its force stays 2 % below a limit.
@@ -106,7 +107,7 @@ def at_sample_time(
             f"parameter {plant.moving[0].name}: rate: samples are for constant parameters only; "
             "leave out rate, or the sample time"
         )
-    late = _late_by(delay)
+    late = Late.by(delay)
     counts = isinstance(degree, int) and not isinstance(degree, bool)
     if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
@@ -136,45 +137,18 @@ def at_sample_time(
     return replace(samples, sampling=origin and replace(origin, clock=clock)) if clock else samples
 
 
-@dataclass(frozen=True)
-class _Late:
-    """How many samples late an input acts."""
-
-    samples: Fraction
-
-    @property
-    def whole(self) -> int:
-        """The same rounded up: how many inputs are on their way."""
-        return math.ceil(self.samples)
-
-    @property
-    def early(self) -> Fraction:
-        """By how much less that is."""
-        return self.whole - self.samples
-
-    def columns(self, plant: UncertainPlant, states: int) -> list[int]:
-        """Return the columns of [A, B], of so many states, of the inputs that act."""
-        return held_columns(*plant.shape, self.whole, self.early, states)
-
-    def doubled(self, plant: UncertainPlant, rows: Array) -> Array:
-        """Return rows of [A, B, E], (..., n + m + q), the inputs' columns twice where two act."""
-        if not self.early:
-            return rows
-        n, m = plant.shape
-        held = rows[..., n : n + m]
-        return np.concatenate([rows[..., : n + m], held, rows[..., n + m :]], axis=-1)
+def _columns(plant: UncertainPlant, delay: Late, states: int) -> list[int]:
+    """Return the columns of [A, B], of so many states, of the inputs that act."""
+    return held_columns(*plant.shape, delay.whole, delay.early, states)
 
 
-def _late_by(delay: Any) -> _Late:
-    try:
-        late = exact(delay, "delay")
-    except PlantError as error:
-        raise InputError(f"delay = {delay!r} must be a number of samples") from error
-    if isinstance(delay, float):  # 0.3, not the double next to it
-        late = Fraction(repr(delay))
-    if not 0 <= late <= MAX_DELAY:
-        raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
-    return _Late(late)
+def _doubled(plant: UncertainPlant, delay: Late, rows: Array) -> Array:
+    """Return rows of [A, B, E], (..., n + m + q), the inputs' columns twice where two act."""
+    if not delay.early:
+        return rows
+    n, m = plant.shape
+    held = rows[..., n : n + m]
+    return np.concatenate([rows[..., : n + m], held, rows[..., n + m :]], axis=-1)
 
 
 def _clock(plant: UncertainPlant, T: Fraction, jitter: Any, lost: Any) -> Clock | None:
@@ -228,7 +202,7 @@ def _chosen(
     plant: UncertainPlant,
     bare: UncertainPlant,
     units: Array,
-    delay: _Late,
+    delay: Late,
     degrees: list[int],
     enough: float,
 ) -> tuple[Remainder, Array]:
@@ -247,7 +221,7 @@ def _with_remainder(
     plant: UncertainPlant,
     bare: UncertainPlant,
     units: Array,
-    delay: _Late,
+    delay: Late,
     wide: Remainder,
     about: Array,
     most: float,
@@ -268,13 +242,13 @@ def _with_remainder(
     exact, rest = claim_of_samples(replace(bare, remainder=wide, sampling=origin)).off()
     entries = np.array([[float(x) for x in row] for row in exact])
     # 1 % of room over what it has to hold
-    rows = (entries + float(rest)) * 1.01 * units[:n, None] / delay.doubled(plant, units)
+    rows = (entries + float(rest)) * 1.01 * units[:n, None] / _doubled(plant, delay, units)
     rounded = tuple(map(_up, _placed(rows, plant, bare, delay)))
     return replace(bare, remainder=replace(wide, entries=rounded), sampling=origin)
 
 
 def _between_nodes(
-    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: _Late
+    plant: UncertainPlant, bare: UncertainPlant, units: Array, delay: Late
 ) -> UncertainPlant:
     """Return the samples with the remainder of an interpolation, which is smaller on parts."""
     n = plant.shape[0]
@@ -285,9 +259,11 @@ def _between_nodes(
         bounds = claim_of_samples(replace(bare, sampling=origin)).bounds()
     except FormatError as problem:
         raise InputError(f"{plant.name}: {problem}; take a shorter sample time") from problem
-    scales = units[:n, None] / delay.doubled(plant, units)
+    scales = units[:n, None] / _doubled(plant, delay, units)
     along, third = (
-        delay.doubled(plant, np.array([[list(map(float, row)) for row in C] for C in derivatives]))
+        _doubled(
+            plant, delay, np.array([[list(map(float, row)) for row in C] for C in derivatives])
+        )
         * 1.01
         for derivatives in (bounds.along, bounds.third)
     )
@@ -308,15 +284,15 @@ def _between_nodes(
     return replace(sampled, vertices=vertices)
 
 
-def _origin(plant: UncertainPlant, delay: _Late, terms: int, units: Array) -> SamplesOf:
+def _origin(plant: UncertainPlant, delay: Late, terms: int, units: Array) -> SamplesOf:
     exact_units = tuple(map(Fraction, units.tolist()))
     return SamplesOf(plant, delay.whole, terms, exact_units, early=delay.early)
 
 
-def _placed(rows: Array, plant: UncertainPlant, bare: UncertainPlant, delay: _Late) -> Array:
+def _placed(rows: Array, plant: UncertainPlant, bare: UncertainPlant, delay: Late) -> Array:
     """Return rows of x, inputs that act and w in the rows and columns of the samples' [A, B, E]."""
     n, q, states = plant.shape[0], plant.disturbance_count, bare.shape[0]
-    acting = delay.columns(plant, states)
+    acting = _columns(plant, delay, states)
     whole = np.zeros((states, sum(bare.shape) + q))
     whole[:n, :n], whole[:n, acting] = rows[:, :n], rows[:, n : n + len(acting)]
     whole[:n, sum(bare.shape) :] = rows[:, n + len(acting) :]
@@ -324,7 +300,7 @@ def _placed(rows: Array, plant: UncertainPlant, bare: UncertainPlant, delay: _La
 
 
 def _curve(
-    plant: UncertainPlant, bare: UncertainPlant, delay: _Late, degree: int
+    plant: UncertainPlant, bare: UncertainPlant, delay: Late, degree: int
 ) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
     """Return the Bernstein coefficients of the correction to the interpolated vertices."""
     domain = plant.domain
@@ -382,12 +358,12 @@ def _changing(A: Array, B: Array, G: Array, rest: float) -> Array:
 
 
 def _on_the_way(
-    plant: UncertainPlant, held: list[tuple[Array, Array, Array]], T: Fraction, lateness: _Late
+    plant: UncertainPlant, held: list[tuple[Array, Array, Array]], T: Fraction, lateness: Late
 ) -> UncertainPlant:
     """Return the plant in discrete time, with the inputs on their way as states."""
     (n, m), delay = plant.shape, lateness.whole
     late = delay * m
-    acting = lateness.columns(plant, n + late)
+    acting = _columns(plant, lateness, n + late)
     vertices = []
     for k, (F, G, H) in enumerate(held):
         both = np.zeros((n + late, n + late + m))
@@ -441,14 +417,14 @@ def _units(plant: UncertainPlant) -> Array:
     return np.concatenate([d, 2.0 ** np.round(np.log2(acting))])
 
 
-def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: _Late) -> Array:
+def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: Late) -> Array:
     """Return an estimate of the interpolation error, in the units, from a few points."""
     apart = _apart(plant, samples, delay, plant.domain.nodes(samples.curve_degree + 1))
-    wide = delay.doubled(plant, units)
+    wide = _doubled(plant, delay, units)
     return np.asarray(np.abs(apart).max(axis=0) / units[: plant.shape[0], None] * wide)
 
 
-def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: _Late, alpha: Array) -> Array:
+def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: Late, alpha: Array) -> Array:
     """Return the exact samples minus the interpolated ones at points alpha."""
     n, m = plant.shape
     A, B = plant.at(alpha)
@@ -459,12 +435,12 @@ def _apart(plant: UncertainPlant, samples: UncertainPlant, delay: _Late, alpha: 
         G = _changing(A, B, G, float(T * delay.early))
     held = np.concatenate([F, G, GH[..., m:]], axis=2)
     A, B = samples.at(alpha)
-    acting = np.concatenate([A, B], axis=2)[:, :n, delay.columns(plant, samples.shape[0])]
+    acting = np.concatenate([A, B], axis=2)[:, :n, _columns(plant, delay, samples.shape[0])]
     computed = np.concatenate([A[:, :n, :n], acting, _driven(samples, alpha)[:, :n]], axis=2)
     return np.asarray(held - computed)
 
 
-def _terms(plant: UncertainPlant, delay: _Late, units: Array, T: float, about: Array) -> int:
+def _terms(plant: UncertainPlant, delay: Late, units: Array, T: float, about: Array) -> int:
     """Return how many terms make truncation small beside the interpolation error."""
     n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
@@ -474,8 +450,8 @@ def _terms(plant: UncertainPlant, delay: _Late, units: Array, T: float, about: A
     for k in range(2, MAX_TERMS + FURTHER):
         power = most[:, :n] @ power / k
         powers.append(power)
-    left = delay.doubled(
-        plant, np.cumsum(powers[::-1], axis=0)[::-1]
+    left = _doubled(
+        plant, delay, np.cumsum(powers[::-1], axis=0)[::-1]
     )  # of the k-th term and all behind it
     # terms are left out where they are 1 % of what entries are off by, or of the size of rounding
     enough = np.maximum(0.01 * about, 1e-13 * left[0])

@@ -397,7 +397,7 @@ def _recovering(
     demand. Any other law is returned as it is, with none.
     """
     given = getattr(law, "law", law)
-    late = sampling is not None and sampling.designed and sampling.late > 0
+    late = sampling is not None and sampling.designed and sampling.delay > 0
     if given is None or (getattr(given, "anti_windup", None) is None and not late):
         return plant, law, None
     larger, own = stepped(plant, given_law(plant, given))

@@ -374,7 +374,7 @@ class Controller:
         shape = (len(model.trajectories.cars), model.plant.shape[1])
         self.gain: Array | None = None
         self.held: Array | None = np.zeros(shape) if sampling else None
-        self.late = sampling.whole if sampling else 0
+        self.late = sampling.lateness.whole if sampling else 0
         self.underway = np.zeros((shape[0], 1 + self.late, shape[1]))
         self.used = self.parameters(np.zeros(1))[0]
 
@@ -416,9 +416,9 @@ class Controller:
 
         Behind the last step where that is at no instant between two samples.
         """
-        if self.sampling is None or not self.sampling.early:
+        if self.sampling is None or not self.sampling.lateness.early:
             return self.every_demand, 0.0
-        at = (1 - self.sampling.early) * self.every_demand
+        at = (1 - self.sampling.lateness.early) * self.every_demand
         step = math.floor(at)
         share = float(at - step)
         if share > 1 - ROUNDED:

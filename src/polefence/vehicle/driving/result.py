@@ -293,7 +293,7 @@ def throughout(model: Model, sampling: Sampling | None, learner: Learner | None)
     """Return notes on conditions of the whole drive that no claim covers."""
     notes = []
     if sampling is not None and not sampling.designed:
-        late = f", {late_text(sampling.late)}" if sampling.late else ""
+        late = f", {late_text(sampling.lateness.samples)}" if sampling.delay else ""
         notes.append(f"the controller samples every {sampling.period:g} s{late}: in no claim")
     if model.actuator.bandwidth is not None:
         notes.append(f"the actuator has {model.actuator.bandwidth:g} Hz: its lag is in no claim")

@@ -19,7 +19,7 @@ from typing import Any
 from polefence import FixedGain, engine, load, load_specifications
 from polefence.certify.bounds import sampled
 from polefence.examples import spec_path
-from polefence.lmi.solve.gramians import duals
+from polefence.lmi.solve.duals import duals
 from polefence.lmi.solve.loops import loop_with
 from polefence.lmi.solve.lyapunov import least_given
 from polefence.proof.claims.base import prove

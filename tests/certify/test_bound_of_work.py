@@ -5,8 +5,8 @@ import pytest
 
 from polefence import FixedGain, NotProvedError, Parameter, Rms, Structure, UncertainPlant
 from polefence.base.effort import bounded, ended, spend
-from polefence.lmi.solve import gramians
-from polefence.lmi.solve.gramians import in_parts
+from polefence.lmi.solve import duals
+from polefence.lmi.solve.duals import in_parts
 from polefence.search import optimise as module
 from polefence.search import tuned
 from polefence.search.optimise import optimise
@@ -68,7 +68,7 @@ def test_parts_of_a_box_of_many_parameters_are_not_begun(monkeypatch):
     many = UncertainPlant.from_expressions(names, rows, [[0], [0], [1]], [[1], [0], [0]])
     law = FixedGain(np.zeros((1, 3)))
     begun = []
-    monkeypatch.setattr(gramians, "_duals", lambda *own: begun.append(own) or iter(()))
+    monkeypatch.setattr(duals, "_duals", lambda *own: begun.append(own) or iter(()))
     problem = Rms("x1", density=1).dual(many, law)
     assert in_parts(problem, 1e-6) is None
     assert not begun

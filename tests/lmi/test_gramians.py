@@ -9,15 +9,9 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from polefence import Parameter, UncertainPlant
 from polefence.law.laws import FixedGain, PolynomialGain, ScheduledGain
-from polefence.lmi.solve.gramians import (
-    DualProblem,
-    duals,
-    has_stabilising,
-    in_parts,
-    made_up,
-    majorant,
-    riccati,
-)
+from polefence.lmi.solve.dual_problem import DualProblem
+from polefence.lmi.solve.duals import duals, in_parts
+from polefence.lmi.solve.gramians import has_stabilising, made_up, majorant, riccati
 from polefence.response.modes import of_modes
 
 

@@ -35,7 +35,7 @@ from polefence import (
 from polefence.base.errors import InputError
 from polefence.certify.bounds import _dual_evidence, best_bound, kept_bound
 from polefence.certify.evidence import certificate_of, evidence_at
-from polefence.lmi.solve.gramians import DEGREES, _duals, in_parts
+from polefence.lmi.solve.duals import DEGREES, _duals, in_parts
 from polefence.plant.boxes import Box
 from polefence.plant.delta import delta_form
 from polefence.plant.samples import claim_of_samples

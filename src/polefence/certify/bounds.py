@@ -32,9 +32,10 @@ from polefence.law.laws import Law
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.performance import Source
-from polefence.lmi.solve import gramians
 from polefence.lmi.solve.along_motions import Along, along_motions
-from polefence.lmi.solve.gramians import Dual, DualProblem, duals, in_parts
+from polefence.lmi.solve.dual_problem import Dual, DualProblem
+from polefence.lmi.solve.duals import Known as KnownParts
+from polefence.lmi.solve.duals import duals, in_parts
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.lmi.solve.spread import spread_of
@@ -216,7 +217,7 @@ class _Question:
     worst: float = 0.0
     by_transfer: ByTransfer | None = None
     moved: DualProblem | None = None
-    known_parts: gramians.Known = field(default_factory=dict)
+    known_parts: KnownParts = field(default_factory=dict)
 
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:

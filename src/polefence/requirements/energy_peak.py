@@ -12,7 +12,7 @@ from polefence.base.errors import InputError
 from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem
+from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array

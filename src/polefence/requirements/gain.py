@@ -10,7 +10,7 @@ import numpy as np
 
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem
+from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances, stacked

@@ -22,7 +22,8 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.law.laws import FixedGain, Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem, cheapest
+from polefence.lmi.solve.dual_problem import DualProblem
+from polefence.lmi.solve.gramians import cheapest
 from polefence.lmi.solve.loops import polynomial_of
 from polefence.lmi.solve.spread import more_than, spread_of
 from polefence.plant.family import UncertainPlant

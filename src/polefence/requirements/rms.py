@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
-from polefence.lmi.solve.gramians import DualProblem, OverPeriod
+from polefence.lmi.solve.dual_problem import DualProblem, OverPeriod
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output

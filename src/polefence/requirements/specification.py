@@ -17,7 +17,7 @@ from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.conditions.gain_norm import Norm
-from polefence.lmi.solve.gramians import DualProblem
+from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of, ranges_of
 from polefence.plant.family import UncertainPlant

@@ -20,7 +20,9 @@ from itertools import product
 import numpy as np
 
 from polefence.lmi.conditions.motion import change
-from polefence.lmi.solve.gramians import MOST, OVER, ROOM, ROUNDS, SMALL, DualProblem, majorant
+from polefence.lmi.solve.dual_problem import DualProblem
+from polefence.lmi.solve.duals import MOST
+from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, SMALL, majorant
 from polefence.plant.motion import Motion
 from polefence.plant.polynomial import binomial
 from polefence.plant.system import Array

@@ -219,16 +219,28 @@ def step_at(period, at, theta):
     weights = np.array([1.0])
     for t in at:
         weights = np.kron(weights, [1 - t, t])
-    AB = np.concatenate([period.A, period.B], axis=2).astype(float)
-    N = np.zeros((4, 4))
-    N[:3] = np.tensordot(weights, AB, 1)
-    return ((expm(N * theta * float(T)) - np.eye(4)) / float(T))[:3]
+    moved, signals = np.eye(4), [period.B] + ([period.changed.B] if period.changed else [])
+    for time, B in zip(period.times(theta), signals, strict=True):
+        N = np.zeros((4, 4))
+        N[:3] = np.tensordot(weights, np.concatenate([period.A, B], axis=2).astype(float), 1)
+        moved = expm(N * time * float(T)) @ moved
+    return ((moved - np.eye(4)) / float(T))[:3]
 
 
+def lasting(period, theta):
+    """The same period, all of whose lengths are one."""
+    changed, theta = period.changed, Fraction(theta)
+    if changed is not None:
+        changed = replace(changed, share=1 - (1 - changed.share) / theta)
+    return replace(period, lengths=None, step=theta * T, changed=changed)
+
+
+@pytest.mark.parametrize("share", [None, Fraction(1, 3), Fraction(4, 5)])
 @pytest.mark.parametrize("parameters", [0, 1])
-def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters):
+def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters, share):
     rng = np.random.default_rng(7 + parameters)
-    family, sizes, largest = some_period(rng, parameters), (2,) * (parameters + 1), list[float]()
+    family, sizes = some_period(rng, parameters, share=share), (2,) * (parameters + 1)
+    largest = list[float]()
     for lengths in ((Fraction(3, 4), Fraction(7, 4)), (Fraction(5, 4), Fraction(7, 4))):
         period, width = family.between(lengths), lengths[1] - lengths[0]
         low, high = (Fraction(1, 4),) * parameters, (Fraction(1, 4) + width / 4,) * parameters
@@ -243,9 +255,9 @@ def test_periods_of_any_length_are_within_what_their_step_may_miss(parameters):
             moved = step_at(period, inner, theta)
             missed = np.abs(valued(step.moved, at) - moved)
             assert np.all(missed <= off * (1 + 1e-9) + 1e-12 * np.abs(moved).max())
-            one = replace(period, lengths=None, step=Fraction(theta) * T)
-            M, V, c = by_quadrature(one, inner)
-            for P, true in ((step.mean.M, theta * M), (step.mean.V, V), (step.mean.c, c)):
+            M, V, c = by_quadrature(lasting(period, theta), inner)
+            for P, true in zip((step.whole.M, step.whole.V, step.whole.c), (M, V, c), strict=True):
+                true = theta * true
                 more = valued(P, at) - np.atleast_2d(true)
                 assert np.linalg.eigvalsh(more).min() > -1e-11 * np.abs(true).max()
     assert largest[1] < largest[0] / 6

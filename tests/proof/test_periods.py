@@ -48,12 +48,12 @@ def test_a_published_loop_is_stable_for_periods_of_any_length_up_to_1_72(publish
     assert np.isinf(asked.values(late, AT_PERIODS, np.eye(1))[0])
 
 
-@pytest.mark.parametrize("jitter", ["0.05", "0.2"])
-def test_a_bound_is_above_every_order_of_periods(spring, jitter):
-    seen = pf.at_sample_time(spring, T, 1, jitter=Fraction(jitter))
+@pytest.mark.parametrize(("jitter", "delay"), [("0.05", 1), ("0.2", 1), ("0.1", 0.5)])
+def test_a_bound_is_above_every_order_of_periods(spring, jitter, delay):
+    seen = pf.at_sample_time(spring, T, delay, jitter=Fraction(jitter))
     bound = best_bound(seen, LAW, ASKED)
     assert bound is not None
-    alike = best_bound(pf.at_sample_time(spring, T, 1), LAW, ASKED)
+    alike = best_bound(pf.at_sample_time(spring, T, delay), LAW, ASKED)
     assert alike.level < bound.level < alike.level * (1 + Fraction(jitter))
     rng, worst = np.random.default_rng(3), 0.0
     ends = [1 - float(Fraction(jitter)), 1 + float(Fraction(jitter))]
@@ -71,20 +71,28 @@ def test_a_bound_is_above_every_order_of_periods(spring, jitter):
 
 
 def over(seen, vertex, lengths):
-    """The rms of a loop at a corner, where these periods follow one another again and again."""
+    """The rms of a loop at a corner, where these periods follow one another again and again.
+
+    All but a last part of the sample time goes by before the next input acts; the last part is as
+    long as the period has it.
+    """
     held, plant = held_of(seen), seen.sampling.plant
     outputs, at = ASKED.exact_outputs(seen), np.eye(len(seen.vertices))[vertex : vertex + 1]
     A, B = (M[0] for M in plant.at(at))
-    N = np.zeros((3, 3))
-    N[:2, :2], N[:2, 2:] = A, B
+    N, change = np.zeros((4, 4)), np.eye(4)[[0, 1, 3, 3]]
+    N[:2, :2], N[:2, 2:3] = A, B
+    first = float(1 - held.early)
     every = []
     for length in lengths:
-        F = expm(N * length * float(T))
-        closed = np.vstack([F[:2], LAW.K[0] if LAW.K.ndim == 3 else LAW.K])
+        before, rest = (first, length - first) if held.early else (length, 0.0)
+        F = expm(N * rest * float(T)) @ change @ expm(N * before * float(T))
+        up = np.vstack([np.eye(3), LAW.K.reshape(1, 3)])  # x, the input that acts, and the next
+        closed = np.vstack([F[:2], np.eye(4)[3]]) @ up
         mean = means(seen, held, outputs, (), 1.0, at, length)
         noise = np.zeros((3, 3))
         noise[:2, :2] = length * float(T) * mean.V[0]
-        every.append((closed, noise, mean.M[0], mean.c[0]))
+        rows = up[mean.chosen]
+        every.append((closed, noise, rows.T @ mean.M[0] @ rows, mean.c[0]))
     P, total, time = np.zeros((3, 3)), 0.0, 0.0
     rounds = 600 // len(lengths) + 2
     for k in range(rounds):
@@ -103,14 +111,19 @@ def is_proved(document):
         return False
 
 
-def test_what_a_file_says_of_its_clock_is_proved(published, tmp_path):
-    seen = pf.at_sample_time(published, Fraction(1, 5), 1, jitter=Fraction(1, 10), lost=1)
+@pytest.mark.parametrize("delay", [1, 0.5])
+def test_what_a_file_says_of_its_clock_is_proved(published, tmp_path, delay):
+    seen = pf.at_sample_time(published, Fraction(1, 5), delay, jitter=Fraction(1, 10), lost=1)
     done = pf.optimise(seen, pf.Rms("x1", density=1.0), [pf.Rms("u1", density=1.0, at_most=10.0)])
     done.save(tmp_path)
     document = json.loads((tmp_path / "design.json").read_text())
     assert is_proved(document)
     again = pf.Design.load(tmp_path / "design.json")
     assert again.plant.sampling.clock == seen.sampling.clock
+    file = from_plain(document)
+    said = next(one for one in file.claims if one.kind == "rms").statement(file.plant)
+    changed = ", changed 100 ms after a sample" if delay == 0.5 else ""
+    assert f"inputs held for 180 to 440 ms in any order{changed}, and the loop stable" in said
     claim = next(one for one in document["claims"] if one["kind"] == "rms")
     evidence = claim["evidence"]
     faults = [
@@ -122,9 +135,12 @@ def test_what_a_file_says_of_its_clock_is_proved(published, tmp_path):
         (evidence["Q"][0][0], 0, 0),
         (claim, "level", float(claim["level"]) * 0.99),
         (claim["held"], "delay", 0),
+        (claim["held"], "early", "1/4"),
+        (claim["held"], "early", "1/20"),  # later than the shortest period ends
     ]
     for table, key, other in faults:
-        known, table[key] = table[key], other
+        known = 0 if key == "early" and key not in table else table[key]
+        table[key] = other
         assert not is_proved(document), key
         table[key] = known
     assert is_proved(document)
@@ -138,11 +154,19 @@ def test_what_a_file_says_of_its_clock_is_proved(published, tmp_path):
         ({"jitter": "much"}, "jitter = 'much' must be a number"),
         ({"lost": 17}, "lost = 17 must be 0 to 16"),
         ({"lost": 0.5}, "lost = 0.5 must be 0 to 16"),
+        ({"jitter": 0.2, "delay": 0.8}, "before an input acts; give less than 0.8, or 1"),
+        ({"jitter": 0.25, "delay": 1.8}, "before an input acts; give less than 1.75, or 2"),
     ],
 )
 def test_a_clock_that_cannot_be_is_refused_in_one_line(spring, given, words):
     with pytest.raises(InputError, match=words):
-        pf.at_sample_time(spring, T, 1, **given)
+        pf.at_sample_time(spring, T, **({"delay": 1} | given))
+
+
+def test_an_input_acts_before_the_shortest_period_ends(spring):
+    for delay in (0.79, 1.79):
+        assert pf.at_sample_time(spring, T, delay, jitter=0.2).sampling.late == Fraction(str(delay))
+    assert pf.at_sample_time(spring, T, 0.99, lost=1).sampling.clock is not None
 
 
 def test_a_clock_needs_parameters_and_a_disturbance(published):

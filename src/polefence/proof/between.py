@@ -28,7 +28,15 @@ theta is one more coordinate t, of [A, B] theta T, on which neither the law nor 
 
     (exp(N theta T) - 1) / T = theta int_0^1 exp(N theta T s) ds N
 
-is computed too, by G_2h = (G_h + F G_h) / 2, for the samples that are so far apart.
+is computed too, by G_2h = (G_h + F G_h) / 2, for the samples that are so far apart. Where inputs
+change a time a T after a sample, whatever comes after it, r = theta - a is what varies. With F, M,
+V and c of the time before, of a T, and of that after it, of r T, what goes on over T is
+
+    (F_r F_a - 1) / T = r G_r N_r F_a + (F_a - 1) / T,
+    theta M = r F_a'M_r F_a + a M_a,  theta V = r V_r + a F_r V_a F_r',
+    theta c = r (r c_r + a tr M_r V_a) + a^2 c_a:
+
+r times what is interpolated, and what is interpolated beside it.
 
 What interpolation and rounding may miss, entry by entry R, is made up for by a diagonal matrix:
 with any w > 0 that of sum_j R_ij w_j / w_i exceeds every symmetric matrix of entries within R. So V
@@ -44,7 +52,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from operator import add, mul
-from typing import Any
+from typing import Any, TypeVar
 
 from polefence.proof.matrices import (
     ZERO,
@@ -65,7 +73,15 @@ from polefence.proof.plant import (
     read_early,
     sizes_of,
 )
-from polefence.proof.polynomials import Polynomial, Sizes, affine, bernstein, diagonal, form
+from polefence.proof.polynomials import (
+    Polynomial,
+    Sizes,
+    affine,
+    bernstein,
+    diagonal,
+    form,
+    number,
+)
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.remainder import LARGER, THIRD, Remainder
 from polefence.proof.short import Short
@@ -81,9 +97,12 @@ UNBOUNDED = 10**18  # work: what the count around it leaves
 LARGE = 1 << 40  # times its units, what a period may make of a state: else too few bits are left
 
 MOST_PERIODS, MOST_PARTS = 64, 16  # of a clock
-MOVED = 3  # number of G N, behind M, V and c
+# Numbers of what is times the last part of a period; what is beside it stands so many behind.
+ENERGY, NOISE, MORE, MOVED = range(4)
+BESIDE = 4
 
 Point = tuple[Fraction, ...]
+Number = TypeVar("Number", Fraction, float)
 Series = list[Integers]  # coefficients of powers of s, in multiples of 2^-96
 
 
@@ -106,16 +125,16 @@ class Mean(Short):
 
 @dataclass(frozen=True)
 class Step(Short):
-    """What a period of theta T makes of x: (exp(N theta T) - 1) [x; k] / T, and the mean over it.
+    """What a period of theta T makes of x: (exp(N theta T) - 1) [x; k] / T, and what goes on in it.
 
     ``moved`` (n, n + k) is off by ``off``, entry by entry; ``theta`` is the polynomial of one entry
-    that is the length. M and c of the ``mean`` are those over T, of a period of theta T.
+    that is the length. ``whole`` are M, V and c times theta: integrals over the period, over T.
     """
 
     moved: Polynomial
     off: Rationals
     theta: Polynomial
-    mean: Mean
+    whole: Mean
 
 
 @dataclass(frozen=True)
@@ -157,22 +176,18 @@ class Clock(Short):
 
 @dataclass(frozen=True)
 class _Values(Short):
-    """M, V, c and G N at a point in multiples of 2^-96 of their units, and what each is off by."""
+    """What is interpolated, at a point, in multiples of 2^-96 of units, and what it is off by."""
 
-    M: Integers
-    V: Integers
-    c: int
-    moved: Integers
-    off: tuple[int, int, int, int]
-
-    def of(self, k: int) -> Integers:
-        """Return one of the four."""
-        return (self.M, self.V, [[self.c]], self.moved)[k]
+    every: tuple[Integers, ...]
+    off: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Changed(Short):
-    """B and D at every vertex in the last ``share`` of a period, where they are others then."""
+    """B and D at every vertex in the last ``share`` of a period, where they are others then.
+
+    Of periods of any length all but the last ``share`` of a step goes by before that.
+    """
 
     share: Fraction
     B: list[Rationals]
@@ -181,34 +196,48 @@ class Changed(Short):
 
 @dataclass(frozen=True)
 class _Part:
-    """What goes on in a part of a period: F, M, V and c, and what each is off by."""
+    """What goes on in a part of a period: F, M, V, c and G N, and what each is off by."""
 
     F: Integers
     M: Integers
     V: Integers
     c: int
-    off: tuple[int, int, int, int]
+    moved: Integers
+    off: tuple[int, int, int, int, int]
 
-    def then(self, share: Fraction, other: _Part, rest: Fraction) -> _Part:
-        """Return the two behind one another, shares of a period."""
-        of_F, of_M, of_V, of_c = self.off
-        by_F, by_M, by_V, by_c = other.off
+    def alone(self, time: Fraction) -> _Values:
+        """Return the values of a period of this part alone, so many ``step`` long."""
+        _, *offs, of_c, of_moved = self.off
+        c, to_c = _scaled([[self.c]], of_c, time)
+        every = self.M, self.V, c, self.moved
+        none = (_scaled(M, 0, ZERO)[0] for M in every)
+        return _Values((*every, *none), (*offs, to_c, of_moved, 0, 0, 0, 0))
+
+    def then(self, time: Fraction, last: _Part, rest: Fraction) -> _Values:
+        """Return the values of a period of this part and a last one, so many ``step`` long."""
+        of_F, of_M, of_V, of_c, of_G = self.off
+        by_F, by_M, by_V, by_c, by_G = last.off
         n = len(self.V)
-        F, to_F = _multiplied(other.F, by_F, self.F, of_F)
-        half, off = _multiplied(other.M, by_M, self.F, of_F)
-        late, off = _multiplied(transposed(self.F), of_F, half, off)
-        M, to_M = _shared((share, self.M, of_M), (rest, late, off))
-        small = [row[:n] for row in other.F[:n]]
+        half, off = _multiplied(last.M, by_M, self.F, of_F)
+        M, to_M = _multiplied(transposed(self.F), of_F, half, off)
+        small = [row[:n] for row in last.F[:n]]
         half, off = _multiplied(self.V, of_V, transposed(small), by_F)
-        late, off = _multiplied(small, by_F, half, off)
-        V, to_V = _shared((share, late, off), (rest, other.V, by_V))
-        inner = [row[:n] for row in other.M[:n]]
+        V, to_V = _multiplied(small, by_F, half, off)
+        inner = [row[:n] for row in last.M[:n]]
         sizes = (_sum_of(inner), _sum_of(self.V))
-        driven = _inner(inner, self.V)
         by = -(-(sizes[0] * of_V + sizes[1] * by_M + n * n * of_V * by_M) // ONE) + 2
-        c = share**2 * self.c + rest * (rest * other.c + share * driven)
-        to_c = math.ceil(share**2 * of_c + rest * (rest * by_c + share * by)) + 1
-        return _Part(F, M, V, math.floor(c), (to_F, to_M, to_V, to_c))
+        c = math.floor(rest * last.c + time * _inner(inner, self.V))
+        to_c = math.ceil(rest * by_c + time * by) + 1
+        moved, to_G = _multiplied(last.moved, by_G, self.F, of_F)
+        beside = (
+            _scaled(self.M, of_M, time),
+            _scaled(_symmetric(V), to_V, time),
+            _scaled([[self.c]], of_c, time**2),
+            _scaled(self.moved, of_G, time),
+        )
+        every = ((_symmetric(M), to_M), (last.V, by_V), ([[c]], to_c), (moved, to_G), *beside)
+        matrices, offs = zip(*every, strict=True)
+        return _Values(matrices, offs)
 
 
 @dataclass(frozen=True)
@@ -254,6 +283,8 @@ class Period(Short):
     def on_part(self, low: Point, high: Point, sizes: Sizes) -> Mean:
         """Return upper bounds of M, V and c on a part of the box, in its own coordinates.
 
+        Of periods of any length they are times the length.
+
         Raises
         ------
         FormatError
@@ -265,29 +296,35 @@ class Period(Short):
         V = [[noise * u[i] * u[j] for j in range(n)] for i in range(n)]
         M = [[energy / (a * b) for b in u] for a in u]
         c = [[self.step * noise * energy]]
+        rest = self._rest_form(sizes)
         parts = list[Polynomial]()
-        for k, unit in enumerate((M, V, c)):
-            P, entries = self._interpolated(k, unit, low, high, sizes)
-            size = _sizes(self._at(low).of(k))
-            rows = [
-                sum((x * b for x, b in zip(row, size, strict=True)), ZERO) * a
-                for row, a in zip(entries, size, strict=True)
-            ]
-            less = [x * unit[i][i] / size[i] ** 2 for i, x in enumerate(rows)]
-            parts.append(P + diagonal(less, sizes))
+        for k, unit in ((ENERGY, M), (NOISE, V), (MORE, c)):
+            P = rest * self._above(k, unit, low, high, sizes)
+            if self.changed is not None:
+                P = P + self._above(k + BESIDE, unit, low, high, sizes)
+            parts.append(P)
         return Mean(*parts)
+
+    def _above(self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes) -> Polynomial:
+        """Return an upper bound of what is interpolated, on a part of the box."""
+        P, entries = self._interpolated(k, unit, low, high, sizes)
+        size = _sizes(self._at(low).every[k])
+        rows = [
+            sum((x * b for x, b in zip(row, size, strict=True)), ZERO) * a
+            for row, a in zip(entries, size, strict=True)
+        ]
+        less = [x * unit[i][i] / size[i] ** 2 for i, x in enumerate(rows)]
+        return P + diagonal(less, sizes)
 
     def _interpolated(
         self, k: int, unit: Rationals, low: Point, high: Point, sizes: Sizes
     ) -> tuple[Polynomial, Rationals]:
-        """Return one of M, V, c and G N on a part, and what it may miss, in units."""
-        if k == MOVED:
-            return self._moved(unit, low, high, sizes)
+        """Return what is interpolated on a part, and what it may miss, in units."""
         points = lattice(low, high, 2 if self._in_middles else 1)
         found = list(map(self._at, points))
         ends = set(corners(low, high))
         corner = [j for j, at in enumerate(points) if at in ends]
-        values = [_kept(v.of(k), unit) for v in found]
+        values = [_kept(v.every[k], unit) for v in found]
         remainder = self._remainders[k].inside(low, high, [_one(v, unit) for v in values])
         P = affine([values[i] for i in corner], sizes)
         if remainder.curve:
@@ -296,35 +333,53 @@ class Period(Short):
         rounding = _rounding(k, found) * LARGER ** (self.parameters if self._in_middles else 0)
         return P, [[x + rounding for x in row] for row in remainder.entries]
 
+    def _rest_form(self, sizes: Sizes) -> Polynomial:
+        """Return how long the last part of a period is."""
+        least, most = self._rest
+        if self.lengths is None:
+            return number(most, sizes)
+        whole = math.lcm(least.denominator, most.denominator)
+        return form(len(sizes) - 1, (int(least * whole), int(most * whole)), sizes, whole)
+
     def _moved(
         self, unit: Rationals, low: Point, high: Point, sizes: Sizes
     ) -> tuple[Polynomial, Rationals]:
-        """Return G N of periods of any length: affine in the parameters, not in that.
+        """Return what a period of any length makes of x, and what it may miss, in units.
 
-        It bends along the length most, by far, and its degree counts twice: through a value in the
-        middle the interpolation is of degree 2 along the length alone. It makes errors of those
-        before it larger, by at most 5/4.
+        It is affine in the parameters, not in the length, along which G N bends most, by far; and
+        its degree counts twice. Through a value in the middle the interpolation is of degree 2
+        along the length alone: it makes errors of those before it larger, by at most 5/4.
         """
-        k = MOVED
-        ends, coefficients, found = corners(low[:-1], high[:-1]), list[Rationals](), list[_Values]()
+        ends, more, sides = (
+            corners(low[:-1], high[:-1]),
+            BESIDE + MOVED,
+            zip(low, high, strict=True),
+        )
+        moved, beside, found = list[Rationals](), list[Rationals](), list[_Values]()
         for at in ends:
             three = [self._at((*at, t)) for t in (ZERO, Fraction(1, 2), Fraction(1))]
             found += three
-            first, middle, last = (_kept(v.of(k), unit) for v in three)
+            beside.append(_kept(three[0].every[more], unit))
+            begin, middle, end = (_kept(v.every[MOVED], unit) for v in three)
             bent = [
                 [2 * y - (x + z) / 2 for x, y, z in zip(*rows, strict=True)]
-                for rows in zip(first, middle, last, strict=True)
+                for rows in zip(begin, middle, end, strict=True)
             ]
-            coefficients += [first, last, bent]  # in the order of `monomials_of`
-        degrees = (*(1,) * (len(sizes) - 1), 2)
-        P = bernstein(coefficients, sizes, degrees)
-        sides = [(b - a) ** 2 for a, b in zip(low[:-1], high[:-1], strict=True)]
-        more = [[ZERO] * len(row) for row in unit]
-        for side, bend in zip(sides, self.bends, strict=True):
-            more = _plus(more, bend, side * LARGER)
-        more = _plus(more, self._every[-1][k][3], Fraction(6) / THIRD)
-        rounding = _rounding(k, found) * LARGER
-        return P, [[x + rounding for x in row] for row in more]
+            moved += [begin, end, bent]  # in the order of `monomials_of`
+        plain = (1,) * (len(sizes) - 1)
+        P = self._rest_form(sizes) * bernstein(moved, sizes, (*plain, 2))
+        missed = [[LARGER * _rounding(MOVED, found)] * len(row) for row in unit]
+        missed = _plus(missed, self._every[-1][MOVED][3], Fraction(6) / THIRD)
+        squares = [(b - a) ** 2 for a, b in list(sides)[:-1]]
+        for side, bends in zip(squares, self._bends(MOVED), strict=True):
+            missed = _plus(missed, bends, side * LARGER)
+        missed = [[x * self._rest[1] for x in row] for row in missed]
+        if self.changed is not None:
+            P = P + bernstein(beside, sizes, (*plain, 0))
+            missed = [[x + _rounding(more, found) for x in row] for row in missed]
+            for side, bends in zip(squares, self._bends(more), strict=True):
+                missed = _plus(missed, bends, side)
+        return P, missed
 
     def between(self, lengths: tuple[Fraction, Fraction]) -> Period:
         """Return it with periods of any length between two, times ``step``."""
@@ -347,25 +402,15 @@ class Period(Short):
         """
         if self.lengths is None:
             raise FormatError("clock: the period is one")
-        more = self.parameters - 1
+        more, (least, most) = self.parameters - 1, self.lengths
         low, high = (*low[:more], ZERO), (*high[:more], Fraction(1))
         u = self.units
         unit = [[a / (b * self.step) for b in u] for a in u[: self.n]]
-        moved, off = self._interpolated(MOVED, unit, low, high, sizes)
-        most = self.lengths[1]
-        whole = math.lcm(*(x.denominator for x in self.lengths))
-        ends = tuple(int(x * whole) for x in self.lengths)
-        theta = form(len(sizes) - 1, ends, sizes, whole)
-        mean = self.on_part(low, high, sizes)
-        return Step(
-            theta * moved,
-            [
-                [x * y * most for x, y in zip(*rows, strict=True)]
-                for rows in zip(off, unit, strict=True)
-            ],
-            theta,
-            Mean(theta * mean.M, mean.V, theta * mean.c),
-        )
+        moved, off = self._moved(unit, low, high, sizes)
+        whole = math.lcm(least.denominator, most.denominator)
+        theta = form(len(sizes) - 1, (int(least * whole), int(most * whole)), sizes, whole)
+        off = [[x * y for x, y in zip(*rows, strict=True)] for rows in zip(off, unit, strict=True)]
+        return Step(moved, off, theta, self.on_part(low, high, sizes))
 
     def require_moderate(self) -> None:
         """Count the work on what holds for all points, and do it where that was not done.
@@ -400,22 +445,23 @@ class Period(Short):
     # --- at a point ------------------------------------------------------------------------------
 
     def _at(self, point: Point) -> _Values:
-        """Return M, V and c at a point."""
+        """Return what is interpolated at a point."""
 
         def computed() -> _Values:
             products = 3 * TERMS + 5 * self._doublings
             if self.lengths is not None:
                 products += TERMS + self._doublings
-            spend((products + 4) * len(self.phases) * self.count**3, FINE, FINE)
+            spend((products + 5) * len(self.phases) * self.count**3, FINE, FINE)
             weights = corner_weights(point[: self._plain])
             A, C, E = (mix(weights, M) for M in (self.A, self.C, self.E))
-            both = [(share, mix(weights, B), mix(weights, D)) for share, B, D in self.phases]
-            (share, B, D), *others = both
-            length = self._length(point) * share
-            part, moved, of_moved = self._computed(length, A, B, C, D, E)
-            for rest, B, D in others:
-                part = part.then(share, self._computed(rest, A, B, C, D, E)[0], rest)
-            return _Values(part.M, part.V, part.c, moved, (*part.off[1:], of_moved))
+            times = self.times(self._length(point))
+            first, *others = (
+                self._computed(time, A, mix(weights, B), C, mix(weights, D), E)
+                for time, (_, B, D) in zip(times, self.phases, strict=True)
+            )
+            if not others:
+                return first.alone(times[0])
+            return first.then(times[0], others[0], times[1])
 
         values: _Values = self._counted(point, computed)
         return values
@@ -435,8 +481,8 @@ class Period(Short):
         C: Rationals,
         D: Rationals,
         E: Rationals,
-    ) -> tuple[_Part, Integers, int]:
-        """Return what goes on in a time of so many ``step``, and G N with what it is off by."""
+    ) -> _Part:
+        """Return what goes on in a time of so many ``step``."""
         n, N, j = self.n, self.count, self._doublings
         whole = self._rates([[*a, *b] for a, b in zip(A, B, strict=True)])
         rates = [[round(x * length * ONE / (1 << j)) for x in row] for row in whole]
@@ -473,7 +519,7 @@ class Period(Short):
         if G:
             small = [row[:n] for row in G[:n]]
             moved, of_moved = _multiplied(small, of_G, _rounded(whole), 1)
-        return _Part(F, M, V, c, (of_F, of_M, of_V, of_c)), moved, of_moved
+        return _Part(F, M, V, c, moved, (of_F, of_M, of_V, of_c, of_moved))
 
     # --- in units --------------------------------------------------------------------------------
 
@@ -495,13 +541,28 @@ class Period(Short):
         return _square(columns, self._noise_unit, self.intensity)
 
     @property
-    def phases(self) -> list[tuple[Fraction, list[Rationals], list[Rationals]]]:
-        """Shares of a period, one after the other, with B and D in each."""
-        changed = self.changed
-        if changed is None:
-            return [(Fraction(1), self.B, self.D)]
-        last = (changed.share, changed.B, changed.D)
-        return [(1 - changed.share, self.B, self.D), last]
+    def phases(
+        self,
+    ) -> list[tuple[tuple[Fraction, Fraction], list[Rationals], list[Rationals]]]:
+        """What a period has one after the other: for how long at least and at most, B and D."""
+        least, most = self.lengths or (Fraction(1), Fraction(1))
+        ends = list(zip(self.times(least), self.times(most), strict=True))
+        signals = [(self.B, self.D)]
+        if self.changed is not None:
+            signals.append((self.changed.B, self.changed.D))
+        return [(both, B, D) for both, (B, D) in zip(ends, signals, strict=True)]
+
+    def times(self, length: Number) -> list[Number]:
+        """Return for how long each phase goes on in a period so long, all times ``step``."""
+        if self.changed is None:
+            return [length]
+        first = type(length)(1 - self.changed.share)
+        return [first, length - first]
+
+    @property
+    def _rest(self) -> tuple[Fraction, Fraction]:
+        """For how long the last phase goes on, at least and at most."""
+        return self.phases[-1][0]
 
     @cached_property
     def _largest(self) -> list[tuple[Rationals, Rationals, Rationals]]:
@@ -538,8 +599,8 @@ class Period(Short):
     @cached_property
     def _doublings(self) -> int:
         """How often h is doubled, where |N| h, and that of its transpose, is 1/4 at most."""
-        most = Fraction(1) if self.lengths is None else self.lengths[1]
-        every = (_ints([[x * most for x in row] for row in AB]) for AB, _, _ in self._largest)
+        pairs = zip(self.phases, self._largest, strict=True)
+        every = (_ints([[x * m for x in row] for row in AB]) for ((_, m), *_), (AB, *_) in pairs)
         return max(self._halvings(Fraction(1, 4), [rates]) for rates in every)
 
     def _halvings(self, most: Fraction, matrices: Iterable[Integers]) -> int:
@@ -558,29 +619,39 @@ class Period(Short):
 
     @cached_property
     def _remainders(self) -> tuple[Remainder, ...]:
-        """Of M, V, c and G N, in their units, without what values are off by at points."""
+        """Of what is interpolated, in units, without what values are off by at points."""
         every = self._every
         n, N = self.n, self.count
-        shapes = ((N, N), (n, n), (1, 1), (n, N))
+        shapes = ((N, N), (n, n), (1, 1), (n, N)) * 2
         zeros = [tuple((ZERO,) * columns for _ in range(rows)) for rows, columns in shapes]
         remainders = list[Remainder]()
-        for number_of, none in enumerate(zeros):
+        for k, none in enumerate(zeros):
             twice, thrice = (
-                [_as_rows(found[number_of][d], math.factorial(d)) for found in every]
-                for d in (2, 3)
+                [_as_rows(found[k][d], math.factorial(d)) for found in every] for d in (2, 3)
             )
             third = thrice if self._in_middles else []
             remainders.append(Remainder.between(none, twice, third))
         return tuple(remainders)
 
     @property
-    def bends(self) -> list[Integers]:
-        """What affine interpolation of G N misses along each parameter, over the square of a side.
+    def bends(self) -> list[Rationals]:
+        """What affine interpolation of a period's step misses along each parameter.
 
-        In multiples of 2^-96 of the units.
+        Over the square of a side, and in the units.
         """
-        along = (derivatives[MOVED][2] for derivatives in self._every[: self._plain])
+        most = self._rest[1]
+        return [
+            [
+                [(most * x + y) / ONE for x, y in zip(*rows, strict=True)]
+                for rows in zip(*both, strict=True)
+            ]
+            for both in zip(self._bends(MOVED), self._bends(BESIDE + MOVED), strict=True)
+        ]
+
+    def _bends(self, k: int) -> list[Integers]:
+        """What affine interpolation misses along each parameter, in multiples of 2^-96."""
         # powers of s are halves of second derivatives, of which it misses an eighth
+        along = (derivatives[k][2] for derivatives in self._every[: self._plain])
         return [[[-(-x // 4) for x in row] for row in twice] for twice in along]
 
     @cached_property
@@ -589,27 +660,31 @@ class Period(Short):
         return [self._derivatives(i) for i in range(self.parameters)]
 
     def _derivatives(self, i: int) -> tuple[Series, ...]:
-        """Return majorants of M, V, c and G N along parameter i, as powers of s."""
-        share, *rests = (share for share, *_ in self.phases)
-        (F, M, V, c), moved = self._in_phase(i, 0, share)
-        n = self.n
-        for k, rest in enumerate(rests, 1):
-            (F2, M2, V2, c2), _ = self._in_phase(i, k, rest)
-            both = _inner_series(_first(M2, n), V)
-            c = _mixed((share**2, c), (rest**2, c2), (share * rest, both))
-            M = _mixed((share, M), (rest, _sandwich(_turned(F), M2, F)))
-            small = _first(F2, n)
-            V = _mixed((share, _sandwich(small, V, _turned(small))), (rest, V2))
-            F = _series_product(F2, F)
-        return M, V, c, moved
+        """Return majorants along parameter i, as powers of s, in the order of `_Values`."""
+        (F, M, V, c), moved = self._in_phase(i, 0)
+        least, most = self._rest
+        rest = [most, most - least if i == self._plain else ZERO]
+        if self.changed is None:
+            every = M, V, _mixed((rest, c)), moved
+            return *every, *(_mixed(([ZERO], X)) for X in every)
+        time = self.phases[0][0][0]
+        (F2, M2, V2, c2), G = self._in_phase(i, 1)
+        small, driven = _first(F2, self.n), _inner_series(_first(M2, self.n), V)
+        last = (
+            _sandwich(_turned(F), M2, F),
+            V2,
+            _mixed((rest, c2), ([time], driven)),
+            _series_product(G, F),
+        )
+        spread = _sandwich(small, V, _turned(small))
+        beside = zip((M, spread, c, moved), (time, time, time**2, time), strict=True)
+        return *last, *(_mixed(([share], X)) for X, share in beside)
 
-    def _in_phase(
-        self, i: int, phase: int, share: Fraction
-    ) -> tuple[tuple[Series, Series, Series, Series], Series]:
+    def _in_phase(self, i: int, phase: int) -> tuple[tuple[Series, Series, Series, Series], Series]:
         """Return majorants of F, M, V and c of a part of the period, and that of G N."""
         n, N = self.n, self.count
         rates, outputs, driven = self._with_slopes(i, phase)
-        least, most = self.lengths or (share, share)
+        least, most = self.phases[phase][0]
         along = (rates[0], most - least) if i == self._plain else (rates[1], most)
         pair = [
             _ints(_square_matrix([[x * times for x in row] for row in M], N))
@@ -617,7 +692,10 @@ class Period(Short):
         ]
         j = self._halvings(Fraction(1, 16), pair)
         diagonals = self._in_units[phase][0]
-        tops = [max(self._highest(M[k][k], share) for M in diagonals) for k in range(n)]
+        tops = [
+            max(math.ceil(M[k][k] * (most if M[k][k] > 0 else least) * ONE) for M in diagonals)
+            for k in range(n)
+        ]
         tops += [0] * (N - n)
         shift = max(0, -min(tops))
         shifted = [
@@ -662,11 +740,6 @@ class Period(Short):
         """Number of parameters without the period."""
         return len(self.A).bit_length() - 1
 
-    def _highest(self, rate: Fraction, share: Fraction) -> int:
-        """Return the largest of a rate times a period, or a share of one, rounded up."""
-        least, most = self.lengths or (share, share)
-        return math.ceil(rate * (most if rate > 0 else least) * ONE)
-
 
 @dataclass(frozen=True)
 class Held(Short):
@@ -674,7 +747,8 @@ class Held(Short):
 
     ``units`` are of x and u. The states at a sample are x and the inputs on their way, and others
     that do not change between samples. With a ``clock`` samples are not all equally far apart.
-    Inputs act sooner by the share ``early`` of a period than so many samples late.
+    Inputs act sooner by the share ``early`` of ``step`` than so many samples late: with a clock so
+    long after a sample that 1 - early of it has gone by, however late the next one comes.
     """
 
     A: list[Rationals]
@@ -699,8 +773,6 @@ class Held(Short):
         clock = Clock.read(table.table("clock")) if "clock" in table else None
         delay = table.whole("delay", 0)
         early = read_early(table, delay)
-        if early and clock is not None:
-            raise FormatError("held: with a clock inputs act whole samples late")
         return cls(A, B, E, delay, table.numbers("units", n + m), clock, early)
 
     def write(self) -> dict[str, Any]:
@@ -723,6 +795,8 @@ class Held(Short):
             raise FormatError("held: what is sampled is of another shape")
         if sizes != sizes_of(vertices, "box") or vertices & (vertices - 1):
             raise FormatError("held: what goes on between samples is bounded on a box")
+        if self.clock is not None and self.early and self.clock.least <= 1 - self.early:
+            raise FormatError("held: with this clock the next sample may come before inputs act")
         if len(self.units) != states + inputs or min(self.units) <= 0:
             raise FormatError(f"held: units must hold {states + inputs} positive numbers")
 
@@ -982,19 +1056,16 @@ def _multiplied(X: Integers, of_X: int, Y: Integers, of_Y: int) -> tuple[Integer
     return _product(X, Y), off
 
 
-def _shared(
-    one: tuple[Fraction, Integers, int], other: tuple[Fraction, Integers, int]
-) -> tuple[Integers, int]:
-    """Return a sum of shares of symmetric matrices, and what it is off by."""
-    (a, X, of_X), (b, Y, of_Y) = one, other
-    whole = math.lcm(a.denominator, b.denominator)
-    p, q = int(a * whole), int(b * whole)
+def _symmetric(X: Integers) -> Integers:
+    """Return it with what is above the diagonal below it: rounding makes a difference."""
     rows = range(len(X))
-    total = [
-        [(p * X[min(i, j)][max(i, j)] + q * Y[min(i, j)][max(i, j)]) // whole for j in rows]
-        for i in rows
-    ]
-    return total, math.ceil(a * of_X + b * of_Y) + 1
+    return [[X[min(i, j)][max(i, j)] for j in rows] for i in rows]
+
+
+def _scaled(X: Integers, off: int, share: Fraction) -> tuple[Integers, int]:
+    """Return a share of a matrix, and what it is off by."""
+    p, q = share.numerator, share.denominator
+    return [[p * x // q for x in row] for row in X], math.ceil(share * off) + 1
 
 
 def _half_more(
@@ -1054,18 +1125,18 @@ def _halved(X: Series, Y: Series) -> Series:
     ]
 
 
-def _mixed(*parts: tuple[Fraction, Series]) -> Series:
-    """Return a sum of shares of series, rounded up."""
-    return [
-        [
+def _mixed(*parts: tuple[Sequence[Fraction], Series]) -> Series:
+    """Return a sum of numbers times series, all powers of s, rounded up."""
+    sums = Series()
+    for r in range(4):
+        terms = [(x, M[r - a]) for share, M in parts for a, x in enumerate(share[: r + 1]) if x]
+        sums.append(
             [
-                math.ceil(sum((share * x for (share, _), x in zip(parts, xs, strict=True)), ZERO))
-                for xs in zip(*rows, strict=True)
+                [math.ceil(sum((x * M[i][j] for x, M in terms), ZERO)) for j in range(len(row))]
+                for i, row in enumerate(parts[0][1][0])
             ]
-            for rows in zip(*matrices, strict=True)
-        ]
-        for matrices in zip(*(series for _, series in parts), strict=True)
-    ]
+        )
+    return sums
 
 
 def _turned(X: Series) -> Series:

@@ -78,10 +78,8 @@ def means(
     A, C, E = (_at(alpha, M) for M in (period.A, period.C, period.E))
     units, intensity, chosen = np.array(period.units, float), density / 2, held.chosen_of(outputs)
     part, *others = (
-        _computed(
-            A, _at(alpha, B), C, _at(alpha, D), E, length * float(T * share), intensity, units
-        )
-        for share, B, D in period.phases
+        _computed(A, _at(alpha, B), C, _at(alpha, D), E, time * float(T), intensity, units)
+        for time, (_, B, D) in zip(period.times(length), period.phases, strict=True)
     )
     for other in others:
         part = part.then(other)

@@ -85,7 +85,8 @@ def at_sample_time(
     lost : int
         How many samples in a row may be lost: the input is held, and the law waits. With both, an
         rms is bounded for periods of (1 - jitter) T to (1 + lost) (1 + jitter) T in any order, and
-        the loop is stable for them; all else is about samples T apart.
+        the loop is stable for them; all else is about samples T apart. An input that is 0.5 late
+        acts half of T after its sample there, or after a later one, however long the period is.
 
     Returns
     -------
@@ -112,10 +113,11 @@ def at_sample_time(
     if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")
     clock = _clock(plant, T, jitter, lost)
-    if clock is not None and late.early:
+    if clock is not None and late.early and clock.least <= 1 - late.early:
         raise InputError(
-            f"delay = {delay!r}: with jitter or lost samples inputs act whole samples late; give "
-            f"{math.floor(late.samples)} or {late.whole}"
+            f"delay = {delay!r}: with jitter = {float(1 - clock.least):g} the next sample may come "
+            f"before an input acts; give less than {float(late.whole - 1 + clock.least):g}, or "
+            f"{late.whole}"
         )
     held = _held(plant, T, late.early)
     bare, units = _on_the_way(plant, held, T, late), _units(plant)

@@ -14,7 +14,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
-from polefence.proof.between import ONE, Clock, Period, Step
+from polefence.proof.between import Clock, Period, Step
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
 from polefence.proof.polynomials import monomials_of, multinomial
 from polefence.response.between import factor
@@ -106,6 +106,7 @@ class Ticks:
     off : (n, k) array
         What its entries are off by.
     M, V, c : (count, ., .) arrays
+        Times the length.
     degrees : pair of int
         Of all of them, in the parameters and in the length.
     plain : tuple of int
@@ -128,16 +129,18 @@ class Ticks:
         return sum(self.lengths) / 2
 
     def at(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
-        """Return what moves, factors of M and V, L'L and L L', and c at points."""
+        """Return what moves, factors of theta M and V, L'L and L L', and c at points."""
         corners = alpha.reshape(len(alpha), -1, 2)
         plain = self.domain.basis(corners.sum(axis=2), self.degrees[0])
         basis = beside(plain, ENDS.basis(corners.sum(axis=1), self.degrees[1]))
         moved, M, V, c = (np.tensordot(basis, P, 1) for P in (self.moved, self.M, self.V, self.c))
-        return moved, np.swapaxes(factor(M), 1, 2), factor(V), c[:, 0, 0]
+        theta = corners.sum(axis=1) @ self.lengths
+        noise = factor(V) / np.sqrt(theta)[:, None, None]
+        return moved, np.swapaxes(factor(M), 1, 2), noise, c[:, 0, 0] / theta
 
 
 def _ticks(step: Step, domain: Domain) -> Ticks:
-    mean = step.mean
+    mean = step.whole
     every = (step.moved, mean.M, mean.V, mean.c)
     of_moved, of_M, of_V, of_c = (max(P.degrees[:-1], default=0) for P in every)
     plain = of_moved, of_M, of_V, of_c
@@ -292,7 +295,7 @@ class DualProblem:
         units = np.array(period.units, dtype=float)
         sides = np.subtract(box.high, box.low)
         off = np.zeros((len(sides), n, n + m))
-        bends = np.array(period.bends, dtype=float) / ONE / float(period.step)
+        bends = np.array(period.bends, dtype=float) / float(period.step)
         off[:, : period.n, means.chosen] = bends * units[: period.n, None] / units
         off *= sides[:, None, None] ** 2
         K = self.law.gain(

@@ -91,7 +91,7 @@ class OverClock(Interpolation):
         narrow = self._centres(np.zeros_like(self.units))
         if narrow is None:
             return None
-        more = max(float(ticks.c.max()) for ticks in self.parts)
+        more = max(float(loops[-1].max()) for *_, loops in self.driven)
         whole = (level * (1 - ROOM)) ** 2 - float(narrow.cost.max()) - more
         for share in WIDER:
             if whole <= 0:
@@ -188,10 +188,14 @@ class OverClock(Interpolation):
         return np.concatenate(every), bound
 
     def _ratios(self, Q: Array) -> Array:
-        every = list[Array]()
-        for _, basis, (_, _, _, E, _, more) in self.driven:
+        every, (plain, along) = list[Array](), self.degrees_of_noise
+        for ticks, (_, basis, (_, _, _, E, _, more)) in zip(self.parts, self.driven, strict=True):
             squares = np.einsum("pik,pij,pjk->p", E, np.tensordot(basis, Q, 1), E) + more
-            every.append(self._coefficients(squares, self.degrees_of_noise))
+            theta = np.tile(ENDS.nodes(along) @ ticks.lengths, len(squares) // (along + 1))
+            degrees = (plain, along)
+            every.append(
+                self._coefficients(squares * theta, degrees) / self._coefficients(theta, degrees)
+            )
         return np.concatenate(every)
 
 

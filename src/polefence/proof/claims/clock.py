@@ -4,7 +4,7 @@ The states at the next sample are those that a period of theta T leaves, for eve
 clock's interval. On the box of the parameters and of theta, with Q(p) that does not depend on theta
 and F of the loop in its difference form, F = (exp(N theta T) - 1) / T in the rows that move,
 
-    -(Q F + F'Q + T F'Q F + theta [I; K]'M [I; K]) > 0,  g^2 - theta c - tr Q V > 0.
+    -(Q F + F'Q + T F'Q F + theta [I; K]'M [I; K]) > 0,  theta (g^2 - c - tr Q V) > 0.
 
 So Q never rises by more in a period than what is lost in it, whatever the periods before it were:
 over any sequence of them the mean of z'z is below g^2. See `polefence.proof.between`.
@@ -26,7 +26,7 @@ from polefence.proof.claims.signal import (
 )
 from polefence.proof.matrices import ZERO, Rationals
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import Polynomial, below, bernstein, number
+from polefence.proof.polynomials import Polynomial, below, bernstein, joint
 from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.work import FormatError
 
@@ -66,21 +66,29 @@ def rows_of_clock(
     rows: Rows = {}
     for k, step in enumerate(steps):
         loop = _loop(subject, outputs, held, step, Q, form)
-        energy = shown.T.half_times(step.mean.M * shown)
+        energy = shown.T.half_times(step.whole.M * shown)
         inner = -(loop.falling + energy)
         blocks = [[inner]]
         if spread is not None:
             _require_cover(spread, _missed(subject, outputs, held, step))
             blocks = with_remainder(inner, loop, spread, form)
-        moved = step.mean.noise(Q)
+        moved = step.whole.noise(Q)
         rows[f"of the output, periods {k + 1}"] = blocks
-        rows[f"of the noise, periods {k + 1}"] = [[number(level**2, Q.sizes) - moved]]
+        rows[f"of the noise, periods {k + 1}"] = [[step.theta.times(level**2) - moved]]
     return rows if spread is None else rows | below_kappa(Q, spread)
 
 
-def noises(Q: Polynomial, steps: Sequence[Step]) -> list[Polynomial]:
-    """Return c + tr Q V of every part of the periods."""
-    return [step.mean.noise(_wide(Q)) for step in steps]
+def least_square(Q: Polynomial, steps: Sequence[Step], elevation: int) -> Fraction:
+    """Return what the square of the level must exceed for what the noise adds, of all periods."""
+    least = ZERO
+    for step in steps:
+        moved = step.whole.noise(_wide(Q))
+        moved, theta = (P.raised(joint([moved, step.theta])) for P in (moved, step.theta))
+        terms, whole = moved.elevated(elevation).terms, Fraction(theta.whole, moved.whole)
+        for e, length in theta.elevated(elevation).terms.items():
+            if e in terms:
+                least = max(least, whole * terms[e][0][0] / length[0][0])
+    return least
 
 
 def _wide(P: Polynomial) -> Polynomial:

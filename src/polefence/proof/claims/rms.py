@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.between import Held, Mean, Period, Step
 from polefence.proof.claims.base import Claim
-from polefence.proof.claims.clock import noises, rows_of_clock, steps_of
+from polefence.proof.claims.clock import least_square, rows_of_clock, steps_of
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
@@ -125,7 +125,11 @@ class Rms(SignalClaim):
         times = milliseconds_text(step)
         if clock is not None:
             ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
-            times = f"{' to '.join(ends)} ms in any order, and the loop stable"
+            times = f"{' to '.join(ends)} ms in any order"
+            if self.held.early:
+                after = milliseconds_text((1 - self.held.early) * step)
+                times += f", changed {after} ms after a sample"
+            times += ", and the loop stable"
             return f", at all times, with inputs held for {times}"
         return f", at all times, with inputs held for {times} ms"
 
@@ -199,9 +203,9 @@ class Rms(SignalClaim):
         if not evidence.dual or evidence.cells:
             return None
         Q = bernstein(evidence.X, self.subject.sizes, evidence.degree)
-        clock = self.held.clock
-        moved = noises(Q, self._steps()) if clock else [self._mean().noise(Q)]
-        return max(largest_coefficient(one, evidence.elevation) for one in moved)
+        if self.held.clock is not None:
+            return least_square(Q, self._steps(), evidence.elevation)
+        return largest_coefficient(self._mean().noise(Q), evidence.elevation)
 
     def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield D, and g^2 D - S N, where the variance is S N / D."""

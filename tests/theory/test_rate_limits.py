@@ -386,3 +386,12 @@ def test_limits_are_read_from_a_line():
     )
     assert asked.limits == (20.0, 200.0)
     assert asked.title == "saturation of [u, rate of u] at [20, 200]"
+
+
+def test_shares_of_limits_are_of_signals_with_names_of_their_own():
+    limits = Saturation(("u", "rate of u"), limits=(20.0, 200.0), points=[(1.0, 0, 0)])
+    plant = late()
+    names = [signal.name for signal in limits.signals(plant)]
+    assert names == list(limits.entries)
+    shares = [signal.name for signal in limits.outputs(plant)]
+    assert shares == ["u over 20 Nm", "rate of u over 200 Nm/s"]

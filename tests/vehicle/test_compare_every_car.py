@@ -320,6 +320,41 @@ def test_samples_are_those_of_a_loop_that_is_stepped(quarter, delay):
         assert found[name] == pytest.approx(value, rel=1e-5), name
 
 
+@pytest.mark.parametrize(("delay", "before"), [(0.5, 10), (1.3, 6)])
+@pytest.mark.parametrize("lag", [None, 20])
+def test_power_counts_each_force_that_acts_in_a_step(quarter, delay, before, lag):
+    """Steps of T / 20, of which so many are under the force of the sample before."""
+    T, parts = 0.005, 20
+    plant = quarter if lag is None else with_actuator(quarter, "actuator force", lag)
+    law, whole = skyhook(quarter).K[0, :4], plant.shape[0]
+    delayed = at_sample_time(plant, T, delay)
+    gain = np.zeros((1, delayed.shape[0]))
+    gain[0, :4] = law
+    found = numbers(compare(delayed, {"law": gain}), "law")
+    A, B, E = plant.vertices[0].A, plant.vertices[0].B, plant.vertices[0].E
+    fine = expm(T / parts * np.block([[A, B], [np.zeros((1, whole + 1))]]))[:whole]
+    states = np.eye(whole, delayed.shape[0])
+    on_the_way = [gain, *np.eye(delayed.shape[0])[whole:, None]]
+    seen = []
+    for k in range(parts):
+        force = on_the_way[int(np.ceil(delay)) - (k >= before)]
+        moved = fine[:, :whole] @ states + fine[:, whole:] @ force
+        acting = force if lag is None else ((states + moved) / 2)[4][None]
+        seen.append((acting, -(moved[:1] - states[:1]) * parts / T))
+        states = moved
+    step = np.zeros((len(gain[0]), len(gain[0])))
+    step[:whole], step[whole : whole + 1] = states, gain
+    step[whole + 1 :, whole:-1] = np.eye(len(step) - whole - 1)
+    noise = np.zeros_like(step)
+    H = expm(T * np.block([[A, E], [np.zeros((1, whole + 1))]]))[:whole, whole:]
+    noise[:whole, :whole] = H @ H.T * S / T
+    X = noise
+    for _ in range(30):  # twice the time each
+        X, step = X + step @ X @ step.T, step @ step
+    wanted = np.mean([(force @ X @ apart.T).item() for force, apart in seen])
+    assert found["mean power"] == pytest.approx(wanted, rel=1e-6 if lag is None else 5e-3)
+
+
 @pytest.mark.parametrize("which", ["quarter", "twice", "lagging"])
 def test_samples_tend_to_the_continuous_ride(which, quarter, twice):
     plant = {

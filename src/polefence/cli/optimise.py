@@ -424,7 +424,7 @@ def _designed_words(done: Optimised) -> str:
 def _rests(done: Optimised, rows: Sequence[Row]) -> tuple[Rest, ...]:
     """Return where constant disturbances leave the signals of the specifications."""
     known = [row.bound.specification for row in rows if row.bound.specification.of_signal]
-    asked = {output.name: output for s in known for output in s.outputs(done.plant)}
+    asked = {output.name: output for s in known for output in s.signals(done.plant)}
     if not asked or any(v.E is None for v in done.plant.vertices):
         return ()
     return rests(done.plant, done.law, rows[0].with_law.alpha, tuple(asked.values()))

@@ -108,7 +108,7 @@ class Saturation(InitialPeak):
 
     def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
         """Return the signals, as shares of their limits where these are given."""
-        signals = super().outputs(plant)
+        signals = self.signals(plant)
         if not self.limits:
             return signals
         return tuple(

@@ -215,6 +215,10 @@ class Specification(Short):
         return float(r if self.power == 1 else math.sqrt(r))
 
     def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return what is bounded of the `signals`: they themselves, in most kinds."""
+        return self.signals(plant)
+
+    def signals(self, plant: UncertainPlant) -> tuple[Output, ...]:
         """Return the signal, or the entries of a vector.
 
         Raises

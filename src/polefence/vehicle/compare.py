@@ -6,7 +6,7 @@ ISO 2631-1: no simulation, no seed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -21,7 +21,7 @@ from polefence.certify.design import Design
 from polefence.law.laws import check_alpha
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.card import card
-from polefence.plant.family import UncertainPlant
+from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output, inputs, output_matrices, states
 from polefence.plant.points import edges, sample, values_at
 from polefence.plant.polynomial import Domain
@@ -31,6 +31,7 @@ from polefence.proof.text import milliseconds_text, visible
 from polefence.region.regions import Disk
 from polefence.requirements.weights import filter_of
 from polefence.response.closed import Loops, close, point_text
+from polefence.response.discrete import zero_order_hold
 from polefence.response.stationary import (
     covariance,
     filtered_variance,
@@ -249,24 +250,36 @@ class _Ridden:
         Of the plant in continuous time.
     force : tuple of Output
         What acts: of inputs that are late the states that they are by then.
+    later : tuple of Output
+        What acts at the end of a sample where inputs change within it, else none.
     """
 
     plant: UncertainPlant
     known: Suspensions
     force: tuple[Output, ...]
+    later: tuple[Output, ...]
 
     @classmethod
     def of(cls, plant: UncertainPlant) -> _Ridden:
         car = in_continuous_time(plant)
-        known, force = suspensions(car), list[Output]()
+        known = suspensions(car)
         if not known.roads:
             raise InputError(f"{plant.name} has no E, so no road enters; give E in its spec")
         late = 0 if plant.sampling is None else plant.sampling.delay
+        splits = plant.sampling is not None and bool(plant.sampling.early)
         (n, m), every = car.shape, (states(plant), inputs(plant))
-        for signal, number, lag in zip(known.force, known.inputs, known.lags, strict=True):
-            acting = every[0][n + (late - 1) * m + number] if late else every[1][number]
-            force.append(acting if lag is None else plant.signal(signal.name))
-        return cls(plant, known, tuple(force))
+
+        def acting(late: int) -> tuple[Output, ...]:
+            return tuple(
+                plant.signal(signal.name)
+                if lag is not None
+                else every[0][n + (late - 1) * m + number]
+                if late
+                else every[1][number]
+                for signal, number, lag in zip(known.force, known.inputs, known.lags, strict=True)
+            )
+
+        return cls(plant, known, acting(late), acting(late - 1) if splits else ())
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -289,11 +302,13 @@ class _Ridden:
         loops, seats, k = close(plant, law, alpha), len(known.felt), len(known.names)
         psd = np.where(plant.physical, 0.0, 1.0)
         psd[list(known.roads)] = density
-        C, F = output_matrices(plant, (*self.signals, *self.force), loops.alpha, loops.K)
+        asked = (*self.signals, *self.force, *self.later)
+        C, F = output_matrices(plant, asked, loops.alpha, loops.K)
         if np.any(F * psd):
             raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
-        apart, forces = self.over_a_step(loops, C[:, -k:])
-        C = np.concatenate([C, forces, apart], axis=1)
+        first = len(self.signals)
+        shares, meanwhile = zip(*self.over_a_step(loops, C[:, first:]), strict=True)
+        C = np.concatenate([C[:, : first + k], *meanwhile], axis=1)
         keep = needed(C, loops.closed)
         A, E, C = loops.closed[:, keep][:, :, keep], loops.E[:, keep], C[:, :, keep]
         bad = unstable(A, loops.step)
@@ -306,24 +321,52 @@ class _Ridden:
         weighting = _comfort(plant)
         weighted = filtered_variance(A, X, C[:, :seats], weighting, loops.step)
         tyre, travel, force = (rms[:, seats + i * k : seats + (i + 1) * k] for i in range(3))
-        held, moved = C[:, -2 * k : -k], C[:, -k:]
-        power = np.einsum("cpn,cnm,cpm->cp", held, X, moved, optimize=True)
-        drawn = _drawn(power, rms[:, -2 * k : -k] * rms[:, -k:]).sum(axis=1)
+        power, drawn = np.zeros(len(C)), np.zeros(len(C))
+        for i, share in enumerate(shares):
+            held, moved = (slice(j, j + k) for j in (first + (2 * i + p + 1) * k for p in (0, 1)))
+            mean = np.einsum("cpn,cnm,cpm->cp", C[:, held], X, C[:, moved], optimize=True)
+            power += share * mean.sum(axis=1)
+            drawn += share * _drawn(mean, rms[:, held] * rms[:, moved]).sum(axis=1)
         load = known.corners(loops.alpha).tyre * tyre
         columns = (np.sqrt(np.maximum(weighted, 0.0)), rms[:, :seats], tyre, load, travel, force)
-        return np.column_stack([*columns, power.sum(axis=1), drawn])
+        return np.column_stack([*columns, power, drawn])
 
-    def over_a_step(self, loops: Loops, force: Array) -> tuple[Array, Array]:
-        """Return rows of the velocities of body and wheel apart, and of the forces meanwhile.
+    def over_a_step(self, loops: Loops, forces: Array) -> Iterator[tuple[float, Array]]:
+        """Yield shares of a step with the rows of the forces, then of their velocities, in each.
 
-        At samples both are means over a step, so that their product is the power: a held force
-        stays, one behind an actuator is half way between its samples.
+        Velocities are those of body and wheel apart. At samples all are means over the share, so
+        that their products are the power: a held force stays, one behind an actuator is half way
+        between its values at the ends. A step has two shares where held forces change within it.
         """
-        moved = np.zeros((len(self.known.names), self.plant.shape[0]))
-        moved[:, : self.known.compression.shape[1]] = self.known.compression
-        later = (loops.step / 2) * (force @ loops.closed)
-        lags = np.array([lag is not None for lag in self.known.lags])
-        return -moved @ loops.closed, force + lags[:, None] * later
+        k, moved = len(self.known.names), self.known.compression
+        lags = np.array([lag is not None for lag in self.known.lags])[:, None]
+        force, T = forces[:, :k], loops.step
+        apart = np.zeros((k, self.plant.shape[0]))
+        apart[:, : moved.shape[1]] = -moved
+        whole, change = apart @ loops.closed, T * (force @ loops.closed)
+        sampling = self.plant.sampling
+        if sampling is None or not sampling.early:
+            yield 1.0, np.concatenate([force + lags * change / 2, whole], axis=1)
+            return
+        share, step = 1 - float(sampling.early), _until_change(loops, sampling)
+        before, changed = apart @ step / (share * T), force @ step
+        yield share, np.concatenate([force + lags * changed / 2, before], axis=1)
+        after = (whole - share * before) / (1 - share)
+        last = np.where(lags, force + (changed + change) / 2, forces[:, k:])
+        yield 1 - share, np.concatenate([last, after], axis=1)
+
+
+def _until_change(loops: Loops, sampling: SamplesOf) -> Array:
+    """Return what states change by in a step until the inputs that act do.
+
+    Those of the plant that is sampled, under the inputs that act first; others stay.
+    """
+    (n, m), time = sampling.plant.shape, (1 - float(sampling.early)) * loops.step
+    first = n + (sampling.delay - 1) * m
+    F, G = zero_order_hold(*sampling.plant.at(loops.alpha), time)
+    step = np.zeros_like(loops.closed)
+    step[:, :n, :n], step[:, :n, first : first + m] = F - np.eye(n), G
+    return step
 
 
 def _when(T: Fraction) -> str:

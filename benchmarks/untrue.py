@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.every_file import DISCRETE, SPEC, quiet, write_every_file
+from support.every_file import BOTH, DISCRETE, LAG, SPEC, quiet, write_every_file
 from support.untrue import Run
 
 TWO = SPEC.replace("[constants]\nc = 1\n", "").replace(
@@ -70,8 +70,38 @@ E = [[0], ["1/m"]]
 bandwidth = 8
 noise = 0.001
 """
+MOTOR = (
+    LAG
+    + """[actuator.u]
+bandwidth = 2
+[[specification]]
+kind = "saturation"
+signal = "rate of u"
+at_most = 100
+points = [[1, 0]]
+"""
+)
+PID = (
+    LAG.replace("at_most = 5", "minimise = true")
+    + """[law]
+measured = ["x"]
+kind = "pid"
+derivative_bandwidth = 0.5
+pattern = [["p", "i", 0]]
+largest_gain = 6
+schedule = []
+[[specification]]
+kind = "saturation"
+signal = "u"
+at_most = 1.6
+points = [[1]]
+"""
+)
 SPECS = {
+    "both": BOTH,
     "cart": CART,
+    "motor": MOTOR,
+    "pid": PID,
     "plain": SPEC,
     "two": TWO,
     "mass": MASS,
@@ -89,7 +119,17 @@ NODES = (
     "--minimise|rms of x with density 1|--region|disk(0, 1)|--measured|measured x|--sample-time|0.1"
 )
 WEIGHT = "--minimise|rms of x with density 1 with weight Wk|--limit|rms of u <= 50 with density 1|"
+HALF = "--region|disk(0, 1)|--sample-time|0.1|--delay|0.5"
 COMMANDS = (
+    f"optimise|plain.toml|{LIMITS}{GAIN}{HALF}|-o|half",
+    f"optimise|two.toml|{LIMITS}{GAIN}{LATE}0.1|--delay|1.3|--schedule|none|-o|two-more",
+    f"optimise|cart.toml|{NODES}|--delay|1.3|--schedule|none|-o|nodes-more",
+    f"verify|both.toml|--gain|[[-3, 0, 0]]|{HALF}|--delay|1.3|-o|limits-more",
+    "verify|motor.toml|--gain|[[-5, -0.5]]|--region|half_plane(0.1)|-o|rate-limit",
+    "optimise|pid.toml|--region|half_plane(0.1)|-o|windup",
+    f"optimise|pid.toml|{HALF}|--sample-time|0.05|-o|windup-half",
+    "export|half|-o|half-code",
+    "service|two-more|-o|two-more-service",
     f"optimise|cart.toml|{NODES}|--delay|1|--order|1|--schedule|none|-o|nodes",
     f"optimise|cart.toml|{NODES}|-o|nodes-scheduled",
     f"optimise|hardware.toml|--measured|measured x|--schedule|none|--order|1|{LIMITS}{GAIN}-o|"

@@ -58,6 +58,8 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("late/design.json", ("region", "radius"), 0.3),
         ("discrete/design.json", ("level",), 1e-3),
         ("moving/design.json", ("level",), 1e-2),
+        ("half/design.json", ("early",), 0.4),
+        ("half/design.json", ("level",), 0.1),
     ],
 )
 def test_the_samples_see_what_is_false(documents, name, path, value):

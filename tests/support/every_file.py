@@ -110,7 +110,7 @@ FILES = (
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
-    "earlier/sampled.json",
+    "earlier/sampled.json", "half/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -142,10 +142,39 @@ A = [[1, 0.1], ["-0.1*k", 0.8]]
 B = [[0], [0.1]]
 E = [[0], [0.1]]
 """
+LAG = """name = "lag"
+states = ["x"]
+inputs = ["u"]
+disturbances = ["w"]
+[parameter.a]
+range = [0.8, 1.2]
+[matrices]
+A = [["a"]]
+B = [[1]]
+E = [[1]]
+[[specification]]
+kind = "rms"
+signal = "x"
+density = 2
+at_most = 5
+"""
+BOTH = (
+    LAG
+    + """[[specification]]
+kind = "saturation"
+signal = ["u", "rate of u"]
+limits = [4, 40]
+points = [[1]]
+"""
+)
 LATE = [
     "optimise", "plain.toml", "--sample-time", "0.05", "--delay", "1", "--method", "quadratic",
     "--limit", "rms of u <= 50 with density 1", "--limit", "energy peak of v <= 20 with norm 1",
     "--limit", "gain of v <= 10", "--region", "half_plane(0.3)",
+]  # fmt: skip
+HALF = [
+    "verify", "both.toml", "--gain", "[[-3, 0]]", "--region", "disk(0, 1)", "--sample-time", "0.1",
+    "--delay", "0.5",
 ]  # fmt: skip
 MOVING = [
     "optimise", "moving.toml", "--limit", "rms of u <= 50 with density 1",
@@ -181,6 +210,7 @@ def write_every_file(made: Path) -> None:
     (made / "spec.toml").write_text(SPEC + ASKED)
     (made / "two.toml").write_text(TWO)
     (made / "damper.toml").write_text(DAMPER)
+    (made / "both.toml").write_text(BOTH)
     (made / "discrete.toml").write_text(DISCRETE)
     (made / "moving.toml").write_text(SPEC.replace('through = "k"', "rate = [-1, 2]"))
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
@@ -199,6 +229,7 @@ def write_every_file(made: Path) -> None:
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         [*LATE, "-o", "late"],
         [*MOVING, "-o", "moving"],
+        [*HALF, "-o", "half"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],

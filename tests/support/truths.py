@@ -152,12 +152,13 @@ class Law:
     def __init__(self, table, count, plant=None):
         self.fixed = table["kind"] == "fixed"
         self.on = table.get("on", "simplex")
-        self.polynomial = table["kind"] == "polynomial"
+        self.polynomial, self.more = table["kind"] == "polynomial", None
         if self.fixed:
             self.K = array(table["K"])
             return
         self.degree = table.get("degree", 1)
         if self.polynomial:
+            self.more = array(table["anti_windup"]) if "anti_windup" in table else None
             self.terms = [(np.array(t["powers"]), array(t["K"])) for t in table["terms"]]
             self.C = None if plant is None else measured(plant, table.get("measured", []), count)
         box = self.on == "box" and count > 1
@@ -297,14 +298,11 @@ def between(plant, claim, alpha, K, rows, scales):
     orders = [[end] for end in ends]
     if clock:
         orders += [ends, list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
-    first, m = len(A) + (held["delay"] - 1) * B.shape[1], B.shape[1]
-    acting = np.eye(len(plant.A[0]))[first : first + m] if held["delay"] else K[:m]
+    phases = phases_of(held, B.shape, C, D, K)
     size, worst = number(claim.get("intensity", 1)), 0.0
     one, other, _ = plant.at(alpha)
     for order in orders:
-        known = [
-            period(A, B, E * scales * size**0.5, C, D @ K, acting, end * plant.T) for end in order
-        ]
+        known = [period(A, B, E * scales * size**0.5, phases, end * plant.T) for end in order]
         steps = []
         for moved, *_ in known:
             whole = one + other @ K
@@ -328,23 +326,37 @@ def between(plant, claim, alpha, K, rows, scales):
     return worst
 
 
-def period(A, B, E, C, DK, acting, time, parts=24):
+def phases_of(held, shape, C, D, K):
+    """Shares of a period: z by x alone, its part that stays, and u that acts, by the states."""
+    (n, m), whole = shape, K.shape[1]
+    delay, early = held["delay"], number(held.get("early", 0))
+    late = [K[:m], *np.eye(whole)[n : n + delay * m].reshape(delay, m, whole)]
+    stays, first = C + D @ K, n + (delay - 1) * m
+    stays[:, :n] -= C[:, :n]
+    found = [(1 - early, C[:, :n], stays, late[delay])]
+    if early:  # what shows the inputs that acted shows those that do now
+        now = stays + C[:, first : first + m] @ (late[delay - 1] - late[delay])
+        found.append((early, C[:, :n], now, late[delay - 1]))
+    return found
+
+
+def period(A, B, E, phases, time, parts=24):
     """What a period makes of the states, the noise it adds, and the integral of z'z in parts."""
-    n, m = B.shape
-    F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time / parts)
-    both = expm(np.block([[-A, E @ E.T], [np.zeros((n, n)), A.T]]) * time / parts)
-    W = both[n:, n:].T @ both[:n, n:]
-    moved, added = np.eye(n, C.shape[1]), np.zeros((n, n))
-    energy, more, width = np.zeros((C.shape[1],) * 2), 0.0, time / parts
-    for k in range(parts + 1):
-        part = np.eye(C.shape[1])
-        part[:n] = moved
-        row, weight = C @ part + DK, width * (0.5 if k in (0, parts) else 1.0)
-        energy += weight * row.T @ row
-        more += weight * np.trace(C[:, :n] @ added @ C[:, :n].T)
-        if k < parts:
-            moved = F[:n, :n] @ moved + F[:n, n:] @ acting
-            added = F[:n, :n] @ added @ F[:n, :n].T + W
+    (n, m), width = B.shape, phases[0][2].shape[1]
+    moved, added = np.eye(n, width), np.zeros((n, n))
+    energy, more = np.zeros((width, width)), 0.0
+    for share, C, stays, acting in phases:
+        step = share * time / parts
+        F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * step)
+        both = expm(np.block([[-A, E @ E.T], [np.zeros((n, n)), A.T]]) * step)
+        W = both[n:, n:].T @ both[:n, n:]
+        for k in range(parts + 1):
+            row, weight = C @ moved + stays, step / 3 * (1 if k in (0, parts) else 2 + 2 * (k % 2))
+            energy += weight * row.T @ row
+            more += weight * np.trace(C @ added @ C.T)
+            if k < parts:
+                moved = F[:n, :n] @ moved + F[:n, n:] @ acting
+                added = F[:n, :n] @ added @ F[:n, :n].T + W
     return moved, added, energy, more
 
 
@@ -429,26 +441,31 @@ def _reached_at_samples(kind, claim, loop, passive, T):
     return worst
 
 
-def exponential(claim, alpha, T):
-    """F, G and H of the plant that a claim of samples is of."""
+def exponential(claim, alpha, time):
+    """F, G and H of the plant that a claim of samples is of, over a time."""
     A, B, E = Plant({"vertices": claim["vertices"], "parameters": []}).at(alpha)
     n, m, q = len(A), B.shape[1], E.shape[1]
-    whole = expm(np.block([[A, B, E], [np.zeros((m + q, n + m + q))]]) * T)[:n]
+    whole = expm(np.block([[A, B, E], [np.zeros((m + q, n + m + q))]]) * time)[:n]
     return whole[:, :n], whole[:, n : n + m], whole[:, n + m :]
 
 
 def placed(plant, claim, alpha, A, B, E):
     """A, B and E with the samples in their places, and the inputs on their way behind them."""
     F, G, H = exponential(claim, alpha, plant.T)
-    (n, m), late = G.shape, claim.get("delay", 0) * G.shape[1]
+    (n, m), delay = G.shape, claim.get("delay", 0)
+    late = delay * m
     A, B, E = A.copy(), B.copy(), E.copy()
     A[: n + late], B[: n + late], E[: n + late] = 0, 0, 0
     A[:n, :n], E[:n] = F, H
+    soon = exponential(claim, alpha, number(claim.get("early", 0)) * plant.T)[1]
+    for after, acting in ((delay, G - soon), (delay - 1, soon)):
+        if after > 0:
+            A[:n, n + (after - 1) * m : n + after * m] += acting
+        else:
+            B[:n, :m] += acting
     if late:
-        A[:n, n + late - m : n + late], B[n : n + m, :m] = G, np.eye(m)
+        B[n : n + m, :m] = np.eye(m)
         A[n + m : n + late, n : n + late - m] = np.eye(late - m)
-    else:
-        B[:n, :m] = G
     return A, B, E
 
 
@@ -529,15 +546,17 @@ def false_saturation(plant, law, claim):
     dt = 0.02 / np.maximum(1.0, np.abs(poles).max(axis=1))[:, None, None]
     dt = np.full_like(dt, plant.T) if plant.T else dt
     lengths = np.array([0.1, 0.5, 1.0, 3.0])[:, None]
+    more = law.more.T if law.more is not None else np.zeros(B.shape[:0:-1])
     drive, (A, B, K) = (E @ norms)[:, None, :], (np.swapaxes(M, 1, 2) for M in (A, B, K))
     for k in range(min(int(30 / dt.min()), 6000)):
-        u = x @ K
+        asked = x @ K
+        u = asked.copy()
         for c, d, j in zip(C, D, moving, strict=True):
             middle, half = -(x @ c) / d[j], level / abs(d[j])
             u[..., j] = np.clip(u[..., j], middle - half, middle + half)
         push = 0.0 if starts else np.where(k * dt < lengths, lengths**-0.5, 0.0) * drive
-        moved = x @ A + u @ B + push
-        x = moved if plant.T else x + dt * moved
+        moved, back = x @ A + u @ B + push, (u - asked) @ more
+        x = moved + plant.T * back if plant.T else x + dt * (moved + back)
     return not np.abs(x).max() < 1e3
 
 

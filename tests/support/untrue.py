@@ -32,6 +32,7 @@ EXTRA = {
              "estimate", "rate", "gain error", "observer", "rounding", "sampled", "fixed"),
     "method": ("quadratic", "slack", "scheduled", "lyapunov"), "part": (2,), "factor": (10,),
     "intensity": (0, 4), "norm": (0, 3), "impulses": ([3],), "norms": ([2],), "prompt": (1,),
+    "early": (0, 0.25, 0.5, 0.99, 1, -0.5, 1.5),
     "disturbances": ([0], [2], [1, 0]), "measured": (["x"], ["v", "x"], []),
     "parameters": ([],), "filters": ([{}],), "states": ([1], [2, 1], ["v", "x"]),
 }  # fmt: skip

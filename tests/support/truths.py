@@ -298,11 +298,13 @@ def between(plant, claim, alpha, K, rows, scales):
     orders = [[end] for end in ends]
     if clock:
         orders += [ends, list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
-    phases = phases_of(held, B.shape, C, D, K)
     size, worst = number(claim.get("intensity", 1)), 0.0
     one, other, _ = plant.at(alpha)
     for order in orders:
-        known = [period(A, B, E * scales * size**0.5, phases, end * plant.T) for end in order]
+        known = [
+            period(A, B, E * scales * size**0.5, phases_of(held, B.shape, C, D, K, end), plant.T)
+            for end in order
+        ]
         steps = []
         for moved, *_ in known:
             whole = one + other @ K
@@ -326,17 +328,20 @@ def between(plant, claim, alpha, K, rows, scales):
     return worst
 
 
-def phases_of(held, shape, C, D, K):
-    """Shares of a period: z by x alone, its part that stays, and u that acts, by the states."""
+def phases_of(held, shape, C, D, K, length):
+    """Phases of a period of so many T: how long each is, z by x, what stays of it, u that acts.
+
+    Inputs change a fixed time after a sample, whatever the period.
+    """
     (n, m), whole = shape, K.shape[1]
     delay, early = held["delay"], number(held.get("early", 0))
     late = [K[:m], *np.eye(whole)[n : n + delay * m].reshape(delay, m, whole)]
     stays, first = C + D @ K, n + (delay - 1) * m
     stays[:, :n] -= C[:, :n]
-    found = [(1 - early, C[:, :n], stays, late[delay])]
+    found = [(1 - early if early else length, C[:, :n], stays, late[delay])]
     if early:  # what shows the inputs that acted shows those that do now
         now = stays + C[:, first : first + m] @ (late[delay - 1] - late[delay])
-        found.append((early, C[:, :n], now, late[delay - 1]))
+        found.append((length - 1 + early, C[:, :n], now, late[delay - 1]))
     return found
 
 
@@ -345,8 +350,8 @@ def period(A, B, E, phases, time, parts=24):
     (n, m), width = B.shape, phases[0][2].shape[1]
     moved, added = np.eye(n, width), np.zeros((n, n))
     energy, more = np.zeros((width, width)), 0.0
-    for share, C, stays, acting in phases:
-        step = share * time / parts
+    for length, C, stays, acting in phases:
+        step = length * time / parts
         F = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * step)
         both = expm(np.block([[-A, E @ E.T], [np.zeros((n, n)), A.T]]) * step)
         W = both[n:, n:].T @ both[:n, n:]

@@ -33,7 +33,7 @@ from polefence import (
     tightest,
 )
 from polefence.base.errors import InputError
-from polefence.certify.bounds import _dual_evidence, best_bound, kept_bound
+from polefence.certify.bounds import best_bound, dual_evidence, kept_bound
 from polefence.certify.evidence import certificate_of, evidence_at
 from polefence.lmi.solve.duals import DEGREES, _duals, in_parts
 from polefence.plant.boxes import Box
@@ -647,7 +647,7 @@ def divided_in_four(problem, level):
         box = Box((a, b), (a + 0.5, b + 0.5))
         dual = next(own for own in _duals(problem.inside(box), level, DEGREES) if own.level < level)
         ends = (tuple(map(Fraction, own)) for own in (box.low, box.high))
-        found.append(Piece(*ends, _dual_evidence(dual)))
+        found.append(Piece(*ends, dual_evidence(dual)))
     return tuple(found)
 
 

@@ -287,7 +287,7 @@ class _Question:
         if parts is None:
             return None
         pieces = (
-            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), _dual_evidence(p.dual))
+            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), dual_evidence(p.dual))
             for p in parts
         )
         return self.proved(Evidence([], dual=True, cells=tuple(pieces)), level)
@@ -325,7 +325,7 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
     last = np.inf
     for dual in question.duals:
         if dual.level < last:
-            bound = question.stepped(_dual_evidence(dual), dual.level)
+            bound = question.stepped(dual_evidence(dual), dual.level)
             if bound is not None:
                 yield bound
                 last = bound.level
@@ -349,7 +349,8 @@ def _along_motions(question: _Question) -> Iterator[Bound]:
         yield bound
 
 
-def _dual_evidence(dual: Dual) -> Evidence:
+def dual_evidence(dual: Dual) -> Evidence:
+    """Return the evidence that a dual polynomial is."""
     spread = None
     if dual.cover is not None:
         sides = (tuple(map(Fraction, x.tolist())) for x in (dual.cover.rows, dual.cover.columns))
@@ -439,7 +440,7 @@ def _kept_bound(
         return bound
     for dual in question.duals:
         if dual.level < limit:
-            bound = question.proved(_dual_evidence(dual), limit)
+            bound = question.proved(dual_evidence(dual), limit)
             if bound is not None:
                 return bound
     bound = question.in_parts(limit)

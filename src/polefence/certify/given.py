@@ -19,6 +19,7 @@ from polefence.certify.candidates import TOLERANCES, Deadline, first
 from polefence.certify.certificate import Certificate
 from polefence.certify.checks import in_time_of, require_continuous, require_region
 from polefence.certify.counterexample import counterexample, first_worst, worst_points
+from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
 from polefence.certify.evaluation import lyapunovs
 from polefence.certify.evidence import (
@@ -46,8 +47,10 @@ from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
+from polefence.proof.claims.decay import Decay
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
+from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification
 
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
@@ -78,6 +81,9 @@ class Analysis(Short):
         Of the matrices that came with the law.
     bounds : tuple of VerifiedBound
         Of each limit; none where the region is refuted.
+    decay : Decay or None
+        How fast the loop decays for periods in any order, of a clock that is not perfect, where an
+        rms is proved for it.
     """
 
     plant: UncertainPlant
@@ -90,6 +96,7 @@ class Analysis(Short):
     pole: complex | None = None
     lyapunov: GivenLyapunov | None = None
     bounds: tuple[VerifiedBound, ...] = ()
+    decay: Decay | None = None
 
     def __repr__(self) -> str:
         return f"<Analysis of {self.plant.name!r}: {self.region}, {self.answer}>"
@@ -134,7 +141,8 @@ class Analysis(Short):
         if self.certificate is None:
             raise InputError(f"the region is {self.kept}; only a proved one makes a design")
         claims = tuple(limit.bound.claim for limit in self.bounds if limit.bound is not None)
-        return Design(self.certificate, more=claims)
+        decay = () if self.decay is None else (self.decay,)
+        return Design(self.certificate, more=(*claims, *decay))
 
     def save(self, directory: str | Path) -> Path:
         """Write ``design.json``, with region and proved bounds, into a folder; return its path.
@@ -253,7 +261,10 @@ def analyse(
         analysis = Analysis(plant, law, region, "proved", reason, certificate)
     asked = limits if analysis.kept != "refuted" else ()
     bounds = tuple(bounded(plant, law, limit) for limit in asked)
-    analysis = replace(analysis, lyapunov=given, bounds=bounds)
+    proved = (one.specification for one in bounds if one.bound is not None)
+    noisy = next((one for one in proved if isinstance(one, Rms)), None)
+    decay = None if noisy is None else proved_decay(plant, law, noisy)
+    analysis = replace(analysis, lyapunov=given, bounds=bounds, decay=decay)
     if analysis.certificate is not None:
         analysis.certificate.require_checkable(analysis.design.more)
     return analysis

@@ -177,6 +177,9 @@ def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
     known = (verified for verified in analysis.bounds if verified.bound is not None)
     signals = [verified.specification for verified in known]
     samples = [*_clock_text(analysis), *samples_text(plant, signals)]
+    if analysis.decay is not None:
+        rate = digits_down(float(analysis.decay.level))
+        samples.append(f"  for these periods in any order the loop decays by exp(-{rate} t)")
     say(*image_text(plant, asked, kept), *samples, *given.text(options))
     _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
@@ -255,6 +258,7 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
             }
             for verified in analysis.bounds
         ],
+        "decay in any order": None if analysis.decay is None else float(analysis.decay.level),
     }
 
 

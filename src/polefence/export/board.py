@@ -175,7 +175,7 @@ def require_drivable(claims: Sequence[Claim], timed: bool, observer: bool = Fals
     InputError
         If no rms is bounded, the code has no sample time, or there is an observer.
     """
-    if not any(isinstance(claim, Rms) for claim in claims):
+    if not any(claim.kind == "rms" for claim in claims):
         raise InputError(
             "a board (--board) drives signals whose rms is bounded, and the design bounds none; "
             "make it by `polefence optimise`, with a limit on an rms"
@@ -193,7 +193,7 @@ def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Clai
     n, m = plant.shape
     if sampling is None:
         n, m = n - own, m - own
-    bounds = [claim for claim in claims if isinstance(claim, Rms)]
+    bounds = [one for one in claims if isinstance(one, Rms) and one.kind == "rms"]  # no decay
     noise = {(claim.intensity, claim.scales) for claim in bounds[:1]}
     made = [
         _promise(claim, _units(design.plant), (n, m, delay), sampling is not None)

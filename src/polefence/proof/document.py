@@ -15,6 +15,7 @@ from typing import Any
 from polefence.proof.claims.base import Claim, Verdict, counting, prove
 from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.decay import Decay
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
@@ -51,6 +52,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Poles,
             Observer,
             Rms,
+            Decay,
             RelativeRms,
             EnergyPeak,
             InitialPeak,

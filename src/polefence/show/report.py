@@ -364,7 +364,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
     bounds = []
     for claim in document.claims[1:]:
         said, what, level, under = claim.said(document.plant), "", "", ""
-        if isinstance(claim, SignalClaim):
+        if isinstance(claim, SignalClaim) and claim.kind != "decay":  # which is no upper bound
             what = f"{claim.kind} of {', '.join(claim.names)}"
             level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()
             under = claim.under

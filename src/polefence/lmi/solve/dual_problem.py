@@ -188,6 +188,8 @@ class DualProblem:
         Whether the loops are samples at the corners of a part, interpolated between them.
     means : OverPeriod, optional
         Of what is bounded between samples too; C, D, E and F then tell only of the samples.
+    decay : float
+        Rate by which all states are to fall over periods of any length besides [1/s].
     """
 
     plant: UncertainPlant
@@ -201,6 +203,7 @@ class DualProblem:
     box: Box | None = None
     between: bool = False
     means: OverPeriod | None = None
+    decay: float = 0.0
 
     @property
     def domain(self) -> Domain:

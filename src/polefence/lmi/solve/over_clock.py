@@ -125,6 +125,7 @@ class OverClock(Interpolation):
                 if problem.law.W is not None:
                     N, Y = right_divide(N, W), right_divide(Y, W)
                 F = np.eye(N.shape[-1]) + problem.step * N
+                F = F * np.exp(problem.decay * time * problem.step)
                 every.append((F, problem.step * Y.swapaxes(-1, -2) @ Y))
                 noise.append(E @ E.swapaxes(-1, -2))
                 times.append(time)
@@ -171,6 +172,8 @@ class OverClock(Interpolation):
             both = W @ Q @ N
             both = both + both.swapaxes(-1, -2) + step * N.swapaxes(-1, -2) @ Q @ N
             both = both + Y.swapaxes(-1, -2) @ Y
+            if self.problem.decay:
+                both = both + self._slower(ticks, len(own))[:, None, None] * (W @ Q @ W)
             if cover is not None:
                 form = self.problem.form(own)
                 V = cover.columns[: form.shape[1], None] * form
@@ -186,6 +189,13 @@ class OverClock(Interpolation):
             every.append(missed * (longest / ticks.theta))
         bound = float(np.sqrt(max(self._ratios(coefficients).max(), 0.0)))
         return np.concatenate(every), bound
+
+    def _slower(self, ticks: Ticks, count: int) -> Array:
+        """Return what a decay asks for beside Q, over the sample time: see `proof.Decay`."""
+        rate, along = 2 * self.problem.decay * self.problem.step, self.degrees[1]
+        theta, begin = ENDS.nodes(along) @ ticks.lengths, ticks.lengths[0]
+        kept = np.exp(-rate * begin) * (1 - rate * (theta - begin))
+        return np.tile((1 - kept) / self.problem.step, count // (along + 1))
 
     def _ratios(self, Q: Array) -> Array:
         every, (plain, along) = list[Array](), self.degrees_of_noise

@@ -78,6 +78,28 @@ def rows_of_clock(
     return rows if spread is None else rows | below_kappa(Q, spread)
 
 
+def falling_of(
+    subject: Subject, outputs: Sequence[Output], held: Held, step: Step, left: Polynomial
+) -> tuple[list[list[Polynomial]], Rows]:
+    """Return the blocks of ``left`` Q - (Q F + F'Q + T F'Q F), and that kappa is enough.
+
+    Raises
+    ------
+    FormatError
+        If the evidence does not cover what interpolation may miss.
+    """
+    evidence, spread = subject.evidence, subject.evidence.spread
+    form = _wide(subject.law.form(subject.sizes))
+    Q = _wide(bernstein(evidence.X, subject.sizes, evidence.degree))
+    loop = _loop(subject, outputs, held, step, Q, form)
+    weight = loop.WQ if subject.law.K is not None else loop.WQ * form.part(slice(subject.n))
+    inner = left * weight - loop.falling
+    if spread is None:
+        return [[inner]], {}
+    _require_cover(spread, _missed(subject, outputs, held, step))
+    return with_remainder(inner, loop, spread, form), below_kappa(Q, spread)
+
+
 def least_square(Q: Polynomial, steps: Sequence[Step], elevation: int) -> Fraction:
     """Return what the square of the level must exceed for what the noise adds, of all periods."""
     least = ZERO

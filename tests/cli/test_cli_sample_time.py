@@ -202,15 +202,21 @@ def test_a_sample_time_at_which_nothing_moves_the_plant_is_said(tmp_path, monkey
 
 
 def test_a_clock_that_jitters_is_in_the_bounds_and_in_the_file(folder, capsys):
-    said = ran(capsys, "optimise", "spring.toml", *AT, "--jitter", "0.1", "-o", "out")
+    words = ["optimise", "spring.toml", *AT, "--jitter", "0.1", "-o", "out", "--json", "out.json"]
+    said = ran(capsys, *words)
     assert "  inputs held for 18 to 22 ms in any order, inputs act 1 sample late" in said
+    rate = float(re.search(r"in any order the loop decays by exp\(-([0-9.]+) t\)", said)[1])
+    assert rate == pytest.approx(
+        json.loads((folder / "out.json").read_text())["decay in any order"]
+    )
     found = ran(capsys, "check", "out", "--spec", "spring.toml")
     assert "rms of 'x' = x1 <= " in found
     said = "at all times, with inputs held for 18 to 22 ms in any order, and the loop stable"
     assert said in found
     document = json.loads((folder / "out" / "design.json").read_text())
     clocks = [claim["held"]["clock"] for claim in document["claims"] if "held" in claim]
-    assert clocks == [{"least": "9/10", "most": "11/10", "parts": 1}] * 2
+    assert clocks == [{"least": "9/10", "most": "11/10", "parts": 1}] * 3
+    assert f"decay by exp(-{rate:g} t), at samples" in " ".join(found.split())
 
 
 @pytest.mark.parametrize(

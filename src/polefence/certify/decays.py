@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 
@@ -17,7 +18,7 @@ from polefence.proof.claims.decay import Decay, none
 from polefence.proof.laws import Evidence, Piece
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.rms import Rms
-from polefence.requirements.specification import claim_of
+from polefence.requirements.specification import Specification, claim_of
 from polefence.response.closed import close
 
 # Of the slowest rate of constant periods at the corners, what is tried: a loop of two states has
@@ -27,16 +28,18 @@ SHARES = (0.95, 0.85, 0.7, 0.5, 0.3, 0.1)
 MOST = 16
 
 
-def proved_decay(plant: UncertainPlant, law: Law, asked: Rms) -> Decay | None:
+def proved_decay(plant: UncertainPlant, law: Law, bounded: Iterable[Specification]) -> Decay | None:
     """Return the claim of the largest rate that is proved for periods in any order; None of none.
 
     Parameters
     ----------
-    asked : Rms
-        Of the samples of a clock that is not perfect, whose bound is proved.
+    bounded : iterable of Specification
+        Those of which a bound is proved: the rate is asked for where one of them is an rms of the
+        samples of a clock that is not perfect.
     """
-    held = asked.held(plant)
-    if held is None or held.clock is None:
+    asked = next((one for one in bounded if isinstance(one, Rms)), None)
+    held = None if asked is None else asked.held(plant)
+    if asked is None or held is None or held.clock is None:
         return None
     slowest = slowest_rate(plant, law, asked)
     if not slowest > 0:

@@ -50,7 +50,6 @@ from polefence.plant.system import Array
 from polefence.proof.claims.decay import Decay
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
-from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification
 
 # How far beyond the r that a point reaches in floats the exact proof is attempted.
@@ -261,9 +260,8 @@ def analyse(
         analysis = Analysis(plant, law, region, "proved", reason, certificate)
     asked = limits if analysis.kept != "refuted" else ()
     bounds = tuple(bounded(plant, law, limit) for limit in asked)
-    proved = (one.specification for one in bounds if one.bound is not None)
-    noisy = next((one for one in proved if isinstance(one, Rms)), None)
-    decay = None if noisy is None else proved_decay(plant, law, noisy)
+    proved = [one.specification for one in bounds if one.bound is not None]
+    decay = proved_decay(plant, law, proved)
     analysis = replace(analysis, lyapunov=given, bounds=bounds, decay=decay)
     if analysis.certificate is not None:
         analysis.certificate.require_checkable(analysis.design.more)

@@ -21,7 +21,7 @@ from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.cli.given import NONE, SPEC, Given, is_written, read_given
-from polefence.cli.lines import every_alpha, image_text, samples_text
+from polefence.cli.lines import decay_lines, decay_of, every_alpha, image_text, samples_text
 from polefence.cli.options import (
     budget_argument,
     centre_argument,
@@ -176,10 +176,7 @@ def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
         say(_bound_text(plant, verified), verdict=verified.answer)
     known = (verified for verified in analysis.bounds if verified.bound is not None)
     signals = [verified.specification for verified in known]
-    samples = [*_clock_text(analysis), *samples_text(plant, signals)]
-    if analysis.decay is not None:
-        rate = digits_down(float(analysis.decay.level))
-        samples.append(f"  for these periods in any order the loop decays by exp(-{rate} t)")
+    samples = [*_clock_text(analysis), *samples_text(plant, signals), *decay_lines(analysis.decay)]
     say(*image_text(plant, asked, kept), *samples, *given.text(options))
     _finish(options, analysis.design if kept else None, _summary(analysis))
     if options.plot is not None:
@@ -258,7 +255,7 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
             }
             for verified in analysis.bounds
         ],
-        "decay in any order": None if analysis.decay is None else float(analysis.decay.level),
+        **decay_of(analysis.decay),
     }
 
 

@@ -14,6 +14,7 @@ from polefence.law.structure import Structure
 from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states as states_of_a_law
+from polefence.proof.claims.decay import Decay
 from polefence.proof.motion import motion_text
 from polefence.proof.text import (
     digits_down,
@@ -69,6 +70,19 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
         f"  inputs held for {' to '.join(map(milliseconds_text, ends))} ms in any order{late}: "
         f"{which} at all times, and the loop is stable; all else at samples every {time} ms"
     ]
+
+
+def decay_lines(decay: Decay | None) -> list[str]:
+    """Say how fast a loop decays for the periods that `samples_text` names; nothing of none."""
+    if decay is None:
+        return []
+    rate = digits_down(float(decay.level))
+    return [f"  for these periods in any order the loop decays by exp(-{rate} t)"]
+
+
+def decay_of(decay: Decay | None) -> dict[str, float | None]:
+    """Return the same as plain data."""
+    return {"decay in any order": None if decay is None else float(decay.level)}
 
 
 def motion_lines(

@@ -24,6 +24,8 @@ from polefence.certify.bounds import (
 from polefence.certify.checks import is_stability
 from polefence.certify.design import FILE_NAME
 from polefence.cli.lines import (
+    decay_lines,
+    decay_of,
     every_alpha,
     gains_of,
     law_lines,
@@ -367,6 +369,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
     lines += samples_text(done.plant, [row.bound.specification for row in rows])
+    lines += decay_lines(done.decay)
     lines += motion_lines(done.plant, done.design.region, bounds=True) + _design_lines(done)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
@@ -518,6 +521,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             }
             for rest in _rests(done, rows)
         ],
+        **decay_of(done.decay),
         "shared": done.shared if np.isfinite(done.shared) else None,
         "designed": str(done.designed),
         "gains": gains_of(done.law),

@@ -732,7 +732,7 @@ def _of_design(design: Design, of: str = "") -> Answer:
 
 def _of_optimised(done: Optimised) -> Answer:
     first = done.bounds[0] if done.bounds else None
-    document = bounds_file(done.design.certificate, [one.claim for one in done.bounds])
+    document = bounds_file(done.design.certificate, done.claims)
     if first is None or first.specification.at_most is not None:
         return _proved(document)
     worst = _worst(done.plant, done.law, first.specification)

@@ -32,6 +32,7 @@ from polefence.certify.checks import (
     require_region,
     stable_region,
 )
+from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
 from polefence.certify.measured import require_detectable
 from polefence.law.laws import Law
@@ -42,6 +43,8 @@ from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.tracks import own_states as states_of_a_car
+from polefence.proof.claims.decay import Decay
+from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.short import Short
 from polefence.region.regions import Region, stable
 from polefence.region.text import digits_up
@@ -81,6 +84,8 @@ class Optimised(Short):
         What stopped the gain of a tuned law from growing further; empty where nothing had to.
     closer : Closer, optional
         What a law would cost whose bound is less by a thousandth at most, where one was found.
+    decay : Decay, optional
+        How fast the loop decays for periods in any order, as `Analysis` has it.
     """
 
     design: Design
@@ -91,6 +96,7 @@ class Optimised(Short):
     structure: Structure | None = None
     bounded_by: str = ""
     closer: Closer | None = None
+    decay: Decay | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -109,6 +115,12 @@ class Optimised(Short):
     def law(self) -> Law:
         """The control law."""
         return self.design.law
+
+    @property
+    def claims(self) -> tuple[BoundClaim, ...]:
+        """What is claimed beside the region: each bound, and the decay."""
+        decay = () if self.decay is None else (self.decay,)
+        return (*(bound.claim for bound in self.bounds), *decay)
 
     def bound(self, name: str) -> Bound:
         """Return the bound on the signal of that name.
@@ -134,7 +146,7 @@ class Optimised(Short):
         OutputError
             If the folder cannot be written.
         """
-        return save(self.design.certificate, [bound.claim for bound in self.bounds], directory)
+        return save(self.design.certificate, self.claims, directory)
 
 
 @explained
@@ -197,7 +209,9 @@ def optimise(
     """
     question = minimise, subject_to, region, method, budget, structure
     done = _optimised(plant, *question, fewer_states, bears)
-    done.design.certificate.require_checkable([bound.claim for bound in done.bounds])
+    limits = [bound.specification for bound in done.bounds]
+    done = replace(done, decay=proved_decay(done.plant, done.law, limits))
+    done.design.certificate.require_checkable(done.claims)
     return done
 
 

@@ -63,7 +63,7 @@ class Found(Short):
         """Return what was found."""
         if isinstance(done, Design):
             return cls(done, done.certificate.file())
-        document = bounds_file(done.design.certificate, [bound.claim for bound in done.bounds])
+        document = bounds_file(done.design.certificate, done.claims)
         return cls(done.design, document, tuple(map(str, done.bounds)))
 
 

@@ -236,6 +236,15 @@ def test_a_clock_that_cannot_be_is_one_line(folder, capsys, words, told):
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize("kind", ["saturation", "initial peak"])
+def test_an_impulse_at_a_sample_time_is_one_line(folder, capsys, kind):
+    limit = f"{kind} of f <= 40 with impulse 2"
+    for words in (["optimise", "spring.toml"], ["verify", "spring.toml", "--gain", "[[-9, -3]]"]):
+        said = refused(capsys, *words, *AT, "--limit", limit)
+        assert f"{kind} of f: impulse = 2: at a sample time" in said
+        assert "give that state as points: E of the continuous plant times 2" in said
+
+
 CART = """
 name = "cart"
 states = ["x [m]", "v [m/s]"]

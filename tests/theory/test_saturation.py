@@ -260,6 +260,32 @@ def test_at_a_sample_time_disturbances_are_borne():
         assert np.abs(x).max() < 1e-2
 
 
+def test_an_impulse_is_simulated_from_the_state_that_it_leaves():
+    """Of a mass of 1 kg twice the velocity of one of 2 kg."""
+    plant, corners = pendulum(), np.eye(4)
+    seen = Saturation("u", impulse=1.0).values(plant, PUSH, corners)
+    fast, slow = (
+        Saturation("u", points=[(0.0, v)]).values(plant, PUSH, corners) for v in (1.0, 0.5)
+    )
+    masses = np.array([vertex.E[1, 0] for vertex in plant.vertices])
+    assert set(masses) == {1.0, 0.5}
+    np.testing.assert_allclose(seen, np.where(masses == 1.0, fast, slow), rtol=1e-12)
+    assert 0 < seen.min() < seen.max() <= best_bound(plant, PUSH, START).level
+
+
+@pytest.mark.parametrize("kind", [Saturation, InitialPeak])
+def test_an_impulse_at_a_sample_time_is_refused_before_any_work(kind):
+    plant, asked = at_sample_time(pendulum(), 0.05), kind("u", impulse=0.5, at_most=20)
+    told = "of u: impulse = 0.5: at a sample time .* points: E of the continuous plant times 0.5"
+    for limits, least in (([asked], Rms("x", density=1)), ([], replace(asked, at_most=None))):
+        with pytest.raises(InputError, match=told):
+            optimise(plant, least, limits)
+    with pytest.raises(InputError, match=told):
+        best_bound(plant, PUSH, asked)
+    state = kind("u", points=[(0.0, 0.5)])
+    assert best_bound(plant, PUSH, state).level < 20
+
+
 @pytest.fixture(scope="module")
 def sampled_claim():
     asked = Saturation("u", points=[(1.0, 0.0)])

@@ -25,6 +25,7 @@ from polefence.requirements.specification import (
     is_number,
     number,
 )
+from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import simulate
@@ -118,10 +119,20 @@ class InitialPeak(Specification):
         if self.impulse:
             disturbance(plant)
         self.scales(plant)
-        self._require_still(plant)
+        self._require_known_states(plant)
 
-    def _require_still(self, plant: UncertainPlant) -> None:
-        """Refuse an impulse where parameters move in discrete time and E varies."""
+    def _require_known_states(self, plant: UncertainPlant) -> None:
+        """Refuse an impulse that leaves a state which is not known exactly.
+
+        At a sample time E has an interpolation error; where parameters move in discrete time and E
+        varies it is another one when the impulse has acted.
+        """
+        if self.impulse and plant.remainder is not None:
+            raise InputError(
+                f"{self.title}: impulse = {self.impulse:g}: at a sample time the state that an "
+                "impulse leaves is only known to within an error, of which nothing is proved; give "
+                f"that state as points: E of the continuous plant times {self.impulse:g}"
+            )
         if not self.impulse or not plant.moving or not plant.period:
             return
         E = disturbance(plant)
@@ -186,19 +197,22 @@ class InitialPeak(Specification):
             return ()
         return self.scales(plant) or (1.0,) * plant.disturbance_count
 
+    def begun(self, loops: Closed) -> list[Array]:
+        """Return the points and what each impulse leaves, (count, n) of as many loops."""
+        starts = [np.tile(np.array(x, dtype=float), (len(loops.A), 1)) for x in self.points]
+        sizes = enumerate(self._impulses(loops.plant))
+        return starts + [self.impulse * s * loops.E[:, :, k] for k, s in sizes if s]
+
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the peak by exact responses at close instants.
 
         From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns.
         """
-        (signal,), acting = self.outputs(plant), self._impulses(plant)
+        (signal,) = self.outputs(plant)
         if not self.impulse and any(vertex.E is None for vertex in plant.vertices):
             plant = _moved_by_nothing(plant)
         loops = close(plant, law, alpha)
-        count = len(loops.closed)
-        starts = [np.tile(np.array(point, dtype=float), (count, 1)) for point in self.points]
-        if self.impulse:
-            starts += [self.impulse * s * loops.E[:, :, k] for k, s in enumerate(acting) if s]
+        count, starts = len(loops.closed), self.begun(loops)
         stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
         poles = loops.poles()
         fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)

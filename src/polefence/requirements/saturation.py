@@ -196,15 +196,15 @@ class Saturation(InitialPeak):
         At some of the points, from initial states; of disturbances no worst one is looked for.
         """
         limits = np.zeros(len(alpha))
-        starts = [np.array(point, dtype=float) for point in (*self.points, *axes_of(self))]
-        if self.norm or not starts:
+        if self.norm:
             return limits
         at = np.unique(np.linspace(0, len(alpha) - 1, 300).astype(int))
         plant = delta_form(plant)
         loops, step = close(plant, law, alpha[at], disturbed=False), float(plant.step)
+        axes = [np.tile(axis, (len(at), 1)) for axis in axes_of(self)]
         C, D = (M[0] for M in stacked(plant, self.outputs(plant))[:2])
         gain = getattr(law, "anti_windup", None)
-        limits[at] = _least_limits(loops, starts, (C, D), step, gain)
+        limits[at] = _least_limits(loops, [*self.begun(loops), *axes], (C, D), step, gain)
         return limits
 
     def slopes(self, loops: Loops) -> Slopes:  # noqa: ARG002
@@ -256,6 +256,7 @@ def _least_limits(
 
     Parameters
     ----------
+    starts : list of (loops, n) arrays
     signals : (p, n) and (p, m) arrays
         What saturates, C x + D u, each moved by one input.
     gain : (n, m) array, optional
@@ -268,7 +269,7 @@ def _least_limits(
     slowest = float(rates[rates > 1e-6 * float(fastest)].min(initial=float(fastest)))
     dt = step or 0.1 / float(fastest)
     steps = int(min(6.0 / slowest / dt + 1, 1500))  # six time constants of the slowest pole
-    x0 = np.repeat(np.stack(starts)[:, None], len(A), axis=1)
+    x0 = np.stack(starts)
     A, B, K = (np.swapaxes(M, 1, 2) for M in (A, B, K))  # to be multiplied from the left
     size = np.linalg.norm(x0, axis=-1)
     (C, D), back = signals, None if gain is None else gain.T

@@ -239,6 +239,9 @@ def _optimised(
     plant, limits = by_name(plant, subject_to)
     if minimise is not None:
         plant, (minimise,) = by_name(plant, (minimise,))
+        minimise.require_fit(plant)
+    for limit in limits:
+        limit.require_fit(plant)
     if structure is not None and method is not None:
         raise InputError("a method and a structure exclude each other; leave one out")
     measurable = states_of_a_car(plant)

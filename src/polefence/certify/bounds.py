@@ -55,6 +55,7 @@ from polefence.proof.laws import Evidence, Piece
 from polefence.proof.polynomials import corners_of
 from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.short import Short
+from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
 from polefence.region.text import digits_up
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
@@ -74,6 +75,7 @@ SHORT = 6
 # How far above the worst case in floats a bound is looked for in parts of the box: of a van for
 # periods in any order none of 1 % was found in 64 parts, and 2 % takes 6.
 IN_PARTS, IN_ANY_ORDER = (1e-3, 5e-3, 2e-2), (2e-2, 5e-2, 0.15)
+WITH_STORAGE = (5e-3, 2e-2, 0.1)
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
@@ -333,8 +335,9 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
 
 def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
-    clocked = question.problem is not None and question.problem.clocked
-    shares = IN_ANY_ORDER if clocked else IN_PARTS
+    problem, shares = question.problem, IN_PARTS
+    if problem is not None and (problem.clocked or problem.storing is not None):
+        shares = IN_ANY_ORDER if problem.clocked else WITH_STORAGE
     levels = (question.worst * (1 + share) for share in shares)
     bound = first(map(question.in_parts, levels))
     if bound is not None:
@@ -356,7 +359,17 @@ def dual_evidence(dual: Dual) -> Evidence:
         sides = (tuple(map(Fraction, x.tolist())) for x in (dual.cover.rows, dual.cover.columns))
         rows, columns = sides
         spread = Spread([], rows, columns, Fraction(dual.cover.kappa))
-    return Evidence([_rationals(Q) for Q in dual.Q], dual.degree, dual=True, spread=spread)
+    storage = tuple(
+        Stretch(
+            Fraction(end),
+            [_rationals((one + one.T) / 2) for S in stretch for one in S],
+            dual.degree,
+            stretch.shape[1] - 1,
+        )
+        for end, stretch in dual.storage
+    )
+    Q = [_rationals(Q) for Q in dual.Q]
+    return Evidence(Q, dual.degree, dual=True, spread=spread, storage=storage)
 
 
 def known_bound(

@@ -54,6 +54,7 @@ from itertools import pairwise
 from operator import add, mul
 from typing import Any, TypeVar
 
+from polefence.proof.laws import on_corners
 from polefence.proof.matrices import (
     ZERO,
     Integers,
@@ -800,6 +801,11 @@ class Held(Short):
         if len(self.units) != states + inputs or min(self.units) <= 0:
             raise FormatError(f"held: units must hold {states + inputs} positive numbers")
 
+    def inside(self, low: Point, high: Point) -> Held:
+        """Return what is held on a part of the box."""
+        A, B, E = (on_corners(M, low, high) for M in (self.A, self.B, self.E))
+        return replace(self, A=A, B=B, E=E)
+
     def moves(self, rows: Sequence[Sequence[Fraction]]) -> bool:
         """Whether rows of the states at a sample are of x and inputs on their way alone."""
         width = len(self.A[0]) + self.delay * len(self.B[0][0])
@@ -863,6 +869,20 @@ class Held(Short):
             if x and k >= n
         }
         return sorted({*acting, *shown})
+
+    def acting(self, width: int, later: bool = False) -> list[int]:
+        """Return which of [x; u] at a sample, of so many states, are the inputs that act.
+
+        ``later``: at the end of the period, where inputs act sooner by a part of it.
+        """
+        every, m = self._acting(width), len(self.B[0][0])
+        return every[m:] if later and self.early else every[:m]
+
+    def shown(self, row: Sequence[Fraction], width: int, later: bool) -> list[Fraction]:
+        """Return a row of [x; u] at a sample, of so many states, as it is now or later."""
+        if not (later and self.early):
+            return list(row)
+        return _exchanged(row, self.acting(width), self.acting(width, later=True))
 
     def _acting(self, width: int) -> list[int]:
         """Return which of [x; u] at a sample, of so many states, are the inputs that act."""

@@ -35,6 +35,7 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.short import Short
+from polefence.proof.storage import MOST_STRETCHES, Stretch
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 DOMAINS = ("simplex", "box")
@@ -285,7 +286,8 @@ class Evidence(Short):
     each with evidence of its own; there is then no other. ``held``: coefficients of H X where
     inputs are cut off, which claims of that kind take over. ``pieces``: of each parameter's
     interval, in each of which the inequalities are proved. ``transfer``: the transfer function is
-    the proof, and there is no other evidence.
+    the proof, and there is no other evidence. ``storage``: of what is bounded at all times of a
+    period, what Q is in between.
     """
 
     X: list[Rationals]
@@ -302,6 +304,7 @@ class Evidence(Short):
     held_degree: int = 0
     pieces: tuple[int, ...] = ()
     transfer: bool = False
+    storage: tuple[Stretch, ...] = ()
 
     @property
     def per_cell(self) -> tuple[Evidence, ...]:
@@ -337,6 +340,8 @@ class Evidence(Short):
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
         table |= {"pieces": list(self.pieces)} if self.pieces else {}
+        if self.storage:
+            table["storage"] = [stretch.write() for stretch in self.storage]
         if self.spread is not None:
             piece = self.spread
             keys = [key for key in ("omega", "kappa") if getattr(piece, key)]
@@ -490,7 +495,11 @@ def read_evidence(
         rows, columns = below.numbers("rows", n), below.numbers("columns", most=3 * MAX_SIZE)
         spread = Spread(omega, rows, columns, kappa)
     pieces = table.wholes("pieces", MAX_CELLS) if "pieces" in table else ()
-    return Evidence(X, degree, table.whole("elevation", 0), values, spread=spread, pieces=pieces)
+    known = Evidence(X, degree, table.whole("elevation", 0), values, spread=spread, pieces=pieces)
+    if "storage" not in table:
+        return known
+    stretches = table.tables("storage", MOST_STRETCHES)
+    return replace(known, storage=tuple(Stretch.read(one, sizes) for one in stretches))
 
 
 def lifted(law: Law, evidence: Evidence, sizes: Sizes) -> Polynomial:

@@ -17,9 +17,13 @@ from polefence.plant.outputs import disturbances, stacked
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.requirements.slopes import Loops, Slopes
+from polefence.proof.between import Held
+from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.requirements.specification import Specification
+from polefence.response.between import held_of
+from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
+from polefence.response.held import Storing, storing
 from polefence.response.modes import Modes
 from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
@@ -47,9 +51,23 @@ class Gain(Specification):
         """Return the way the disturbances enter."""
         return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
 
+    def held(self, plant: UncertainPlant) -> Held | None:
+        """Return what is held between samples, where the gain is that at all times."""
+        held = held_of(plant)
+        return None if held is None or held.clock is not None else held
+
+    def _storing(self, plant: UncertainPlant, held: Held) -> Storing:
+        _, _, F = stacked(plant, self.outputs(plant))
+        scales = np.array(self.scales(plant) or [1.0] * len(held.E[0][0]))
+        through = np.asarray(self.scaled(plant, F))
+        return storing(held, self.exact_outputs(plant), through, scales, plant.shape)
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
-        return self._dual(plant, law, 1.0, gain=True)
+        problem, held = self._dual(plant, law, 1.0, gain=True), self.held(plant)
+        if held is None:
+            return problem
+        return replace(problem, storing=self._storing(plant, held))
 
     def claim(
         self,
@@ -59,7 +77,27 @@ class Gain(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the gain."""
         scales = tuple(map(Fraction, self.scales(plant)))
-        return proof.Gain(subject, self.exact_outputs(plant), level, scales=scales)
+        outputs, held = self.exact_outputs(plant), self.held(plant)
+        return proof.Gain(subject, outputs, level, scales=scales, held=held)
+
+    def has_primal(self, plant: UncertainPlant) -> bool:
+        """Not of what goes on between samples: S of a storage function is that of the dual."""
+        return self.held(plant) is None
+
+    def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
+        """Return the gain at samples of held disturbances; else None."""
+        if self.held(plant) is None:
+            return None
+        return self._of(super().channel(delta_form(plant), alpha), close(plant, law, alpha))
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return it with disturbances that are held for parts of a period only."""
+        channel, held = super().channel(plant, alpha), self.held(plant)
+        if held is None:
+            return channel
+        n = plant.shape[0]
+        E, shown, F = self._storing(plant, held).lifted(alpha, float(plant.period))
+        return replace(channel, E=E[:, :n], C=shown[..., :n], D=shown[..., n:], F=F)
 
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
@@ -72,7 +110,10 @@ class Gain(Specification):
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the gain on a grid of frequencies, and exactly at the worst points."""
         stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
-        channel, closed = self.channel(delta_form(plant), alpha), close(plant, law, alpha)
+        return self._of(self.channel(delta_form(plant), alpha), close(plant, law, alpha))
+
+    @staticmethod
+    def _of(channel: Channel, closed: ClosedLoops) -> Array:
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step))
         values = on_grid(loops.modes, loops.E, loops.C, loops.F)
         worst = np.argsort(-values)[:20]  # points of the grid

@@ -78,7 +78,7 @@ def means(
     A, C, E = (_at(alpha, M) for M in (period.A, period.C, period.E))
     units, intensity, chosen = np.array(period.units, float), density / 2, held.chosen_of(outputs)
     part, *others = (
-        _computed(A, _at(alpha, B), C, _at(alpha, D), E, time * float(T), intensity, units)
+        over_time(A, _at(alpha, B), C, _at(alpha, D), E, time * float(T), intensity, units)
         for time, (_, B, D) in zip(period.times(length), period.phases, strict=True)
     )
     for other in others:
@@ -92,7 +92,7 @@ def _at(alpha: Array, matrices: Sequence[Rationals]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class Part:
     """What goes on in a time: its exponential, and the means M, V and c over it."""
 
     time: float
@@ -101,7 +101,7 @@ class _Part:
     V: Array
     c: Array
 
-    def then(self, other: _Part) -> _Part:
+    def then(self, other: Part) -> Part:
         """Return the two, one after the other."""
         n, time = self.V.shape[-1], self.time + other.time
         one, two = self.time / time, other.time / time
@@ -109,12 +109,13 @@ class _Part:
         M = one * self.M + two * up @ other.M @ self.F
         V = one * small @ self.V @ np.swapaxes(small, 1, 2) + two * other.V
         driven = np.einsum("pij,pij->p", other.M[:, :n, :n], self.V) * self.time
-        return _Part(time, other.F @ self.F, M, V, one * self.c + two * (other.c + driven))
+        return Part(time, other.F @ self.F, M, V, one * self.c + two * (other.c + driven))
 
 
-def _computed(
+def over_time(
     A: Array, B: Array, C: Array, D: Array, E: Array, T: float, intensity: float, units: Array
-) -> _Part:
+) -> Part:
+    """Return what goes on in a time T: x' = A x + B k + E w with k held, and z = C x + D k."""
     count, n, k = len(A), A.shape[-1], A.shape[-1] + B.shape[-1]
     N = np.zeros((count, k, k))
     N[:, :n] = np.concatenate([A, B], axis=2) * T * units / units[:n, None]
@@ -138,7 +139,7 @@ def _computed(
         V = (V + F[:, :n, :n] @ V @ np.swapaxes(F[:, :n, :n], 1, 2)) / 2
         F = F @ F
     V = V * units[:n] * units[:n, None]
-    return _Part(T, F * units[:, None] / units, M / units / units[:, None], V, T * c)
+    return Part(T, F * units[:, None] / units, M / units / units[:, None], V, T * c)
 
 
 def _integral(N: Array, Q: Array) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from polefence.proof.between import Clock, Period, Step
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
 from polefence.proof.polynomials import monomials_of, multinomial
 from polefence.response.between import factor
+from polefence.response.held import Storing
 from polefence.response.stationary import growth
 
 ENDS = Domain((2,))  # of the lengths of a period
@@ -27,13 +28,15 @@ ENDS = Domain((2,))  # of the lengths of a period
 class Dual:
     """Bernstein coefficients of Q (count, n, n), of a degree, and the level that it proves.
 
-    ``cover`` is what a plant with a remainder asks for besides.
+    ``cover`` is what a plant with a remainder asks for besides; ``storage`` what Q is between
+    samples: ends of stretches, and coefficients (count, times, k, k) of each.
     """
 
     Q: Array
     degree: int
     level: float
     cover: Cover | None = None
+    storage: tuple[tuple[float, Array], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +191,8 @@ class DualProblem:
         Whether the loops are samples at the corners of a part, interpolated between them.
     means : OverPeriod, optional
         Of what is bounded between samples too; C, D, E and F then tell only of the samples.
+    storing : Storing, optional
+        Of a gain that is bounded between samples too; the same holds.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """
@@ -203,6 +208,7 @@ class DualProblem:
     box: Box | None = None
     between: bool = False
     means: OverPeriod | None = None
+    storing: Storing | None = None
     decay: float = 0.0
 
     @property
@@ -263,8 +269,9 @@ class DualProblem:
     def inside(self, box: Box) -> DualProblem:
         """Return the problem on a part of the box; of samples with their corners there."""
         means = self.means and self.means.inside(box, self.domain)
+        storing = self.storing and self.storing.inside(box, self.domain)
         if not self.plant.bent:
-            return replace(self, box=box, means=means)
+            return replace(self, box=box, means=means, storing=storing)
         low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
         plant = inside(self.plant, low, high)
         alpha = box.alpha(self.domain, self.domain.nodes(1))
@@ -272,7 +279,7 @@ class DualProblem:
         E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
         law = self.law.inside(plant, low, high)
         problem = replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F)
-        return replace(problem, between=True, means=means)
+        return replace(problem, between=True, means=means, storing=storing)
 
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""

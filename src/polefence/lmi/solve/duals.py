@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from polefence.base.effort import ended, spend
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.gramians import ROUNDS, Interpolation
 from polefence.lmi.solve.over_clock import OverClock
+from polefence.lmi.solve.storage import StorageSearch
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided
 
 MOST = 3e8  # of the work on one polynomial [multiplications]
@@ -128,8 +130,20 @@ def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterat
                 yield dual
 
 
-def _of(problem: DualProblem, degree: int) -> Interpolation:
-    """Return the search for R, over a clock where the samples have one."""
+class Search(Protocol):
+    """The search for a dual of one degree."""
+
+    def least(self, worst: float) -> Dual | None:
+        """Return one as near the worst sample as there is."""
+
+    def proving(self, level: float) -> Dual | None:
+        """Return one that proves a level."""
+
+
+def _of(problem: DualProblem, degree: int) -> Search:
+    """Return the search for R, between samples or over a clock where there are such."""
+    if problem.storing is not None:
+        return StorageSearch(problem, degree)
     if problem.ticking:
         return OverClock(problem, degree)
     return Interpolation(problem, degree)

@@ -11,32 +11,52 @@ is T [N, E]'Q [N, E], taken from the first two blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import ClassVar
+from typing import ClassVar, Self
 
-from polefence.proof.claims.signal import (
-    MAX_ENTRIES,
-    Rows,
-    SignalClaim,
-    below_kappa,
-    scaled,
-    stacked,
-)
+from polefence.proof.claims.held import HeldClaim
+from polefence.proof.claims.signal import MAX_ENTRIES, Rows, below_kappa, scaled, stacked
+from polefence.proof.claims.storage import least_of_storage, require_storage, rows_of_storage
+from polefence.proof.laws import Piece
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
 from polefence.proof.transfer import Tensor, Transfer, gain_polynomial, passes
 
 
 @dataclass(frozen=True)
-class Gain(SignalClaim):
-    """The L2 gain from w to z = C x + D u + F w, its H-infinity norm, is less than ``level``."""
+class Gain(HeldClaim):
+    """The L2 gain from w to z = C x + D u + F w, its H-infinity norm, is less than ``level``.
+
+    With ``held`` w and z are those at all times, of the plant of which this one is the samples.
+    """
 
     kind: ClassVar[str] = "gain"
     direct: ClassVar[bool] = True
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
+    has_storage: ClassVar[bool] = True
+
+    def require_extra(self) -> None:
+        """Refuse what is sampled, or a storage function, where it does not fit."""
+        super().require_extra()
+        require_storage(self.subject, self.held)
+
+    def inside(self, piece: Piece) -> Self:
+        """Return the claim about a part of the box."""
+        inner, held = super().inside(piece), self.held
+        return inner if held is None else replace(inner, held=held.inside(piece.low, piece.high))
+
+    def _require_remainder(self) -> None:
+        """Refuse evidence that does not cover a remainder: a storage function needs none."""
+        if self.held is None:
+            super()._require_remainder()
+
+    @property
+    def more_work(self) -> int:
+        """Of a storage function, the least that it takes."""
+        return 0 if self.held is None else least_of_storage(self.subject, len(self.outputs))
 
     @property
     def least_degree(self) -> int:
@@ -72,6 +92,8 @@ class Gain(SignalClaim):
 
     def dual_rows(self) -> Rows:
         """Return the lemma of the dual form."""
+        if self.held is not None:
+            return rows_of_storage(self.subject, self.outputs, self.scales, self.held, self.level)
         loop = self.subject.dual_loop(self.outputs)
         Q, M, Y, both = loop.Q, loop.M, loop.Y, loop.falling
         entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step

@@ -16,20 +16,18 @@ place of S E E', and g^2 - c of g^2: see `polefence.proof.between`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
-from polefence.proof.between import Held, Mean, Period, Step
-from polefence.proof.claims.base import Claim
+from polefence.proof.between import Mean, Period, Step
 from polefence.proof.claims.clock import least_square, rows_of_clock, steps_of
-from polefence.proof.claims.samples import Samples
+from polefence.proof.claims.held import HeldClaim
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     Rows,
-    SignalClaim,
     Subject,
     bounded,
     dual_of_noise,
@@ -38,16 +36,16 @@ from polefence.proof.claims.signal import (
     moving,
 )
 from polefence.proof.laws import Piece, Point
-from polefence.proof.plant import Output, Plant
+from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, bernstein, number
 from polefence.proof.reading import Table, plain
-from polefence.proof.text import digits_down, milliseconds_text
+from polefence.proof.text import digits_down
 from polefence.proof.transfer import Tensor, Transfer, bernstein_of, combined
 from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
-class Rms(SignalClaim):
+class Rms(HeldClaim):
     """The rms of z is less than ``level`` for white noise w of two-sided ``intensity``.
 
     The stationary covariance P satisfies A P + P A' + intensity E E' = 0. With ``held`` the plant
@@ -63,37 +61,21 @@ class Rms(SignalClaim):
     motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)
-    held: Held | None = field(default=None, kw_only=True)
     part: tuple[Period, Point, Point] | None = field(
         default=None, kw_only=True, repr=False, compare=False
     )
 
     @classmethod
     def read_extra(
-        cls,
-        table: Table,
-        subject: Subject,  # noqa: ARG003
-        outputs: tuple[Output, ...],  # noqa: ARG003
+        cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
     ) -> dict[str, Any]:
         """Read the intensity, and what is sampled."""
-        held = {"held": Held.read(table.table("held"))} if "held" in table else {}
+        held = super().read_extra(table, subject, outputs)
         return {"intensity": table.number("intensity", 1)} | held
 
     def write_extra(self) -> dict[str, Any]:
         """Return the intensity, and what is sampled."""
-        held = {} if self.held is None else {"held": self.held.write()}
-        return {"intensity": plain(self.intensity)} | held
-
-    def require_extra(self) -> None:
-        """Refuse what is sampled where it does not fit."""
-        if self.held is None:
-            return
-        subject, evidence = self.subject, self.subject.evidence
-        self.held.require(len(subject.A), subject.n, subject.m, subject.q, subject.sizes)
-        if not subject.step or self.filters:
-            raise FormatError("held: belongs to a sampled plant, and a signal without filters")
-        if not (evidence.dual or evidence.cells):
-            raise FormatError("held: what goes on between samples needs the dual form")
+        return {"intensity": plain(self.intensity)} | super().write_extra()
 
     def require(self) -> None:
         """Refuse what does not fit, or is too much."""
@@ -103,35 +85,6 @@ class Rms(SignalClaim):
             periods = [self._period] if clock is None else map(self._period.between, clock.lengths)
             for period in periods:
                 period.require_moderate()
-
-    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:
-        """Say that the plant is not the samples of what is held between them."""
-        held = self.held
-        if held is not None and not any(
-            isinstance(other, Samples)
-            and (other.A, other.B, other.E) == (held.A, held.B, held.E)
-            and (other.delay, other.early) == (held.delay, held.early)
-            for other in claims
-        ):
-            return "held: no claim says that the plant is the samples of this one"
-        return super().fault_in(plant, claims)
-
-    @property
-    def time_text(self) -> str:
-        """Between samples too, where it is so."""
-        if self.held is None:
-            return super().time_text
-        step, clock = self.subject.step, self.held.clock
-        times = milliseconds_text(step)
-        if clock is not None:
-            ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
-            times = f"{' to '.join(ends)} ms in any order"
-            if self.held.early:
-                after = milliseconds_text((1 - self.held.early) * step)
-                times += f", changed {after} ms after a sample"
-            times += ", and the loop stable"
-            return f", at all times, with inputs held for {times}"
-        return f", at all times, with inputs held for {times} ms"
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""

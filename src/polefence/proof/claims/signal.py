@@ -229,7 +229,7 @@ class Subject(Short):
     @property
     def as_poles(self) -> Poles:
         """A claim of the same loop and evidence about the half-plane Re z < 0."""
-        evidence, method = replace(self.evidence, dual=False, spread=None), "lyapunov"
+        evidence, method = replace(self.evidence, dual=False, spread=None, storage=()), "lyapunov"
         if not evidence.X and self.law.W is not None:
             evidence, method = replace(evidence, multiple=()), "scheduled"
         region = (HalfPlane(Fraction(0)),)
@@ -385,6 +385,7 @@ class SignalClaim(Short, Claim):
     has_transfer: ClassVar[bool] = False  # whether the transfer function can be the proof
     moves: ClassVar[bool] = True
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
+    has_storage: ClassVar[bool] = False  # whether a storage function can be a part of the proof
     has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
     most: ClassVar[int] = 1  # entries of a vector
 
@@ -623,6 +624,8 @@ class SignalClaim(Short, Claim):
             raise FormatError(f"a bound on {self.kind} is not proved by the transfer function")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
+        if evidence.storage and not self.has_storage:
+            raise FormatError(f"a bound on {self.kind} has no storage function")
         for key in ("level", "intensity", "norm"):
             if getattr(self, key, 0) < 0:
                 raise FormatError(f"{key} must be zero or more")
@@ -676,6 +679,7 @@ class SignalClaim(Short, Claim):
         families = {
             "W": self.subject.law.W or [],
             "Lyapunov matrix": [X for whole in evidence.per_cell for X in whole.X],
+            "storage": [S for whole in evidence.per_cell for s in whole.storage for S in s.S],
         }
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):

@@ -1,0 +1,77 @@
+"""Bounds on what goes on between samples, while inputs are held: of signals at all times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from polefence.proof.between import Held
+from polefence.proof.claims.base import Claim
+from polefence.proof.claims.samples import Samples
+from polefence.proof.claims.signal import SignalClaim, Subject
+from polefence.proof.plant import Output, Plant
+from polefence.proof.reading import Table
+from polefence.proof.text import milliseconds_text
+from polefence.proof.work import FormatError
+
+
+@dataclass(frozen=True)
+class HeldClaim(SignalClaim):
+    """A bound at samples; with ``held``, of which the plant is the samples, at all times."""
+
+    held: Held | None = field(default=None, kw_only=True)
+
+    @classmethod
+    def read_extra(
+        cls,
+        table: Table,
+        subject: Subject,  # noqa: ARG003
+        outputs: tuple[Output, ...],  # noqa: ARG003
+    ) -> dict[str, Any]:
+        """Read what is sampled."""
+        return {"held": Held.read(table.table("held"))} if "held" in table else {}
+
+    def write_extra(self) -> dict[str, Any]:
+        """Return what is sampled."""
+        return {} if self.held is None else {"held": self.held.write()}
+
+    def require_extra(self) -> None:
+        """Refuse what is sampled where it does not fit."""
+        if self.held is None:
+            return
+        subject, evidence = self.subject, self.subject.evidence
+        self.held.require(len(subject.A), subject.n, subject.m, subject.q, subject.sizes)
+        if not subject.step or self.filters:
+            raise FormatError("held: belongs to a sampled plant, and a signal without filters")
+        if not (evidence.dual or evidence.cells):
+            raise FormatError("held: what goes on between samples needs the dual form")
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:
+        """Say that the plant is not the samples of what is held between them."""
+        held = self.held
+        if held is not None and not any(
+            isinstance(other, Samples)
+            and (other.A, other.B, other.E) == (held.A, held.B, held.E)
+            and (other.delay, other.early) == (held.delay, held.early)
+            for other in claims
+        ):
+            return "held: no claim says that the plant is the samples of this one"
+        return super().fault_in(plant, claims)
+
+    @property
+    def time_text(self) -> str:
+        """Between samples too, where it is so."""
+        if self.held is None:
+            return super().time_text
+        step, clock = self.subject.step, self.held.clock
+        times = milliseconds_text(step)
+        if clock is not None:
+            ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
+            times = f"{' to '.join(ends)} ms in any order"
+            if self.held.early:
+                after = milliseconds_text((1 - self.held.early) * step)
+                times += f", changed {after} ms after a sample"
+            times += ", and the loop stable"
+            return f", at all times, with inputs held for {times}"
+        return f", at all times, with inputs held for {times} ms"

@@ -1,0 +1,113 @@
+"""Plants whose inputs are held between samples, in floats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polefence.plant.boxes import Box
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array
+from polefence.proof.between import Held
+from polefence.proof.plant import Output
+from polefence.response.between import factor, over_time
+
+# Parts of a phase in which a disturbance is held, so that a gain is nearly that at all times.
+PARTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Storing:
+    """A plant with held inputs at the corners of its box: y' = N y + E w, z = Y y + F w.
+
+    Attributes
+    ----------
+    N, E, Y, F : (phases, corners, ., .) arrays
+        Of [x; u] at a sample. In a phase the same inputs act.
+    ends : tuple of float
+        Shares of the period at which phases end.
+    first : int
+        How many of the states move between samples.
+    """
+
+    N: Array
+    E: Array
+    Y: Array
+    F: Array
+    ends: tuple[float, ...]
+    first: int
+
+    def inside(self, box: Box, domain: Domain) -> Storing:
+        """Return it at the corners of a part of the box."""
+        alpha = box.alpha(domain, domain.nodes(1))
+        N, E, Y, F = (
+            np.einsum("vc,kcij->kvij", alpha, M) for M in (self.N, self.E, self.Y, self.F)
+        )
+        return replace(self, N=N, E=E, Y=Y, F=F)
+
+    def at(self, alpha: Array) -> tuple[Array, Array, Array, Array]:
+        """Return N, E, Y and F of all phases at points, (phases, count, ., .)."""
+        N, E, Y, F = (
+            np.einsum("pc,kcij->kpij", alpha, M) for M in (self.N, self.E, self.Y, self.F)
+        )
+        return N, E, Y, F
+
+    def lifted(self, alpha: Array, period: float) -> tuple[Array, Array, Array]:
+        """Return E, [C, D] and F of samples whose disturbances are held for parts of a period.
+
+        E w is what they make of the states in a period, over the period. Gains from w to C x + D u
+        + F w are at most those at all times, and nearly these.
+        """
+        loops, count, k = self.at(alpha), len(alpha), self.N.shape[-1]
+        lengths = np.repeat(np.diff([0.0, *self.ends]) / PARTS, PARTS)
+        q = self.E.shape[-1]
+        y = np.zeros((count, k, k + q * len(lengths)))
+        y[:, :, :k] = np.eye(k)
+        rows, none = list[Array](), np.zeros((count, k, 1))
+        for j, share in enumerate(lengths):
+            N, E, Y, F = (M[j // PARTS] for M in loops)
+            part = over_time(N, E, Y, F, none, period * share, 0.0, np.ones(k + q))
+            w = np.zeros((count, q, y.shape[-1]))
+            w[:, :, k + q * j : k + q * (j + 1)] = share**-0.5 * np.eye(q)
+            both = np.concatenate([y, w], axis=1)
+            rows.append(share**0.5 * np.swapaxes(factor(part.M), 1, 2) @ both)
+            y = part.F[:, :k] @ both
+        shown = np.concatenate(rows, axis=1)
+        return y[:, :, k:] / period, shown[..., :k], shown[..., k:]
+
+
+def storing(
+    held: Held, outputs: Sequence[Output], F: Array, scales: Array, shape: tuple[int, int]
+) -> Storing:
+    """Return a plant at the corners of its box, with the outputs of its samples.
+
+    Parameters
+    ----------
+    outputs : sequence
+        Of the samples, in exact rationals.
+    F : (corners, p, q) array
+        Of the outputs, of disturbances as they are scaled.
+    scales : (q,) array
+        How many times each disturbance acts.
+    shape : pair of int
+        Numbers of states and inputs of the samples.
+    """
+    (n, m), first, count = shape, len(held.A[0]), len(held.A)
+    ends = (float(1 - held.early), 1.0) if held.early else (1.0,)
+    A, B, driven = (np.array(M, dtype=float) for M in (held.A, held.B, held.E))
+    N, Y = np.zeros((len(ends), count, n + m, n + m)), list[Array]()
+    for k in range(len(ends)):
+        N[k, :, :first, :first] = A
+        N[k, :, :first, held.acting(n, later=k > 0)] += np.moveaxis(B, 2, 0)
+        rows = [
+            [held.shown([*y.C[v][0], *y.D[v][0]], n, k > 0) for y in outputs] for v in range(count)
+        ]
+        Y.append(np.array(rows, dtype=float))
+    E = np.zeros((count, n + m, driven.shape[-1]))
+    E[:, :first] = driven * scales
+    both = np.broadcast_to
+    return Storing(
+        N, both(E, (len(ends), *E.shape)), np.array(Y), both(F, (len(ends), *F.shape)), ends, first
+    )

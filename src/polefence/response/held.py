@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import Legendre
 
 from polefence.plant.boxes import Box
 from polefence.plant.polynomial import Domain
@@ -14,8 +15,8 @@ from polefence.proof.between import Held
 from polefence.proof.plant import Output
 from polefence.response.between import factor, over_time
 
-# Parts of a phase in which a disturbance is held, so that a gain is nearly that at all times.
-PARTS = 8
+# Polynomials of which a disturbance is made up in each phase of a period.
+POLYNOMIALS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,27 +56,39 @@ class Storing:
         return N, E, Y, F
 
     def lifted(self, alpha: Array, period: float) -> tuple[Array, Array, Array]:
-        """Return E, [C, D] and F of samples whose disturbances are held for parts of a period.
+        """Return E, [C, D] and F of samples whose disturbances are polynomials in each phase.
 
         E w is what they make of the states in a period, over the period. Gains from w to C x + D u
         + F w are at most those at all times, and nearly these.
         """
         loops, count, k = self.at(alpha), len(alpha), self.N.shape[-1]
-        lengths = np.repeat(np.diff([0.0, *self.ends]) / PARTS, PARTS)
-        q = self.E.shape[-1]
-        y = np.zeros((count, k, k + q * len(lengths)))
+        shares, q = np.diff([0.0, *self.ends]), self.E.shape[-1]
+        wide = q * POLYNOMIALS
+        starts, none = np.kron(_legendre(POLYNOMIALS), np.eye(q)), np.zeros((count, k + wide, 1))
+        y = np.zeros((count, k, k + wide * len(shares)))
         y[:, :, :k] = np.eye(k)
-        rows, none = list[Array](), np.zeros((count, k, 1))
-        for j, share in enumerate(lengths):
-            N, E, Y, F = (M[j // PARTS] for M in loops)
-            part = over_time(N, E, Y, F, none, period * share, 0.0, np.ones(k + q))
-            w = np.zeros((count, q, y.shape[-1]))
-            w[:, :, k + q * j : k + q * (j + 1)] = share**-0.5 * np.eye(q)
+        rows = list[Array]()
+        for j, share in enumerate(shares):
+            N, E, Y, F = (M[j] for M in loops)
+            A = np.zeros((count, k + wide, k + wide))
+            A[:, :k, :k], A[:, :k, k : k + q] = N, E
+            A[:, k:-q, k + q :] = np.eye(wide - q) / (period * share)
+            C = np.concatenate([Y, F, np.zeros((*F.shape[:2], wide - q))], axis=2)
+            nothing = A[:, :, :0], C, C[:, :, :0]
+            part = over_time(A, *nothing, none, period * share, 0.0, np.ones(k + wide))
+            w = np.zeros((count, wide, y.shape[-1]))
+            w[:, :, k + wide * j : k + wide * (j + 1)] = share**-0.5 * starts
             both = np.concatenate([y, w], axis=1)
             rows.append(share**0.5 * np.swapaxes(factor(part.M), 1, 2) @ both)
             y = part.F[:, :k] @ both
-        shown = np.concatenate(rows, axis=1)
+        shown: Array = np.asarray(np.linalg.qr(np.concatenate(rows, axis=1), mode="r"))
         return y[:, :, k:] / period, shown[..., :k], shown[..., k:]
+
+
+def _legendre(count: int) -> Array:
+    """Return Legendre's polynomials on [0, 1], of norm one, as values and slopes at 0: columns."""
+    basis = [Legendre.basis(j, domain=[0, 1]) * (2 * j + 1) ** 0.5 for j in range(count)]
+    return np.array([[P.deriv(i)(0.0) if i else P(0.0) for P in basis] for i in range(count)])
 
 
 def storing(

@@ -26,7 +26,9 @@ def largest(G: Any) -> Array:
     """Return the largest singular values of matrices; of one row or column its length."""
     if 1 in G.shape[-2:]:
         return np.asarray(np.sqrt((np.abs(G) ** 2).sum(axis=(-2, -1))))
-    return np.asarray(np.linalg.norm(G, 2, axis=(-2, -1)))
+    H = np.swapaxes(G.conj(), -1, -2)
+    squares = np.linalg.eigvalsh(H @ G if G.shape[-1] < G.shape[-2] else G @ H)[..., -1]
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Array]:

@@ -29,16 +29,19 @@ from polefence.lmi.solve.gramians import (
 )
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.response.discrete import exponential
 from polefence.response.held import Storing
 
 ALONG = 3  # degree in time
+STEPS = 4  # of a stretch; the nodes of a cubic are at 0, 1, 3 and 4 of them
 MOST_STRETCHES = 32  # of a period, or of each phase of it
 # What twice the stretches must leave of what is missed, to be taken.
 FEWER = 0.7
-DOUBLINGS = 60  # of periods; 2^60 are not lived to see
+DOUBLINGS = 30  # of periods; what does not settle in 2^30 never does
 SETTLED = 1e-13  # change of Q that ends them
-HALVINGS = 12  # of the levels between which the least of a point is: to 0.2 %
-LOWEST = 1e-3  # of a level, where that search begins
+HALVINGS = 8  # of the levels between which the least of a point is: to 1.4 %
+LOWEST = 0.03  # of a level, where that search begins
+ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)  # the worst sample: levels that are tried
 SLACK = 1e-9  # of S, by which it may rise at a sample
 TIME = Domain((2,))
 
@@ -79,8 +82,6 @@ def _t(M: Array) -> Array:
 
 def _map(loop: Driven, level: Array, R: Array, time: float) -> Map:
     """Return the map of a time in which N, E, Y and F act."""
-    from scipy.linalg import expm
-
     N, E, Y, F = loop
     k, (p, q) = N.shape[-1], F.shape[-2:]
     inner = np.zeros((*F.shape[:-2], p + q, p + q))
@@ -97,20 +98,33 @@ def _map(loop: Driven, level: Array, R: Array, time: float) -> Map:
         ],
         axis=-2,
     )
-    X = expm(-time * H)
-    inverse = np.linalg.inv(X[..., :k, :k])
+    X = exponential(-time * H)
+    inverse = np.asarray(np.linalg.inv(X[..., :k, :k]))
     theta, gamma = X[..., k:, :k] @ inverse, -inverse @ X[..., :k, k:]
     return Map((theta + _t(theta)) / 2, inverse, (gamma + _t(gamma)) / 2)
 
 
+def power(one: Map, count: int) -> Map:
+    """Return the map of so many times a time."""
+    whole: Map | None = None
+    while count:
+        if count % 2:
+            whole = one if whole is None else one.after(whole)
+        one, count = one.after(one), count // 2
+    if whole is None:
+        raise ValueError("a map of no time")
+    return whole
+
+
 def settled(once: Map) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Return Q = once(Q) at points, and at which there is one."""
-    good: npt.NDArray[np.bool_] = np.ones(len(once.phi), dtype=bool)
-    Q = once.theta
+    good: npt.NDArray[np.bool_] = np.full(len(once.phi), True)
+    Q, eye = once.theta, np.eye(once.phi.shape[-1])
     for _ in range(DOUBLINGS):
-        bad = ~np.isfinite(once.phi).all(axis=(1, 2)) | ~np.isfinite(once.theta).all(axis=(1, 2))
-        inner = np.where(bad[:, None, None], 0.0, once.gamma @ once.theta)
-        good &= ~bad & (np.linalg.eigvals(inner).real.max(axis=1) < 1)
+        both = np.concatenate([once.phi, once.theta], axis=1)
+        finite = np.asarray(np.isfinite(both).all(axis=(1, 2)))
+        inner = np.where(finite[:, None, None], eye - once.gamma @ once.theta, 0.0)
+        good = np.asarray(good & finite & (np.linalg.det(inner) > 0))  # where it has no root yet
         if not good.any():
             break
         calm = Map(
@@ -139,20 +153,29 @@ class StorageSearch:
 
     def least(self, worst: float) -> Dual | None:
         """Return the dual at the first level that has one, above the worst sample."""
-        grown = (self.proving(worst * (1 + above)) for above in (1e-4, 1e-3, 5e-3, 2e-2, 0.1))
-        return next((dual for dual in grown if dual is not None), None)
+        *below, most = ABOVE
+        loosest = self.proving(worst * (1 + most))
+        if loosest is None:
+            return None
+        found = (self.proving(worst * (1 + above)) for above in below)
+        return next((dual for dual in found if dual is not None), loosest)
 
     def proving(self, level: float) -> Dual | None:
-        """Return the dual of a level."""
+        """Return the dual of a level, in as many stretches as are worth it."""
         level *= 1 - ROOM
         least = self._least(level)
         if least is None:
             return None
-        for share in self._shares(level, least):
-            for stretches in self._stretches(level, least, share):
-                dual = self._grown(level, least, share, stretches)
-                if dual is not None:
-                    return dual
+        levels, size, stretches = self._best(least, level), np.inf, 1
+        while stretches <= MOST_STRETCHES:
+            found = self._solved(levels, self._none, stretches)
+            now = np.inf if found is None else self._size(*found, level)
+            if now > FEWER * size:
+                return None
+            dual = None if found is None else self._grown(level, levels, found, stretches)
+            if dual is not None:
+                return dual
+            size, stretches = now, 2 * stretches
         return None
 
     # --- at the nodes of Q -----------------------------------------------------------------------
@@ -192,28 +215,26 @@ class StorageSearch:
         slack : R, that of the storage; and what V falls by before and after a sample
         """
         R, before, after = slack
-        G = self._nodes[-1]
-        phases = self._phases(levels, R)
-        Q, good = self._settled(phases, before, after)
+        G, count = self._nodes[-1], STEPS * stretches
+        phases = self._phases(levels, R, count)
+        Q, good = self._settled([power(one, count) for one in phases], before, after)
         if not good.all():
             return None
-        S, every = _t(G) @ Q @ G + before, list[Array]()
-        for loop, span, one in reversed(phases):
-            for k in reversed(range(stretches)):
-                left = 1 - (k + self._unit[0]) / stretches  # of the phase
-                here = [_map(loop, levels, R, span * x).of(S) if x > 0 else S for x in left]
-                every.append(np.stack(here, axis=1))
-            S = one.of(S)
-        return Q, np.array(every[::-1])
+        every = [_t(G) @ Q @ G + before]
+        for one in reversed(phases):
+            for _ in range(count):
+                every.append(one.of(every[-1]))
+        S = np.array(every[::-1])
+        nodes = STEPS * np.arange(stretches * len(phases))[:, None] + STEPS * self._unit[0]
+        return Q, np.swapaxes(S[np.rint(nodes).astype(int)], 1, 2)
 
-    def _phases(self, levels: Array, R: Array) -> list[tuple[Driven, float, Map]]:
-        """Return what acts in each phase of a period at the nodes, how long, and its map."""
+    def _phases(self, levels: Array, R: Array, count: int) -> list[Map]:
+        """Return the map of one of so many steps of each phase of a period, at the nodes."""
         N, E, Y, F = self._nodes[0]
-        phases = list[tuple[Driven, float, Map]]()
-        for k, span in enumerate(self._spans):
-            loop = N[k], E[k], Y[k], F[k]
-            phases.append((loop, span, _map(loop, levels, R, span)))
-        return phases
+        return [
+            _map((N[k], E[k], Y[k], F[k]), levels, R, span / count)
+            for k, span in enumerate(self._spans)
+        ]
 
     @property
     def _spans(self) -> list[float]:
@@ -221,13 +242,13 @@ class StorageSearch:
         return [float(x) for x in np.diff([0.0, *self.storing.ends]) * self.problem.step]
 
     def _settled(
-        self, phases: list[tuple[Driven, float, Map]], before: Array, after: Array
+        self, phases: list[Map], before: Array, after: Array
     ) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Return Q at the nodes, and at which there is one."""
         _, form, W, G = self._nodes
         shape, eye = (len(W), *before.shape), np.eye(len(before))
         period = Map(np.broadcast_to(before, shape), np.broadcast_to(eye, shape), np.zeros(shape))
-        for *_, one in reversed(phases):
+        for one in reversed(phases):
             period = one.after(period)
         J = form @ np.linalg.inv(W)
         theta = _t(J) @ period.theta @ J + after
@@ -238,11 +259,11 @@ class StorageSearch:
         R, before, after = self._none
         count = len(self._nodes[1])
         high, low = np.full(count, level), np.full(count, level * LOWEST)
-        if not self._settled(self._phases(high, R), before, after)[1].all():
+        if not self._settled(self._phases(high, R, 1), before, after)[1].all():
             return None
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
-            good = self._settled(self._phases(middle, R), before, after)[1]
+            good = self._settled(self._phases(middle, R, 1), before, after)[1]
             low, high = np.where(good, low, middle), np.where(good, middle, high)
         return high
 
@@ -309,20 +330,21 @@ class StorageSearch:
         middle = np.linalg.inv(W.mean(axis=0))
         return before, middle.T @ after @ middle
 
-    def _levels(self, least: Array, level: float, share: float) -> Array:
-        return np.asarray(np.minimum(least * (1 + BARELY), level) ** (1 - share) * level**share)
+    def _best(self, least: Array, level: float) -> Array:
+        """Return levels of the nodes, between the least there and the one that is claimed.
 
-    def _shares(self, level: float, least: Array) -> list[float]:
-        """Return the share of the way to the level with which the least is missed."""
-        sizes = list[float]()
-        for share in SHARES:
-            found = self._solved(self._levels(least, level, share), self._none, 1)
-            sizes.append(np.inf if found is None else self._size(*found, level))
-        return [SHARES[int(np.argmin(sizes))]]
+        Of some shares of the way between, that is taken with which the least is missed.
+        """
+        low = np.minimum(least * (1 + BARELY), level)
+        tried = [low ** (1 - share) * level**share for share in SHARES]
+        found = [self._solved(levels, self._none, 1) for levels in tried]
+        sizes = [np.inf if one is None else self._size(*one, level) for one in found]
+        return np.asarray(tried[int(np.argmin(sizes))])
 
     def _size(self, Q: Array, S: Array, level: float) -> float:
         units = self._units(S)
-        return float(np.trace(majorant(self._missed(Q, S, level)[0] / units / units[:, None])))
+        missed = self._missed(Q, S, level)[0] / units / units[:, None]
+        return float(np.linalg.eigvalsh(missed).max())
 
     @staticmethod
     def _units(S: Array) -> Array:
@@ -330,24 +352,11 @@ class StorageSearch:
         sizes = np.sqrt(np.maximum(np.diagonal(S.mean(axis=(0, 1, 2))), 0.0))
         return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
-    def _stretches(self, level: float, least: Array, share: float) -> list[int]:
-        """Return how many stretches a phase is to have: twice as many while they are worth it."""
-        levels, count, size = self._levels(least, level, share), 1, np.inf
-        while count <= MOST_STRETCHES:
-            found = self._solved(levels, self._none, count)
-            now = np.inf if found is None else self._size(*found, level)
-            if now > FEWER * size:
-                return [count // 2]
-            count, size = 2 * count, now
-        return [MOST_STRETCHES]
-
-    def _grown(self, level: float, least: Array, share: float, stretches: int) -> Dual | None:
+    def _grown(
+        self, level: float, levels: Array, first: tuple[Array, Array], stretches: int
+    ) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""
-        levels, over = self._levels(least, level, share), OVER
-        found = self._solved(levels, self._none, stretches)
-        if found is None:
-            return None
-        units, n = self._units(found[1]), len(found[0][0])
+        units, n, over = self._units(first[1]), len(first[0][0]), OVER
         own = units[:n]
         R, before, after = self._none
         before, after = SLACK * np.diag(units**2), SLACK * np.diag(own**2)

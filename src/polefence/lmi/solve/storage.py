@@ -12,6 +12,7 @@ for what that misses.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,9 +35,10 @@ from polefence.response.held import Storing
 
 ALONG = 3  # degree in time
 STEPS = 4  # of a stretch; the nodes of a cubic are at 0, 1, 3 and 4 of them
-MOST_STRETCHES = 32  # of a period, or of each phase of it
-# What twice the stretches must leave of what is missed, to be taken.
-FEWER = 0.7
+MOST_STRETCHES = 32  # of a period
+# What halved stretches must leave of what is missed, to be taken; those that miss about as much
+# as the one that misses most are halved.
+FEWER, LARGE = 0.7, 0.25
 DOUBLINGS = 30  # of periods; what does not settle in 2^30 never does
 SETTLED = 1e-13  # change of Q that ends them
 HALVINGS = 8  # of the levels between which the least of a point is: to 1.4 %
@@ -74,13 +76,24 @@ class Map:
 
 
 Driven = tuple[Array, Array, Array, Array]  # N, E, Y and F at points
+# Stretches of each phase: how many times it is halved to make one of them.
+Cuts = tuple[tuple[int, ...], ...]
+
+
+def halved(cuts: Cuts, chosen: Sequence[bool]) -> Cuts:
+    """Return the stretches with the chosen ones halved."""
+    which = iter(chosen)
+    return tuple(
+        tuple(k for halvings in cut for k in ((halvings + 1,) * 2 if next(which) else (halvings,)))
+        for cut in cuts
+    )
 
 
 def _t(M: Array) -> Array:
     return np.swapaxes(M, -1, -2)
 
 
-def _map(loop: Driven, level: Array, R: Array, time: float) -> Map:
+def map_of(loop: Driven, level: Array, R: Array, time: float) -> Map:
     """Return the map of a time in which N, E, Y and F act."""
     N, E, Y, F = loop
     k, (p, q) = N.shape[-1], F.shape[-2:]
@@ -166,16 +179,17 @@ class StorageSearch:
         least = self._least(level)
         if least is None:
             return None
-        levels, size, stretches = self._best(least, level), np.inf, 1
-        while stretches <= MOST_STRETCHES:
-            found = self._solved(levels, self._none, stretches)
-            now = np.inf if found is None else self._size(*found, level)
-            if now > FEWER * size:
+        cuts: Cuts = ((0,),) * len(self._spans)
+        most = np.inf
+        while sum(map(len, cuts)) <= MOST_STRETCHES:
+            levels, sizes = self._best(least, level, cuts)
+            if sum(sizes) > FEWER * most:
                 return None
-            dual = None if found is None else self._grown(level, levels, found, stretches)
+            dual = self._grown(level, levels, cuts)
             if dual is not None:
                 return dual
-            size, stretches = now, 2 * stretches
+            most = sum(sizes)
+            cuts = halved(cuts, [size > LARGE * max(sizes) for size in sizes])
         return None
 
     # --- at the nodes of Q -----------------------------------------------------------------------
@@ -206,35 +220,38 @@ class StorageSearch:
         return at, slopes @ np.linalg.inv(values)
 
     def _solved(
-        self, levels: Array, slack: tuple[Array, Array, Array], stretches: int
+        self, levels: Array, slack: tuple[Array, Array, Array], cuts: Cuts
     ) -> tuple[Array, Array] | None:
         """Return Q (count, n, n) and S (stretches, count, times, k, k) at the nodes; None of none.
 
         Parameters
         ----------
-        slack : R, that of the storage; and what V falls by before and after a sample
+        slack : R of the storage in each stretch; and what V falls by before and after a sample
         """
-        R, before, after = slack
-        G, count = self._nodes[-1], STEPS * stretches
-        phases = self._phases(levels, R, count)
-        Q, good = self._settled([power(one, count) for one in phases], before, after)
+        Rs, before, after = slack
+        G = self._nodes[-1]
+        places = self._places(cuts)
+        steps = [
+            self._map(phase, levels, R, time / STEPS)
+            for (phase, time), R in zip(places, Rs, strict=True)
+        ]
+        Q, good = self._settled([power(one, STEPS) for one in steps], before, after)
         if not good.all():
             return None
-        every = [_t(G) @ Q @ G + before]
-        for one in reversed(phases):
-            for _ in range(count):
+        end, S = _t(G) @ Q @ G + before, list[Array]()
+        nodes = np.rint(STEPS * self._unit[0]).astype(int)
+        for one in reversed(steps):
+            every = [end]
+            for _ in range(STEPS):
                 every.append(one.of(every[-1]))
-        S = np.array(every[::-1])
-        nodes = STEPS * np.arange(stretches * len(phases))[:, None] + STEPS * self._unit[0]
-        return Q, np.swapaxes(S[np.rint(nodes).astype(int)], 1, 2)
+            S.append(np.stack([every[STEPS - k] for k in nodes], axis=1))
+            end = every[-1]
+        return Q, np.array(S[::-1])
 
-    def _phases(self, levels: Array, R: Array, count: int) -> list[Map]:
-        """Return the map of one of so many steps of each phase of a period, at the nodes."""
-        N, E, Y, F = self._nodes[0]
-        return [
-            _map((N[k], E[k], Y[k], F[k]), levels, R, span / count)
-            for k, span in enumerate(self._spans)
-        ]
+    def _map(self, phase: int, levels: Array, R: Array, time: float) -> Map:
+        """Return the map of a part of a phase, at the nodes."""
+        N, E, Y, F = (M[phase] for M in self._nodes[0])
+        return map_of((N, E, Y, F), levels, R, time)
 
     @property
     def _spans(self) -> list[float]:
@@ -254,16 +271,21 @@ class StorageSearch:
         theta = _t(J) @ period.theta @ J + after
         return settled(Map(theta, G @ period.phi @ J, G @ period.gamma @ _t(G)))
 
+    def _whole(self, levels: Array) -> list[Map]:
+        """Return the maps of phases without slack."""
+        R = self._none[0]
+        return [self._map(k, levels, R, span) for k, span in enumerate(self._spans)]
+
     def _least(self, level: float) -> Array | None:
         """Return the least levels at the nodes, from above; None where one is above the level."""
-        R, before, after = self._none
+        _, before, after = self._none
         count = len(self._nodes[1])
         high, low = np.full(count, level), np.full(count, level * LOWEST)
-        if not self._settled(self._phases(high, R, 1), before, after)[1].all():
+        if not self._settled(self._whole(high), before, after)[1].all():
             return None
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
-            good = self._settled(self._phases(middle, R, 1), before, after)[1]
+            good = self._settled(self._whole(middle), before, after)[1]
             low, high = np.where(good, low, middle), np.where(good, middle, high)
         return high
 
@@ -275,27 +297,26 @@ class StorageSearch:
 
     # --- between them ----------------------------------------------------------------------------
 
-    def _missed(self, Q: Array, S: Array, level: float) -> tuple[Array, Array, Array]:
+    def _missed(
+        self, Q: Array, S: Array, level: float, cuts: Cuts
+    ) -> tuple[list[Array], Array, Array]:
         """Return how each coefficient violates the inequalities: of storage, before and after."""
         domain, degree = self.problem.domain, self.degree
         Q, S = (
             domain.interpolated(Q, degree),
             np.array([domain.interpolated(one, degree) for one in S]),
         )
-        return self._of_storage(S, level), *self._at_samples(Q, S[-1][:, -1], S[0][:, 0])
+        return self._of_storage(S, level, cuts), *self._at_samples(Q, S[-1][:, -1], S[0][:, 0])
 
-    def _of_storage(self, S: Array, level: float) -> Array:
+    def _of_storage(self, S: Array, level: float, cuts: Cuts) -> list[Array]:
         domain, degree = self.problem.domain, self.degree + 1
         at = domain.nodes(degree)
         loops, basis = self.storing.at(at), domain.basis(at, self.degree)
-        each = len(S) // len(self.storing.ends)
-        missed = list[Array]()
-        for k, one in enumerate(S):
-            N, E, Y, F = (M[k // each][:, None] for M in loops)
+        missed, places = list[Array](), self._places(cuts)
+        for (phase, time), one in zip(places, S, strict=True):
+            N, E, Y, F = (M[phase][:, None] for M in loops)
             here = np.einsum("pc,ctij->ptij", basis, one)
-            slope = np.einsum("st,ptij->psij", self._unit[1], here) * (
-                each / self._spans[k // each]
-            )
+            slope = np.einsum("st,ptij->psij", self._unit[1], here) / time
             SN = here @ N
             inner = self._coefficients(slope + SN + _t(SN), degree)
             border = np.concatenate(
@@ -309,7 +330,7 @@ class StorageSearch:
             supply[..., :q, q:], supply[..., q:, :q] = -_t(F), -F
             inner = inner + border @ np.linalg.inv(supply) @ _t(border)
             missed.append(inner.reshape(-1, *inner.shape[2:]))
-        return np.concatenate(missed)
+        return missed
 
     def _coefficients(self, values: Array, degree: int) -> Array:
         """Return Bernstein coefficients of values at nodes of the box and of time."""
@@ -330,59 +351,78 @@ class StorageSearch:
         middle = np.linalg.inv(W.mean(axis=0))
         return before, middle.T @ after @ middle
 
-    def _best(self, least: Array, level: float) -> Array:
-        """Return levels of the nodes, between the least there and the one that is claimed.
+    def _best(self, least: Array, level: float, cuts: Cuts) -> tuple[Array, list[float]]:
+        """Return levels of the nodes, and how much is missed with them in each stretch.
 
-        Of some shares of the way between, that is taken with which the least is missed.
+        They are between the least there and the one that is claimed: of some shares of the way
+        between, that is taken with which the least is missed.
         """
         low = np.minimum(least * (1 + BARELY), level)
         tried = [low ** (1 - share) * level**share for share in SHARES]
-        found = [self._solved(levels, self._none, 1) for levels in tried]
-        sizes = [np.inf if one is None else self._size(*one, level) for one in found]
-        return np.asarray(tried[int(np.argmin(sizes))])
+        sizes = [self._sizes(levels, level, cuts) for levels in tried]
+        k = int(np.argmin([sum(each) for each in sizes]))
+        return tried[k], sizes[k]
 
-    def _size(self, Q: Array, S: Array, level: float) -> float:
-        units = self._units(S)
-        missed = self._missed(Q, S, level)[0] / units / units[:, None]
-        return float(np.linalg.eigvalsh(missed).max())
+    def _places(self, cuts: Cuts) -> list[tuple[int, float]]:
+        """Return of each stretch the phase in which it is, and its length [s]."""
+        spans = self._spans
+        return [(k, spans[k] / 2**halvings) for k, cut in enumerate(cuts) for halvings in cut]
 
-    @staticmethod
-    def _units(S: Array) -> Array:
+    def _sizes(self, levels: Array, level: float, cuts: Cuts) -> list[float]:
+        """Return how much is missed in each stretch, times its length."""
+        found = self._without(levels, cuts)
+        if found is None:
+            return [np.inf]
+        units, missed = self._units(found[1], cuts), self._missed(*found, level, cuts)[0]
+        times = (time for _, time in self._places(cuts))
+        every = (np.linalg.eigvalsh(M / units / units[:, None]).max() for M in missed)
+        return [max(float(size), 0.0) * time for size, time in zip(every, times, strict=True)]
+
+    def _without(self, levels: Array, cuts: Cuts) -> tuple[Array, Array] | None:
+        """Return Q and S without slack."""
+        R, before, after = self._none
+        return self._solved(levels, (np.array([R] * sum(map(len, cuts))), before, after), cuts)
+
+    def _units(self, S: Array, cuts: Cuts) -> Array:
         """Return the roots of the mean diagonal of S."""
-        sizes = np.sqrt(np.maximum(np.diagonal(S.mean(axis=(0, 1, 2))), 0.0))
+        times = [time for _, time in self._places(cuts)]
+        mean = np.average(S.mean(axis=(1, 2)), axis=0, weights=times)
+        sizes = np.sqrt(np.maximum(np.diagonal(mean), 0.0))
         return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
-    def _grown(
-        self, level: float, levels: Array, first: tuple[Array, Array], stretches: int
-    ) -> Dual | None:
+    def _grown(self, level: float, levels: Array, cuts: Cuts) -> Dual | None:
         """Let R grow until every coefficient is positive; None if it does not end."""
-        units, n, over = self._units(first[1]), len(first[0][0]), OVER
-        own = units[:n]
-        R, before, after = self._none
+        first = self._without(levels, cuts)
+        if first is None:
+            return None
+        units, n, over = self._units(first[1], cuts), len(first[0][0]), OVER
+        own, square = units[:n], units * units[:, None]
+        R = np.zeros((len(first[1]), *square.shape))
         before, after = SLACK * np.diag(units**2), SLACK * np.diag(own**2)
         for _ in range(ROUNDS):
-            found = self._solved(levels, (R, before, after), stretches)
+            found = self._solved(levels, (R, before, after), cuts)
             if found is None:
                 return None
-            stored, late, early = self._missed(*found, level)
-            stored, late = (M / units / units[:, None] for M in (stored, late))
+            stored, late, early = self._missed(*found, level, cuts)
+            stored, late = [M / square for M in stored], late / square
             early = early / own / own[:, None]
-            if max(np.linalg.eigvalsh(M).max() for M in (stored, late, early)) < 0:
-                return self._dual(*found, level)
-            room = ROOM * np.abs(stored).max()
-            R = R + (over * majorant(stored) + room * np.eye(len(units))) * units * units[:, None]
-            before = before + over * majorant(late) * units * units[:, None]
+            if max(np.linalg.eigvalsh(M).max() for M in (*stored, late, early)) < 0:
+                return self._dual(*found, level, cuts)
+            for k, M in enumerate(stored):
+                room = ROOM * np.abs(M).max()
+                R[k] += (over * majorant(M) + room * np.eye(len(units))) * square
+            before = before + over * majorant(late) * square
             after = after + over * majorant(early) * own * own[:, None]
             over *= OVER
         return None
 
-    def _dual(self, Q: Array, S: Array, level: float) -> Dual:
-        domain, degree = self.problem.domain, self.degree
-        each = len(S) // len(self.storing.ends)
-        stretches, begin = list[tuple[float, Array]](), 0.0
-        for k, end in enumerate(self.storing.ends):
-            for j in range(each):
-                one = self._coefficients(S[k * each + j], degree)
-                stretches.append((begin + (end - begin) * (j + 1) / each, one))
+    def _dual(self, Q: Array, S: Array, level: float, cuts: Cuts) -> Dual:
+        domain, degree, begin = self.problem.domain, self.degree, 0.0
+        stretches, of = list[tuple[float, Array]](), iter(S)
+        for end, cut in zip(self.storing.ends, cuts, strict=True):
+            lengths = np.cumsum([0.5**halvings for halvings in cut])
+            for length in lengths:
+                one = self._coefficients(next(of), degree)
+                stretches.append((begin + (end - begin) * float(length), one))
             begin = end
         return Dual(domain.interpolated(Q, degree), degree, level, storage=tuple(stretches))

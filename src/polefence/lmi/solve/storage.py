@@ -12,9 +12,10 @@ for what that misses.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -28,24 +29,23 @@ from polefence.lmi.solve.gramians import (
     SHARES,
     majorant,
 )
-from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
+from polefence.proof.polynomials import monomials_of
 from polefence.response.discrete import exponential
 from polefence.response.held import Storing
 
 ALONG = 3  # degree in time
-STEPS = 4  # of a stretch; the nodes of a cubic are at 0, 1, 3 and 4 of them
+STEPS = 4  # of a stretch
+NODES = (0, 1, 3, 4)  # of those, where S is what it is to be: about Chebyshev's
 MOST_STRETCHES = 32  # of a period
-# What halved stretches must leave of what is missed, to be taken; those that miss about as much
-# as the one that misses most are halved.
-FEWER, LARGE = 0.7, 0.25
+# Stretches are halved that miss at nodes this share of the most that is missed, and more.
+LARGE = 0.25
 DOUBLINGS = 30  # of periods; what does not settle in 2^30 never does
 SETTLED = 1e-13  # change of Q that ends them
 HALVINGS = 8  # of the levels between which the least of a point is: to 1.4 %
 LOWEST = 0.03  # of a level, where that search begins
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)  # the worst sample: levels that are tried
 SLACK = 1e-9  # of S, by which it may rise at a sample
-TIME = Domain((2,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,35 @@ class Map:
             np.asarray(later.phi @ inner @ self.phi),
             (gamma + _t(gamma)) / 2,
         )
+
+
+@cache
+def _powers() -> Array:
+    """Return what takes values at the nodes of time to coefficients of powers."""
+    at = np.array(NODES)[:, None] / STEPS
+    return np.asarray(np.linalg.inv(at ** np.arange(ALONG + 1)), dtype=float)
+
+
+@cache
+def _slopes() -> Array:
+    """Return what takes values at the nodes of time to slopes there."""
+    at, k = np.array(NODES)[:, None] / STEPS, np.arange(ALONG + 1)
+    return np.asarray((k * at ** np.maximum(k - 1, 0)) @ _powers())
+
+
+@cache
+def _bernstein() -> Array:
+    """Return what takes values at the nodes of time to Bernstein coefficients."""
+    count = range(ALONG + 1)
+    shares = [[math.comb(j, k) / math.comb(ALONG, k) for k in count] for j in count]
+    known = np.array(shares) @ _powers()
+    known[[0, -1]] = np.eye(ALONG + 1)[[0, -1]]  # exactly: where one stretch ends the next begins
+    return known[[later for _, later in monomials_of((2,), (ALONG,))]]
+
+
+def along(values: Array) -> Array:
+    """Return Bernstein coefficients in time of values at its nodes, (count, times, ...)."""
+    return np.asarray(np.einsum("st,pt...->ps...", _bernstein(), values))
 
 
 Driven = tuple[Array, Array, Array, Array]  # N, E, Y and F at points
@@ -180,16 +209,17 @@ class StorageSearch:
         if least is None:
             return None
         cuts: Cuts = ((0,),) * len(self._spans)
-        most = np.inf
         while sum(map(len, cuts)) <= MOST_STRETCHES:
-            levels, sizes = self._best(least, level, cuts)
-            if sum(sizes) > FEWER * most:
-                return None
+            levels, most = self._best(least, level, cuts)
             dual = self._grown(level, levels, cuts)
             if dual is not None:
                 return dual
-            most = sum(sizes)
-            cuts = halved(cuts, [size > LARGE * max(sizes) for size in sizes])
+            # what is missed at nodes already is missed along time
+            along = self._sizes(levels, level, cuts, at_nodes=True)
+            chosen = [LARGE * most < size < np.inf for size in along]
+            if not any(chosen):
+                return None
+            cuts = halved(cuts, chosen)
         return None
 
     # --- at the nodes of Q -----------------------------------------------------------------------
@@ -209,15 +239,6 @@ class StorageSearch:
     @cached_property
     def _nodes(self) -> tuple[tuple[Array, Array, Array, Array], Array, Array, Array]:
         return self._loops(self.problem.domain.nodes(self.degree))
-
-    @cached_property
-    def _unit(self) -> tuple[Array, Array]:
-        """Points in time of a stretch, and what takes values there to those of the slope."""
-        at = TIME.nodes(ALONG)[:, 1]
-        powers = np.arange(ALONG + 1)
-        values = at[:, None] ** powers
-        slopes = powers * at[:, None] ** np.maximum(powers - 1, 0)
-        return at, slopes @ np.linalg.inv(values)
 
     def _solved(
         self, levels: Array, slack: tuple[Array, Array, Array], cuts: Cuts
@@ -239,12 +260,11 @@ class StorageSearch:
         if not good.all():
             return None
         end, S = _t(G) @ Q @ G + before, list[Array]()
-        nodes = np.rint(STEPS * self._unit[0]).astype(int)
         for one in reversed(steps):
             every = [end]
             for _ in range(STEPS):
                 every.append(one.of(every[-1]))
-            S.append(np.stack([every[STEPS - k] for k in nodes], axis=1))
+            S.append(np.stack([every[STEPS - k] for k in NODES], axis=1))
             end = every[-1]
         return Q, np.array(S[::-1])
 
@@ -306,37 +326,45 @@ class StorageSearch:
             domain.interpolated(Q, degree),
             np.array([domain.interpolated(one, degree) for one in S]),
         )
-        return self._of_storage(S, level, cuts), *self._at_samples(Q, S[-1][:, -1], S[0][:, 0])
+        return self._of_storage(S, level, cuts, self.degree + 1), *self._at_samples(
+            Q, S[-1][:, -1], S[0][:, 0]
+        )
 
-    def _of_storage(self, S: Array, level: float, cuts: Cuts) -> list[Array]:
-        domain, degree = self.problem.domain, self.degree + 1
+    def _of_storage(
+        self, S: Array, level: float, cuts: Cuts, degree: int | None = None
+    ) -> list[Array]:
+        """Return how coefficients of S in time, and in the parameters, violate the inequality.
+
+        Of no degree S are values at the nodes, and so is what it returns but for time.
+        """
+        domain, at_nodes = self.problem.domain, degree is None
+        degree = self.degree if degree is None else degree
         at = domain.nodes(degree)
-        loops, basis = self.storing.at(at), domain.basis(at, self.degree)
+        loops = self.storing.at(at)
+        basis = np.eye(len(at)) if at_nodes else domain.basis(at, self.degree)
+
+        def coefficients(values: Array) -> Array:
+            values = along(values)
+            return values if at_nodes else domain.interpolated(values, degree)
+
         missed, places = list[Array](), self._places(cuts)
         for (phase, time), one in zip(places, S, strict=True):
             N, E, Y, F = (M[phase][:, None] for M in loops)
             here = np.einsum("pc,ctij->ptij", basis, one)
-            slope = np.einsum("st,ptij->psij", self._unit[1], here) / time
+            slope = np.einsum("st,ptij->psij", _slopes(), here) / time
             SN = here @ N
-            inner = self._coefficients(slope + SN + _t(SN), degree)
+            inner = coefficients(slope + SN + _t(SN))
             border = np.concatenate(
                 [here @ E, np.broadcast_to(_t(Y), (*here.shape[:2], *_t(Y).shape[-2:]))], axis=-1
             )
-            border = self._coefficients(border, degree)
-            q = E.shape[-1]
-            F = domain.interpolated(F[:, 0], degree)[:, None]
+            border, q = coefficients(border), E.shape[-1]
+            F = (F[:, 0] if at_nodes else domain.interpolated(F[:, 0], degree))[:, None]
             supply = np.zeros((*F.shape[:2], border.shape[-1], border.shape[-1]))
             supply[..., range(border.shape[-1]), range(border.shape[-1])] = level
             supply[..., :q, q:], supply[..., q:, :q] = -_t(F), -F
             inner = inner + border @ np.linalg.inv(supply) @ _t(border)
             missed.append(inner.reshape(-1, *inner.shape[2:]))
         return missed
-
-    def _coefficients(self, values: Array, degree: int) -> Array:
-        """Return Bernstein coefficients of values at nodes of the box and of time."""
-        along = np.swapaxes(values, 0, 1)
-        along = np.swapaxes(TIME.interpolated(along, ALONG), 0, 1)
-        return self.problem.domain.interpolated(along, degree)
 
     def _at_samples(self, Q: Array, last: Array, first: Array) -> tuple[Array, Array]:
         """Return the same of S(T) - G'Q G and W'Q W - [W; Z]'S(0) [W; Z]."""
@@ -351,16 +379,16 @@ class StorageSearch:
         middle = np.linalg.inv(W.mean(axis=0))
         return before, middle.T @ after @ middle
 
-    def _best(self, least: Array, level: float, cuts: Cuts) -> tuple[Array, list[float]]:
-        """Return levels of the nodes, and how much is missed with them in each stretch.
+    def _best(self, least: Array, level: float, cuts: Cuts) -> tuple[Array, float]:
+        """Return levels of the nodes, and the most that is missed with them in a stretch.
 
         They are between the least there and the one that is claimed: of some shares of the way
         between, that is taken with which the least is missed.
         """
         low = np.minimum(least * (1 + BARELY), level)
         tried = [low ** (1 - share) * level**share for share in SHARES]
-        sizes = [self._sizes(levels, level, cuts) for levels in tried]
-        k = int(np.argmin([sum(each) for each in sizes]))
+        sizes = [max(self._sizes(levels, level, cuts)) for levels in tried]
+        k = int(np.argmin(sizes))
         return tried[k], sizes[k]
 
     def _places(self, cuts: Cuts) -> list[tuple[int, float]]:
@@ -368,12 +396,18 @@ class StorageSearch:
         spans = self._spans
         return [(k, spans[k] / 2**halvings) for k, cut in enumerate(cuts) for halvings in cut]
 
-    def _sizes(self, levels: Array, level: float, cuts: Cuts) -> list[float]:
+    def _sizes(
+        self, levels: Array, level: float, cuts: Cuts, at_nodes: bool = False
+    ) -> list[float]:
         """Return how much is missed in each stretch, times its length."""
         found = self._without(levels, cuts)
         if found is None:
             return [np.inf]
-        units, missed = self._units(found[1], cuts), self._missed(*found, level, cuts)[0]
+        units = self._units(found[1], cuts)
+        if at_nodes:
+            missed = self._of_storage(found[1], level, cuts)
+        else:
+            missed = self._missed(*found, level, cuts)[0]
         times = (time for _, time in self._places(cuts))
         every = (np.linalg.eigvalsh(M / units / units[:, None]).max() for M in missed)
         return [max(float(size), 0.0) * time for size, time in zip(every, times, strict=True)]
@@ -422,7 +456,7 @@ class StorageSearch:
         for end, cut in zip(self.storing.ends, cuts, strict=True):
             lengths = np.cumsum([0.5**halvings for halvings in cut])
             for length in lengths:
-                one = self._coefficients(next(of), degree)
+                one = domain.interpolated(along(next(of)), degree)
                 stretches.append((begin + (end - begin) * float(length), one))
             begin = end
         return Dual(domain.interpolated(Q, degree), degree, level, storage=tuple(stretches))

@@ -363,6 +363,7 @@ def dual_evidence(dual: Dual) -> Evidence:
             [_rationals((one + one.T) / 2) for S in stretch for one in S],
             dual.degree,
             stretch.shape[1] - 1,
+            dual.inverse,
         )
         for end, stretch in dual.storage
     )

@@ -1,10 +1,17 @@
-"""Storage functions: S(p, t) of [x; u] on parts of a period, polynomials of parameters and time.
+"""Storage functions on parts of a period: polynomials of the parameters and of time.
 
-Between samples the signals of a computer are constant, x' = A x + B u + E w, z = C x + D u + F w.
-With y = [x; u] of the states at a sample and the inputs, y' = N y + E w. A storage function bounds
-what a disturbance can still do: V = y'S y rises by no more than the supply, at any time,
+Between samples x' = A x + B k + E w, z = C x + D k + F w: x are the states that move, k all other
+states, and the inputs. With y = [x; k], y' = N y + E w and z = Y y + F w. A storage function V
+bounds what a disturbance can still do: it rises by no more than the supply,
 
     d/dt V <= g |w|^2 - |z|^2 / g.
+
+It is V = y'R y, or with more matrices that hang on the parameters and on time
+
+    V = (x - c k)'P^-1 (x - c k) + k'R k.
+
+Of a law that is nearly the best V is nearly singular just after a sample: R of the first form is
+then large, P of the second small, and smooth. Where k matters little the first is the better one.
 
 Source: Willems (1972); its form for sampled loops is Sun, Nagpal & Khargonekar (1993).
 """
@@ -26,16 +33,17 @@ MOST_STRETCHES = 64
 
 @dataclass(frozen=True)
 class Stretch(Short):
-    """S on a part of a period, which is the share ``end`` of the period at its end.
+    """R, or [P, c; c', R], on a part of a period, whose share of the period ends at ``end``.
 
-    ``S`` holds Bernstein coefficients of a ``degree`` in the parameters and of ``along`` in time,
-    which varies fastest, in the order of `monomials_of`.
+    The second where ``inverse`` is so. ``form`` holds Bernstein coefficients of a ``degree`` in the parameters and of ``along`` in
+    time, which varies fastest, in the order of `monomials_of`.
     """
 
     end: Fraction
-    S: list[Rationals]
+    form: list[Rationals]
     degree: int
     along: int
+    inverse: bool = False
 
     @classmethod
     def read(cls, table: Table, sizes: Sizes) -> Stretch:
@@ -46,14 +54,14 @@ class Stretch(Short):
         FormatError
             If it is malformed.
         """
-        S, degree = table.matrices("S", None, None), table.whole("degree", None)
+        form, degree = table.matrices("form", None, None), table.whole("degree", None)
         along = table.whole("along", None, least=1)
         wanted = count_of(*cls._shape(sizes, degree, along))
-        if len(S) != wanted:
+        if len(form) != wanted:
             raise FormatError(
-                f"{table.path('S')} holds {len(S)} matrices; its degrees need {wanted}"
+                f"{table.path('form')} holds {len(form)} matrices; its degrees need {wanted}"
             )
-        return cls(table.number("end"), S, degree, along)
+        return cls(table.number("end"), form, degree, along, table.flag("inverse"))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -61,23 +69,23 @@ class Stretch(Short):
             "end": plain(self.end),
             "degree": self.degree,
             "along": self.along,
-            "S": plain(self.S),
-        }
+            "form": plain(self.form),
+        } | ({"inverse": True} if self.inverse else {})
 
     @staticmethod
     def _shape(sizes: Sizes, degree: int, along: int) -> tuple[Sizes, tuple[int, ...]]:
         return (*sizes, 2), (*(degree,) * len(sizes), along)
 
     def polynomial(self, sizes: Sizes) -> Polynomial:
-        """Return S on the box of the parameters, with time from begin to end as one more."""
-        return bernstein(self.S, *self._shape(sizes, self.degree, self.along))
+        """Return it on the box of the parameters, with time from begin to end as one more."""
+        return bernstein(self.form, *self._shape(sizes, self.degree, self.along))
 
     def at(self, sizes: Sizes, end: bool) -> Polynomial:
-        """Return S at its begin or its end, a polynomial of the parameters alone."""
+        """Return it at its begin or its end, a polynomial of the parameters alone."""
         whole = self.polynomial(sizes)
         kept = (0, self.along) if end else (self.along, 0)
         terms = {e[:-2]: M for e, M in whole.terms.items() if e[-2:] == kept}
-        none = [[0] * len(self.S[0])] * len(self.S[0])
+        none = [[0] * len(self.form[0])] * len(self.form[0])
         terms = terms or {next(iter(whole.terms))[:-2]: none}
         return Polynomial(terms, sizes, (self.degree,) * len(sizes), whole.whole)
 
@@ -92,6 +100,8 @@ def require_stretches(stretches: tuple[Stretch, ...], breaks: tuple[Fraction, ..
     """
     if not 1 <= len(stretches) <= MOST_STRETCHES:
         raise FormatError(f"storage: there are 1 to {MOST_STRETCHES} stretches")
+    if len({stretch.inverse for stretch in stretches}) > 1:
+        raise FormatError("storage: all stretches are of one form, inverse or not")
     begin = Fraction(0)
     for stretch in stretches:
         if stretch.end <= begin:

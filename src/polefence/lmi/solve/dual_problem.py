@@ -29,7 +29,8 @@ class Dual:
     """Bernstein coefficients of Q (count, n, n), of a degree, and the level that it proves.
 
     ``cover`` is what a plant with a remainder asks for besides; ``storage`` what Q is between
-    samples: ends of stretches, and coefficients (count, times, k, k) of each.
+    samples: ends of stretches, and coefficients (count, times, k, k) of each; ``inverse`` says of
+    which form these are.
     """
 
     Q: Array
@@ -37,6 +38,7 @@ class Dual:
     level: float
     cover: Cover | None = None
     storage: tuple[tuple[float, Array], ...] = ()
+    inverse: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,20 +1,20 @@
-"""Storage functions of sampled loops in floats: Q at samples, and S between them, of a gain.
+"""Storage functions of sampled loops in floats: Q at samples, and what it is between them.
 
-At a point S is the solution of the Riccati equation of the level, back from the end of a period,
+At a point V = y'S y solves the Riccati equation of the level, back from the end of a period,
 
-    -S' = N'S + S N + [S E, Y'] [g, -F'; -F, g]^-1 [E'S; Y] + R,  S(T) = G'Q G,  Q = J'S(0) J
+    -S' = N'S + S N + [S E, Y'] [g, -F'; -F, g]^-1 [E'S; Y],  S(T) = G'Q G,  Q = J'S(0) J
 
-with J = [I; K]: see `polefence.proof.claims.storage`. Exponentials of its Hamiltonian matrix are
+with J = L W^-1: see `polefence.proof.claims.storage`. Exponentials of its Hamiltonian matrix are
 maps S(T) -> S(0) = theta + phi'S(T) (I - gamma S(T))^-1 phi, of which two make one again: doubling
-gives Q (Anderson, 1978). Between points Q and S are interpolated, S in time too, and R makes up
-for what that misses.
+gives Q (Anderson, 1978). Between points, and in time, S is interpolated, or P = S_xx^-1, c and R,
+and slack makes up for what that misses.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -45,7 +45,7 @@ SETTLED = 1e-13  # change of Q that ends them
 HALVINGS = 8  # of the levels between which the least of a point is: to 1.4 %
 LOWEST = 0.03  # of a level, where that search begins
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)  # the worst sample: levels that are tried
-SLACK = 1e-9  # of S, by which it may rise at a sample
+SLACK = 1e-7  # of V, by which it may fall at a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +122,11 @@ def _t(M: Array) -> Array:
     return np.swapaxes(M, -1, -2)
 
 
-def map_of(loop: Driven, level: Array, R: Array, time: float) -> Map:
-    """Return the map of a time in which N, E, Y and F act."""
+def map_of(loop: Driven, level: Array, slack: Array, time: float, first: int) -> Map:
+    """Return the map of a time in which N, E, Y and F act.
+
+    ``slack`` (k, k) is what moves the ``first`` states, and shows all others, besides.
+    """
     N, E, Y, F = loop
     k, (p, q) = N.shape[-1], F.shape[-2:]
     inner = np.zeros((*F.shape[:-2], p + q, p + q))
@@ -133,10 +136,12 @@ def map_of(loop: Driven, level: Array, R: Array, time: float) -> Map:
     both = np.concatenate([E, np.zeros((*E.shape[:-1], p))], axis=-1)
     shown = np.concatenate([np.zeros((*Y.shape[:-2], q, k)), Y], axis=-2)
     own = N + both @ inner @ shown
+    noise, more = np.zeros((k, k)), np.zeros((k, k))
+    noise[:first, :first], more[first:, first:] = slack[:first, :first], slack[first:, first:]
     H = np.concatenate(
         [
-            np.concatenate([own, both @ inner @ _t(both)], axis=-1),
-            np.concatenate([-(_t(shown) @ inner @ shown + R), -_t(own)], axis=-1),
+            np.concatenate([own, both @ inner @ _t(both) + noise], axis=-1),
+            np.concatenate([-(_t(shown) @ inner @ shown + more), -_t(own)], axis=-1),
         ],
         axis=-2,
     )
@@ -144,6 +149,25 @@ def map_of(loop: Driven, level: Array, R: Array, time: float) -> Map:
     inverse = np.asarray(np.linalg.inv(X[..., :k, :k]))
     theta, gamma = X[..., k:, :k] @ inverse, -inverse @ X[..., :k, k:]
     return Map((theta + _t(theta)) / 2, inverse, (gamma + _t(gamma)) / 2)
+
+
+def form_of(S: Array, first: int) -> Array:
+    """Return [P, c; c', R] of S (..., k, k), or S where none is ``first``."""
+    if not first:
+        return S
+    P = np.linalg.inv(S[..., :first, :first])
+    c = -P @ S[..., :first, first:]
+    R = S[..., first:, first:] + S[..., first:, :first] @ c
+    top = np.concatenate([P, c], axis=-1)
+    form = np.concatenate([top, np.concatenate([_t(c), R], axis=-1)], axis=-2)
+    return np.asarray((form + _t(form)) / 2)
+
+
+def moved(form: Array, first: int) -> Array:
+    """Return T = [P, c; 0, I]: y = T [xi; k] with xi = P^-1 (x - c k)."""
+    T = form.copy()
+    T[..., first:, :] = np.eye(form.shape[-1])[first:]
+    return T
 
 
 def power(one: Map, count: int) -> Map:
@@ -185,6 +209,12 @@ class StorageSearch:
 
     problem: DualProblem
     degree: int
+    inverse: bool = False
+
+    @property
+    def first(self) -> int:
+        """How many of y are in P."""
+        return self.storing.first * self.inverse
 
     @property
     def storing(self) -> Storing:
@@ -203,24 +233,31 @@ class StorageSearch:
         return next((dual for dual in found if dual is not None), loosest)
 
     def proving(self, level: float) -> Dual | None:
-        """Return the dual of a level, in as many stretches as are worth it."""
+        """Return the dual of a level, of either form: inverse where the other misses along time."""
         level *= 1 - ROOM
         least = self._least(level)
         if least is None:
             return None
+        dual, steep = self._of_form(level, least)
+        if dual is None and steep:
+            dual = replace(self, inverse=True)._of_form(level, least)[0]
+        return dual
+
+    def _of_form(self, level: float, least: Array) -> tuple[Dual | None, bool]:
+        """Return the dual in as many stretches as are worth it; else whether more may be."""
         cuts: Cuts = ((0,),) * len(self._spans)
         while sum(map(len, cuts)) <= MOST_STRETCHES:
             levels, most = self._best(least, level, cuts)
             dual = self._grown(level, levels, cuts)
             if dual is not None:
-                return dual
+                return dual, False
             # what is missed at nodes already is missed along time
             along = self._sizes(levels, level, cuts, at_nodes=True)
             chosen = [LARGE * most < size < np.inf for size in along]
             if not any(chosen):
-                return None
+                return None, False
             cuts = halved(cuts, chosen)
-        return None
+        return None, True
 
     # --- at the nodes of Q -----------------------------------------------------------------------
 
@@ -243,18 +280,18 @@ class StorageSearch:
     def _solved(
         self, levels: Array, slack: tuple[Array, Array, Array], cuts: Cuts
     ) -> tuple[Array, Array] | None:
-        """Return Q (count, n, n) and S (stretches, count, times, k, k) at the nodes; None of none.
+        """Return Q (count, n, n) and [P, c; c', R] (stretches, count, times, k, k) at the nodes.
 
         Parameters
         ----------
-        slack : R of the storage in each stretch; and what V falls by before and after a sample
+        slack : of the storage in each stretch; and what V falls by before and after a sample
         """
-        Rs, before, after = slack
+        along, before, after = slack
         G = self._nodes[-1]
         places = self._places(cuts)
         steps = [
-            self._map(phase, levels, R, time / STEPS)
-            for (phase, time), R in zip(places, Rs, strict=True)
+            self._map(phase, levels, own, time / STEPS)
+            for (phase, time), own in zip(places, along, strict=True)
         ]
         Q, good = self._settled([power(one, STEPS) for one in steps], before, after)
         if not good.all():
@@ -266,12 +303,12 @@ class StorageSearch:
                 every.append(one.of(every[-1]))
             S.append(np.stack([every[STEPS - k] for k in NODES], axis=1))
             end = every[-1]
-        return Q, np.array(S[::-1])
+        return Q, form_of(np.array(S[::-1]), self.first)
 
-    def _map(self, phase: int, levels: Array, R: Array, time: float) -> Map:
+    def _map(self, phase: int, levels: Array, slack: Array, time: float) -> Map:
         """Return the map of a part of a phase, at the nodes."""
         N, E, Y, F = (M[phase] for M in self._nodes[0])
-        return map_of((N, E, Y, F), levels, R, time)
+        return map_of((N, E, Y, F), levels, slack, time, self.first)
 
     @property
     def _spans(self) -> list[float]:
@@ -289,12 +326,18 @@ class StorageSearch:
             period = one.after(period)
         J = form @ np.linalg.inv(W)
         theta = _t(J) @ period.theta @ J + after
-        return settled(Map(theta, G @ period.phi @ J, G @ period.gamma @ _t(G)))
+        Q, good = settled(Map(theta, G @ period.phi @ J, G @ period.gamma @ _t(G)))
+        S, first = _t(G) @ Q @ G + before, self.storing.first
+        for one in reversed(phases):  # beyond what is finite one is negative
+            S = one.of(S)
+            moving = np.where(good[:, None, None], S[:, :first, :first], 0.0)
+            good = np.asarray(good & (np.linalg.eigvalsh(moving).min(axis=1) > 0))
+        return Q, good
 
     def _whole(self, levels: Array) -> list[Map]:
         """Return the maps of phases without slack."""
-        R = self._none[0]
-        return [self._map(k, levels, R, span) for k, span in enumerate(self._spans)]
+        none = self._none[0]
+        return [self._map(k, levels, none, span) for k, span in enumerate(self._spans)]
 
     def _least(self, level: float) -> Array | None:
         """Return the least levels at the nodes, from above; None where one is above the level."""
@@ -322,10 +365,8 @@ class StorageSearch:
     ) -> tuple[list[Array], Array, Array]:
         """Return how each coefficient violates the inequalities: of storage, before and after."""
         domain, degree = self.problem.domain, self.degree
-        Q, S = (
-            domain.interpolated(Q, degree),
-            np.array([domain.interpolated(one, degree) for one in S]),
-        )
+        Q = domain.interpolated(Q, degree)
+        S = np.array([domain.interpolated(one, degree) for one in S])
         return self._of_storage(S, level, cuts, self.degree + 1), *self._at_samples(
             Q, S[-1][:, -1], S[0][:, 0]
         )
@@ -348,16 +389,22 @@ class StorageSearch:
             return values if at_nodes else domain.interpolated(values, degree)
 
         missed, places = list[Array](), self._places(cuts)
+        first, q = self.first, loops[1].shape[-1]
         for (phase, time), one in zip(places, S, strict=True):
             N, E, Y, F = (M[phase][:, None] for M in loops)
             here = np.einsum("pc,ctij->ptij", basis, one)
             slope = np.einsum("st,ptij->psij", _slopes(), here) / time
-            SN = here @ N
-            inner = coefficients(slope + SN + _t(SN))
-            border = np.concatenate(
-                [here @ E, np.broadcast_to(_t(Y), (*here.shape[:2], *_t(Y).shape[-2:]))], axis=-1
-            )
-            border, q = coefficients(border), E.shape[-1]
+            if first:
+                slope[..., first:, first:] *= -1
+                T = moved(here, first)
+                NT, driven, shown = N @ T, np.broadcast_to(E, (*T.shape[:-1], q)), Y @ T
+                inner = NT + _t(NT) - slope
+            else:
+                RN, driven = here @ N, here @ E
+                shown = np.broadcast_to(Y, (*here.shape[:2], *Y.shape[-2:]))
+                inner = slope + RN + _t(RN)
+            inner = coefficients(inner)
+            border = coefficients(np.concatenate([driven, _t(shown)], axis=-1))
             F = (F[:, 0] if at_nodes else domain.interpolated(F[:, 0], degree))[:, None]
             supply = np.zeros((*F.shape[:2], border.shape[-1], border.shape[-1]))
             supply[..., range(border.shape[-1]), range(border.shape[-1])] = level
@@ -366,18 +413,37 @@ class StorageSearch:
             missed.append(inner.reshape(-1, *inner.shape[2:]))
         return missed
 
-    def _at_samples(self, Q: Array, last: Array, first: Array) -> tuple[Array, Array]:
-        """Return the same of S(T) - G'Q G and W'Q W - [W; Z]'S(0) [W; Z]."""
-        domain = self.problem.domain
+    def _at_samples(self, Q: Array, last: Array, start: Array) -> tuple[Array, Array]:
+        """Return the same of the inequalities before and after a sample."""
+        first = self.first
+        law, W, G, (Qs, form), interpolated = self._known(2 * self.degree + 1, Q, last)
+        if first:
+            own = form.copy()
+            own[:, :first, first:], own[:, first:, :first] = 0.0, 0.0
+            QGT = interpolated(Qs @ G @ moved(form, first))
+            before = _t(QGT) @ np.linalg.solve(interpolated(Qs), QGT) - interpolated(own)
+        else:
+            before = interpolated(_t(G) @ Qs @ G - form)
         degree = self.degree + 2 * max(1, self.problem.law.degree)
-        at = domain.nodes(degree)
-        basis = domain.basis(at, self.degree)
-        _, form, W, G = self._loops(at)
-        Q, last, first = (np.tensordot(basis, M, 1) for M in (Q, last, first))
-        before = domain.interpolated(_t(G) @ Q @ G - last, degree)
-        after = domain.interpolated(_t(form) @ first @ form - _t(W) @ Q @ W, degree)
+        law, W, G, (Qs, form), interpolated = self._known(degree, Q, start)
+        held = law[:, first:]
+        after = interpolated(_t(held) @ form[:, first:, first:] @ held - _t(W) @ Qs @ W)
+        if first:
+            off = interpolated(law[:, :first] - form[:, :first, first:] @ held)
+            after = after + _t(off) @ np.linalg.solve(interpolated(form[:, :first, :first]), off)
         middle = np.linalg.inv(W.mean(axis=0))
         return before, middle.T @ after @ middle
+
+    def _known(
+        self, degree: int, *known: Array
+    ) -> tuple[Array, Array, Array, list[Array], Callable[[Array], Array]]:
+        """Return L, W, G and values of coefficients at nodes of a degree, and what interpolates."""
+        domain = self.problem.domain
+        nodes = domain.nodes(degree)
+        _, law, W, G = self._loops(nodes)
+        basis = domain.basis(nodes, self.degree)
+        every = [np.tensordot(basis, M, 1) for M in known]
+        return law, W, G, every, lambda M: domain.interpolated(M, degree)
 
     def _best(self, least: Array, level: float, cuts: Cuts) -> tuple[Array, float]:
         """Return levels of the nodes, and the most that is missed with them in a stretch.
@@ -429,24 +495,27 @@ class StorageSearch:
         first = self._without(levels, cuts)
         if first is None:
             return None
-        units, n, over = self._units(first[1], cuts), len(first[0][0]), OVER
-        own, square = units[:n], units * units[:, None]
-        R = np.zeros((len(first[1]), *square.shape))
-        before, after = SLACK * np.diag(units**2), SLACK * np.diag(own**2)
+        units, over, states = self._units(first[1], cuts), OVER, self.first
+        own = np.sqrt(np.diagonal(first[0].mean(axis=0)))
+        square, squares = units * units[:, None], own * own[:, None]
+        back = np.diag(units)
+        if states:  # before a sample V is told of [xi; k]
+            back = units[:, None] * np.linalg.inv(moved(first[1][-1][:, -1].mean(axis=0), states))
+        slack = np.zeros((len(first[1]), *square.shape))
+        before, after = SLACK * back.T @ back, SLACK * np.diag(own**2)
         for _ in range(ROUNDS):
-            found = self._solved(levels, (R, before, after), cuts)
+            found = self._solved(levels, (slack, before, after), cuts)
             if found is None:
                 return None
             stored, late, early = self._missed(*found, level, cuts)
-            stored, late = [M / square for M in stored], late / square
-            early = early / own / own[:, None]
+            stored, late, early = [M / square for M in stored], late / square, early / squares
             if max(np.linalg.eigvalsh(M).max() for M in (*stored, late, early)) < 0:
                 return self._dual(*found, level, cuts)
             for k, M in enumerate(stored):
                 room = ROOM * np.abs(M).max()
-                R[k] += (over * majorant(M) + room * np.eye(len(units))) * square
-            before = before + over * majorant(late) * square
-            after = after + over * majorant(early) * own * own[:, None]
+                slack[k] += (over * majorant(M) + room * np.eye(len(units))) * square
+            before = before + over * back.T @ majorant(late) @ back
+            after = after + over * majorant(early) * squares
             over *= OVER
         return None
 
@@ -459,4 +528,5 @@ class StorageSearch:
                 one = domain.interpolated(along(next(of)), degree)
                 stretches.append((begin + (end - begin) * float(length), one))
             begin = end
-        return Dual(domain.interpolated(Q, degree), degree, level, storage=tuple(stretches))
+        Q = domain.interpolated(Q, degree)
+        return Dual(Q, degree, level, storage=tuple(stretches), inverse=self.inverse)

@@ -65,9 +65,11 @@ class Gain(HeldClaim):
 
     @property
     def largest(self) -> int:
-        """Rows of the lemma."""
-        n = self.subject.n
-        return (2 * n if self.subject.step else n) + self.subject.q + len(self.outputs)
+        """Rows of the lemma, or of the inequalities of a storage function."""
+        n, supply = self.subject.n, self.subject.q + len(self.outputs)
+        if self.held is not None:
+            return n + self.subject.m + max(n, supply)
+        return (2 * n if self.subject.step else n) + supply
 
     def rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return X, and the bounded real lemma."""

@@ -679,7 +679,7 @@ class SignalClaim(Short, Claim):
         families = {
             "W": self.subject.law.W or [],
             "Lyapunov matrix": [X for whole in evidence.per_cell for X in whole.X],
-            "storage": [S for whole in evidence.per_cell for s in whole.storage for S in s.S],
+            "storage": [S for whole in evidence.per_cell for s in whole.storage for S in s.form],
         }
         for name, matrices in families.items():
             for k, matrix in enumerate(matrices):

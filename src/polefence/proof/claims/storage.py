@@ -1,18 +1,24 @@
 """Inequalities of a storage function: what a loop at samples does to a disturbance at all times.
 
-The states x at a sample, of which those of the plant move and others do not, and the inputs u
-are y = [x; u]. Between samples y' = N y + E w, and V = y'S y with S(p, t); at a sample V = x'Q x.
-With a law u = Z W^-1 x (W = I of gains), and x = G y at the next sample, there holds for every p
+Between samples y' = N y + E w and z = Y y + F w, as `polefence.proof.storage` says, and there
+V = y'R y or V = (x - c k)'P^-1 (x - c k) + k'R k; at a sample V = s'Q s of all states s. For every
+p and t, with derivatives by time,
 
-    W'Q W - [W; Z]'S(p, 0) [W; Z] > 0,  S(p, T) - G'Q G > 0,
+    [ -(R' + R N + N'R), -R E, -Y' ; *, g I, -F' ; *, *, g I ] > 0
 
-so that V never rises at a sample, and for every t of the period, with S' by time,
+or, with T = [P, c; 0, I] and [A, B] the rows of N that are not zero, of which there are n,
 
-    [ -(S' + N'S + S N), -S E, -[C, D]' ; *, g I, -F' ; *, *, g I ] > 0:
+    [ [P', c'; *, -R'] - (N T + T'N'), -E, -T'Y' ; *, g I, -F' ; *, *, g I ] > 0:
 
-V rises by less than g |w|^2 - |z|^2 / g. Q is positive definite everywhere if it is at one vertex,
-since without w it falls from sample to sample. No exponential is needed: the plant is that in
-continuous time, and all of this is polynomial in p and t.
+V rises by less than g |w|^2 - |z|^2 / g. A law makes y = L W^-1 s of s, L = [X; K], and s = G y
+at the next sample. For every p
+
+    W'Q W - L'R L > 0    or  [ W'Q W - K'R K, (X - c K)' ; *, P ] > 0    at t = 0,
+    R - G'Q G > 0        or  [ diag(P, R), T'G'Q ; *, Q ] > 0            at t = T:
+
+V never rises at a sample. P is positive definite at first, and later, since P' > A P + P A'. Q is
+positive definite everywhere if it is at one vertex, since without w it falls from sample to sample.
+No exponential is needed: the plant is that in continuous time, and all of this is polynomial.
 """
 
 from __future__ import annotations
@@ -56,7 +62,7 @@ def require_storage(subject: Subject, held: Held | None) -> None:
         if held is not None and item.spread is not None:
             raise FormatError("storage: is of the plant itself, and has no remainder")
         for k, stretch in enumerate(item.storage):
-            require_shapes(stretch.S, len(stretch.S), size, size, f"storage {k + 1}: S")
+            require_shapes(stretch.form, len(stretch.form), size, size, f"storage {k + 1}: form")
 
 
 def least_of_storage(subject: Subject, outputs: int) -> int:
@@ -86,18 +92,17 @@ def rows_of_storage(
     require_stretches(stretches, (1 - held.early,) if held.early else ())
     _require_joined(stretches, sizes)
     Q = bernstein(subject.evidence.X, sizes, subject.evidence.degree)
-    form, arriving = subject.law.form(sizes), _arriving(subject, held)
-    W = form.part(slice(subject.n))
+    first = len(held.A[0]) if stretches[0].inverse else 0
     rows: Rows = {
-        "at a sample": [[W.T * Q * W - form.T * stretches[0].at(sizes, end=False) * form]],
-        "at the next": [[stretches[-1].at(sizes, end=True) - arriving.T * Q * arriving]],
+        "at a sample": _sampled(subject, Q, stretches[0].at(sizes, end=False), first),
+        "at the next": _arrived(subject, held, Q, stretches[-1].at(sizes, end=True), first),
     }
     begin = Fraction(0)
     for k, stretch in enumerate(stretches):
         later = bool(held.early) and begin >= 1 - held.early
         length = (stretch.end - begin) * subject.step
         loop = _loop(subject, outputs, scales, held, later)
-        rows[f"of the storage, stretch {k + 1}"] = _supplied(stretch, length, loop, level, sizes)
+        rows[f"of the storage, stretch {k + 1}"] = _supplied(stretch, length, loop, level, first)
         begin = stretch.end
     return rows
 
@@ -108,6 +113,41 @@ def _require_joined(stretches: Sequence[Stretch], sizes: tuple[int, ...]) -> Non
         end, begin = one.at(sizes, end=True), other.at(sizes, end=False)
         if any(any(map(any, M)) for M in (end - begin).terms.values()):
             raise FormatError(f"storage: stretch {k + 2} begins where stretch {k + 1} ends")
+
+
+def _sampled(subject: Subject, Q: Polynomial, form: Polynomial, first: int) -> Blocks:
+    """Return the blocks that say that what is stored does not rise when the law acts."""
+    law = subject.law.form(subject.sizes)
+    W, moving, rest = law.part(slice(subject.n)), slice(first), slice(first, None)
+    held = law.part(rest)
+    before = W.T * Q * W - held.T * form.part(rest, rest) * held
+    if not first:
+        return [[before]]
+    return [
+        [before, (law.part(moving) - form.part(moving, rest) * held).T],
+        [form.part(moving, moving)],
+    ]
+
+
+def _arrived(subject: Subject, held: Held, Q: Polynomial, form: Polynomial, first: int) -> Blocks:
+    """Return the blocks that say that what is stored does not rise when the next sample comes."""
+    G = _arriving(subject, held)
+    if not first:
+        return [[form - G.T * Q * G]]
+    moving, rest, T = *_chosen(form, first), _turned(form, first)
+    return [[moving * form * moving + rest * form * rest, (Q * G * T).T], [Q]]
+
+
+def _chosen(form: Polynomial, first: int) -> tuple[Polynomial, Polynomial]:
+    """Return what leaves of rows those that move, and what leaves the others."""
+    ones = [Fraction(k < first) for k in range(form.shape[0])]
+    return diagonal(ones, form.sizes), diagonal([1 - x for x in ones], form.sizes)
+
+
+def _turned(form: Polynomial, first: int) -> Polynomial:
+    """Return T = [P, c; 0, I]."""
+    moving, rest = _chosen(form, first)
+    return moving * form + rest
 
 
 def _arriving(subject: Subject, held: Held) -> Polynomial:
@@ -123,6 +163,7 @@ def _arriving(subject: Subject, held: Held) -> Polynomial:
     return eye + below(none, moved)
 
 
+Blocks = list[list[Polynomial]]
 _Loop = tuple[Polynomial, Polynomial, Polynomial, Polynomial]  # N, E, [C, D] and F
 
 
@@ -171,17 +212,22 @@ def _wide(P: Polynomial) -> Polynomial:
 
 
 def _supplied(
-    stretch: Stretch, length: Fraction, loop: _Loop, level: Fraction, sizes: tuple[int, ...]
-) -> list[list[Polynomial]]:
+    stretch: Stretch, length: Fraction, loop: _Loop, level: Fraction, first: int
+) -> Blocks:
     """Return the blocks that say that what is stored rises by less than the supply."""
     N, E, Y, F = loop
-    S = stretch.polynomial(sizes)
-    last = sum(sizes)
-    moved = (S.derivative(last + 1) - S.derivative(last)).times(1 / length)
-    SN, wide = S * N, S.sizes
+    form, last = stretch.polynomial(N.sizes[:-1]), sum(N.sizes[:-1])
+    slope = (form.derivative(last + 1) - form.derivative(last)).times(1 / length)
+    if first:
+        rest, T = _chosen(form, first)[1], _turned(form, first)
+        NT, Y = N * T, Y * T
+        inner = slope - (rest * slope * rest).times(2) - (NT + NT.T)
+    else:
+        RN = form * N
+        inner, E = -(slope + RN + RN.T), form * E
     q, p = E.shape[1], Y.shape[0]
     return [
-        [-(moved + SN + SN.T), (S * E).times(-1), Y.T.times(-1)],
-        [diagonal([level] * q, wide), F.T.times(-1)],
-        [diagonal([level] * p, wide)],
+        [inner, -E, -Y.T],
+        [diagonal([level] * q, form.sizes), -F.T],
+        [diagonal([level] * p, form.sizes)],
     ]

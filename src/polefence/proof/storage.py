@@ -33,10 +33,10 @@ MOST_STRETCHES = 64
 
 @dataclass(frozen=True)
 class Stretch(Short):
-    """R, or [P, c; c', R], on a part of a period, whose share of the period ends at ``end``.
+    """R, or [P, c; c', R], on a part of a period that ends at the share ``end`` of the period.
 
-    The second where ``inverse`` is so. ``form`` holds Bernstein coefficients of a ``degree`` in the parameters and of ``along`` in
-    time, which varies fastest, in the order of `monomials_of`.
+    The second where ``inverse`` is so. ``form`` holds Bernstein coefficients of a ``degree`` in the
+    parameters and of ``along`` in time, which varies fastest, in the order of `monomials_of`.
     """
 
     end: Fraction

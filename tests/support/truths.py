@@ -274,7 +274,13 @@ def false_signal(plant, law, claim):
         if kind != "gain" and np.any(through) and not filters:
             return True
         if "held" in claim:
-            if between(plant, claim, alpha, K, (mix(alpha, C), mix(alpha, D)), scales) > level:
+            rows = mix(alpha, C), mix(alpha, D)
+            own = (
+                gain_between(plant, claim, alpha, K, rows, through, scales)
+                if kind == "gain"
+                else between(plant, claim, alpha, K, rows, scales)
+            )
+            if own > level:
                 return True
             continue
         for A, B, E in plant.near(alpha):
@@ -326,6 +332,33 @@ def between(plant, claim, alpha, K, rows, scales):
             P[: len(A), : len(A)] += added
         worst = max(worst, float(np.sqrt(total / (plant.T * sum(order)))))
     return worst
+
+
+def gain_between(plant, claim, alpha, K, rows, through, scales, parts=8):
+    """The largest gain from w that is held in each of so many parts of a phase; inf if unstable."""
+    held, (C, D) = claim["held"], rows
+    A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
+    (n, m), q = B.shape, E.shape[1]
+    one, other, _ = plant.at(alpha)
+    phases, width = phases_of(held, B.shape, C, D, K, 1.0), len(one)
+    x = np.eye(n, width + q * parts * len(phases))
+    shown, begun = [], width
+    for length, C, stays, acting in phases:
+        step = length * plant.T / parts
+        half = expm(np.block([[A, B, E * scales], [np.zeros((m + q, n + m + q))]]) * step / 2)[:n]
+        for _ in range(parts):
+            w, known = np.zeros((q, x.shape[1])), np.zeros((width, x.shape[1]))
+            w[:, begun : begun + q], known[:, :width] = np.eye(q) / step**0.5, np.eye(width)
+            begun += q
+            for k, weight in enumerate((1, 4, 1)):  # Simpson's rule
+                shown.append((weight * step / 6) ** 0.5 * (C @ x + stays @ known + through @ w))
+                x = half @ np.vstack([x, acting @ known, w]) if k < 2 else x
+    whole, moved = one + other @ K, np.zeros((width, x.shape[1]))
+    whole[:n], moved[:n], z = x[:, :width], x, np.vstack(shown)
+    if np.abs(np.linalg.eigvals(whole)).max() > 1 - 1e-9:
+        return np.inf
+    circle = np.exp(1j * np.linspace(0, np.pi, 60))
+    return _largest(whole, moved[:, width:], z[:, :width], z[:, width:], circle)
 
 
 def phases_of(held, shape, C, D, K, length):

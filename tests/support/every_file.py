@@ -110,7 +110,7 @@ FILES = (
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
-    "earlier/sampled.json", "half/design.json",
+    "earlier/sampled.json", "half/design.json", "clock/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -176,6 +176,10 @@ HALF = [
     "verify", "both.toml", "--gain", "[[-3, 0]]", "--region", "disk(0, 1)", "--sample-time", "0.1",
     "--delay", "0.5",
 ]  # fmt: skip
+CLOCK = [
+    "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "disk(0, 1)", "--sample-time",
+    "0.05", "--jitter", "0.1", "--limit", "rms of x <= 5 with density 1",
+]  # fmt: skip
 MOVING = [
     "optimise", "moving.toml", "--limit", "rms of u <= 50 with density 1",
     "--limit", "energy peak of v <= 20 with norm 1", "--limit", "gain of v <= 10",
@@ -228,6 +232,7 @@ def write_every_file(made: Path) -> None:
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         [*LATE, "-o", "late"],
+        [*CLOCK, "-o", "clock"],
         [*MOVING, "-o", "moving"],
         [*HALF, "-o", "half"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],

@@ -299,23 +299,14 @@ def between(plant, claim, alpha, K, rows, scales):
     """The largest rms at all times, for periods all alike, or in a few orders; inf if unstable."""
     held, (C, D) = claim["held"], rows
     A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
-    clock = held.get("clock")
-    ends = [number(clock["least"]), number(clock["most"])] if clock else [1.0]
-    orders = [[end] for end in ends]
-    if clock:
-        orders += [ends, list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
     size, worst = number(claim.get("intensity", 1)), 0.0
     one, other, _ = plant.at(alpha)
-    for order in orders:
+    for order in orders_of(plant, held):
         known = [
             period(A, B, E * scales * size**0.5, phases_of(held, B.shape, C, D, K, end), plant.T)
             for end in order
         ]
-        steps = []
-        for moved, *_ in known:
-            whole = one + other @ K
-            whole[: len(A)] = moved
-            steps.append(whole)
+        steps = [over(moved, one + other @ K) for moved, *_ in known]
         through = np.eye(len(one))
         for whole in steps:
             through = whole @ through
@@ -332,6 +323,41 @@ def between(plant, claim, alpha, K, rows, scales):
             P[: len(A), : len(A)] += added
         worst = max(worst, float(np.sqrt(total / (plant.T * sum(order)))))
     return worst
+
+
+def orders_of(plant, held):
+    """Lengths of periods that repeat."""
+    clock = held.get("clock")
+    if not clock:
+        return [[1.0]]
+    ends = [number(clock["least"]), number(clock["most"])]
+    some = [list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
+    return [[end] for end in ends] + [ends, *some]
+
+
+def over(moved, whole):
+    """What a period makes of all states at a sample."""
+    whole[: len(moved)] = moved
+    return whole
+
+
+def false_clocked(plant, law, claim):
+    """Whether periods in some order leave more of the states than a decay rate says."""
+    held, level = claim["held"], number(claim["level"])
+    for alpha in plant.alphas(domain_of(claim, law)):
+        A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
+        (one, other, _), K = plant.at(alpha), law.gain(alpha)
+        none = np.zeros((1, len(one))), np.zeros((1, other.shape[1]))
+        for order in orders_of(plant, held):
+            through = np.eye(len(one))
+            for end in order:
+                phases = phases_of(held, B.shape, *none, K, end)
+                moved = period(A, B, E, phases, plant.T)[0]
+                through = over(moved, one + other @ K) @ through
+            rate = -np.log(np.abs(np.linalg.eigvals(through)).max()) / (plant.T * sum(order))
+            if rate < level * (1 - SLACK):
+                return True
+    return False
 
 
 def gain_between(plant, claim, alpha, K, rows, through, scales, parts=8):
@@ -870,6 +896,7 @@ FALSE = {
     "gain error": false_gain,
     "error of each gain": false_each_gain,
     "rate": false_rate,
+    "decay": false_clocked,
     "sampled": false_sampled,
     "samples": false_samples,
     "rounding": false_rounding,

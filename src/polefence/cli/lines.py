@@ -60,7 +60,10 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
             f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"
         ]
     weighted = any(any(one.filters) for one in asked)
-    which = "rms without weight" if weighted else "rms"
+    kinds = dict.fromkeys(one.kind for one in always)
+    which = " and ".join(
+        f"{kind} without weight" if weighted and kind == "rms" else kind for kind in kinds
+    )
     if sampling.clock is None:
         return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
     ends = (plant.sample_time * end for end in (sampling.clock.least, sampling.clock.most))

@@ -53,7 +53,7 @@ class Gain(Specification):
 
     def held(self, plant: UncertainPlant) -> Held | None:
         """Return what is held between samples, where the gain is that at all times."""
-        held = held_of(plant)
+        held = held_of(plant, self.outputs(plant))
         return None if held is None or held.clock is not None else held
 
     def _storing(self, plant: UncertainPlant, held: Held) -> Storing:

@@ -149,14 +149,10 @@ class Rms(Specification):
         return conditions.noise(name, domain, E, self.density / 2, degree)
 
     def held(self, plant: UncertainPlant) -> Held | None:
-        """Return what is held between samples, where the rms is that at all times.
-
-        What comes out of a filter is known at samples alone.
-        """
-        held = held_of(plant) if self.at_all_times and not any(self.filters) else None
-        if held is None or not all(held.moves(y.exact(plant)[0]) for y in self.outputs(plant)):
+        """Return what is held between samples, where the rms is that at all times."""
+        if not self.at_all_times or any(self.filters):
             return None
-        return held
+        return held_of(plant, self.outputs(plant))
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

@@ -12,6 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output as PlantOutput
 from polefence.plant.system import Array
 from polefence.proof.between import Held
 from polefence.proof.matrices import Rationals
@@ -44,12 +45,18 @@ class Means:
     moved: Array
 
 
-def held_of(plant: UncertainPlant) -> Held | None:
-    """Return what is held between samples; None of a plant that is no samples, or on no box."""
+def held_of(plant: UncertainPlant, outputs: Sequence[PlantOutput] = ()) -> Held | None:
+    """Return what is held between samples; None of a plant that is no samples, or on no box.
+
+    What comes out of a filter is known at samples alone: there is none of such outputs either.
+    """
     sampling = plant.sampling
     if sampling is None or not (plant.parameters or len(plant.vertices) == 1):
         return None
-    return sampling.held
+    held = sampling.held
+    if held is None or not all(held.moves(y.exact(plant)[0]) for y in outputs):
+        return None
+    return held
 
 
 def means(

@@ -52,9 +52,16 @@ class Gain(Specification):
         return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
 
     def held(self, plant: UncertainPlant) -> Held | None:
-        """Return what is held between samples, where the gain is that at all times."""
+        """Return what is held between samples, where the gain is that at all times.
+
+        That is where no clock is, and what a computer keeps changes by what it computes alone.
+        """
         held = held_of(plant, self.outputs(plant))
-        return None if held is None or held.clock is not None else held
+        if held is None or held.clock is not None:
+            return None
+        first = len(held.A[0])
+        kept = (M[first:] for v in plant.vertices for M in (v.A[:, :first], v.E) if M is not None)
+        return None if any(map(np.any, kept)) else held
 
     def _storing(self, plant: UncertainPlant, held: Held) -> Storing:
         _, _, F = stacked(plant, self.outputs(plant))

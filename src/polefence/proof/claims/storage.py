@@ -107,11 +107,15 @@ def rows_of_storage(
     return rows
 
 
+def _is_zero(P: Polynomial) -> bool:
+    return not any(any(map(any, M)) for M in P.terms.values())
+
+
 def _require_joined(stretches: Sequence[Stretch], sizes: tuple[int, ...]) -> None:
     """Refuse stretches of which one begins at another S than the one before ends."""
     for k, (one, other) in enumerate(pairwise(stretches)):
         end, begin = one.at(sizes, end=True), other.at(sizes, end=False)
-        if any(any(map(any, M)) for M in (end - begin).terms.values()):
+        if not _is_zero(end - begin):
             raise FormatError(f"storage: stretch {k + 2} begins where stretch {k + 1} ends")
 
 
@@ -159,6 +163,10 @@ def _arriving(subject: Subject, held: Held) -> Polynomial:
     if subject.remainder is not None and any(map(any, subject.remainder.entries[first:])):
         raise FormatError("storage: what is held between samples has no remainder")
     moved = subject.plant_form.part(slice(first, None)).times(subject.step)
+    driven = subject.driving((), sizes).part(slice(first, None))
+    # these hang on the sample, and y at the end of the period is no more what it was then
+    if not (_is_zero(moved.part(slice(None), slice(first))) and _is_zero(driven)):
+        raise FormatError("storage: what is held between samples changes by inputs alone")
     none = constant([[ZERO] * (n + m) for _ in range(first)], sizes)
     return eye + below(none, moved)
 

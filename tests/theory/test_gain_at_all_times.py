@@ -62,6 +62,23 @@ def test_a_bound_is_no_less_than_the_truth_and_near_it(proved):
     assert "at all times, with inputs held for 20 ms" in bound.claim.time_text
 
 
+@pytest.mark.parametrize("late", LATE.values(), ids=LATE)
+def test_outputs_that_show_inputs_show_those_that_act(late):
+    shown = '[outputs]\n"acceleration [m/s2]" = {C = ["-k/m", "-2/m"], D = ["1/m"]}\n'
+    spring, asked = loads(SPRING + shown), Gain("acceleration")
+    K = np.hstack([LAW, [[-0.2]]]) if late else LAW
+    plant = at_sample_time(spring, T, late)
+    found = asked.values(plant, FixedGain(K), np.eye(4))
+    for alpha, value_ in zip(np.eye(4), found, strict=True):
+        A, B, E = mixed(spring, alpha)
+        own = gain((A, B, E), (A[1:], B[1:]), K, float(T), float(late), parts=32, points=2000)
+        assert own <= value_ * (1 + 1e-5)
+        assert value_ <= own * 1.002
+    if late == Fraction(1, 2):
+        bound = best_bound(plant, FixedGain(K), asked)
+        assert found.max() <= bound.level <= found.max() * 1.01
+
+
 def test_less_than_the_truth_is_never_proved(proved):
     spring, K, late, bound = proved
     level = Fraction(truth(spring, K, late, np.eye(4)) * 0.999)

@@ -21,20 +21,15 @@ import numpy as np
 import numpy.typing as npt
 
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
-from polefence.lmi.solve.gramians import (
-    BARELY,
-    OVER,
-    ROOM,
-    ROUNDS,
-    SHARES,
-    majorant,
-)
+from polefence.lmi.solve.gramians import BARELY, OVER, ROOM, ROUNDS, SHARES, majorant
 from polefence.plant.system import Array
 from polefence.proof.polynomials import monomials_of
 from polefence.response.discrete import exponential
 from polefence.response.held import Storing
 
-ALONG = 3  # degree in time
+# Degree in time. Within 0.1 % a van's gain takes 14,080 inequalities and 19 s; 64,680 and 51 s with
+# 2, 12,360 and 13 s with 4, 14,448 and 14 s with 5. A spring's at 20 ms: 5,024, 6,684, 5,440, 6,672.
+ALONG = 3
 STEPS = 4  # of a stretch
 NODES = (0, 1, 3, 4)  # of those, where S is what it is to be: about Chebyshev's
 MOST_STRETCHES = 32  # of a period
@@ -42,7 +37,8 @@ MOST_STRETCHES = 32  # of a period
 LARGE = 0.25
 DOUBLINGS = 30  # of periods; what does not settle in 2^30 never does
 SETTLED = 1e-13  # change of Q that ends them
-HALVINGS = 8  # of the levels between which the least of a point is: to 1.4 %
+# Of the levels between which the least of a point is, to 1.4 %; with 11 and 13 parts are no fewer.
+HALVINGS = 8
 LOWEST = 0.03  # of a level, where that search begins
 ABOVE = (1e-4, 1e-3, 5e-3, 2e-2, 0.1)  # the worst sample: levels that are tried
 SLACK = 1e-7  # of V, by which it may fall at a sample

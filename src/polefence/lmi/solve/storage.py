@@ -28,7 +28,7 @@ from polefence.response.discrete import exponential
 from polefence.response.held import Storing
 
 # Degree in time. Within 0.1 % a van's gain takes 14,080 inequalities and 19 s; 64,680 and 51 s with
-# 2, 12,360 and 13 s with 4, 14,448 and 14 s with 5. A spring's at 20 ms: 5,024, 6,684, 5,440, 6,672.
+# 2, 12,360 and 13 s with 4, 14,448 and 14 s with 5. A spring at 20 ms: 5,024, 6,684, 5,440, 6,672.
 ALONG = 3
 STEPS = 4  # of a stretch
 NODES = (0, 1, 3, 4)  # of those, where S is what it is to be: about Chebyshev's

@@ -287,11 +287,11 @@ class _Question:
             parts = in_parts(self.problem, level, known=self.known_parts)
         if parts is None:
             return None
-        pieces = (
+        pieces = tuple(
             Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), dual_evidence(p.dual))
             for p in parts
         )
-        return self.proved(Evidence([], dual=True, cells=tuple(pieces)), level)
+        return self.proved(Evidence([], dual=pieces[0].evidence.dual, cells=pieces), level)
 
 
 def _by_transfer(question: _Question) -> Iterator[Bound]:
@@ -368,7 +368,7 @@ def dual_evidence(dual: Dual) -> Evidence:
         for end, stretch in dual.storage
     )
     Q = [_rationals(Q) for Q in dual.Q]
-    return Evidence(Q, dual.degree, dual=True, spread=spread, storage=storage)
+    return Evidence(Q, dual.degree, dual=not dual.reached, spread=spread, storage=storage)
 
 
 def known_bound(
@@ -402,7 +402,7 @@ def _least_square(
     plant: UncertainPlant, law: Law, specification: Specification, evidence: Evidence
 ) -> Fraction | None:
     """Return what the square of a level must exceed, where evidence proves all else or nothing."""
-    if not evidence.dual:
+    if not (evidence.dual or evidence.storage):
         return None
     on = law.domain_of(plant).on
     with suppress(FormatError), counted():
@@ -594,7 +594,7 @@ def _proved(
     on = law.domain_of(plant).on
     if plant.remainder is not None and specification.of_signal:
         try:
-            if not evidence.dual:
+            if not (evidence.dual or evidence.per_cell[0].storage):
                 cut, wide = specification.cut_off(plant), behind(plant, law, specification)
                 spread = spread_of(wide.plant, wide.law, evidence, cut=cut)
                 evidence = replace(evidence, spread=spread)

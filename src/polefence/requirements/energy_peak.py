@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,13 +13,22 @@ from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.dual_problem import DualProblem
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.requirements.slopes import Channel, Loops, Slopes, of_noise
+from polefence.proof.between import Held
+from polefence.requirements.slopes import Channel, Loops, Slopes, of_largest, of_noise
 from polefence.requirements.specification import Row, Specification, is_number
+from polefence.response.between import factor, held_evenly
+from polefence.response.closed import close
+from polefence.response.modes import Modes
 from polefence.response.stationary import stationary
+
+# Times of a period, or of each part of one in which the same inputs act, at which a peak is looked
+# for: while a law is searched for, and where one is printed.
+SEARCHED, PRINTED = 6, 24
 
 
 @dataclass(frozen=True)
@@ -35,6 +44,7 @@ class EnergyPeak(Specification):
     norm: float = 1.0
     kind = "energy peak"
     keys = ("norm", "disturbances")
+    at_all_times: ClassVar[bool] = True  # of samples: between them too
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -57,9 +67,20 @@ class EnergyPeak(Specification):
         """The norm: X of its claim is of disturbances of norm one."""
         return self.norm
 
+    def held(self, plant: UncertainPlant) -> Held | None:
+        """Return what is held between samples, where the peak is that at all times."""
+        return held_evenly(plant) if self.at_all_times else None
+
+    def has_primal(self, plant: UncertainPlant) -> bool:
+        """Not of what goes on between samples: the search for what is reached solves no LMI."""
+        return self.held(plant) is None
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
-        """Return the closed loops of the dual form."""
-        return self._dual(plant, law, self.norm)
+        """Return the closed loops of the dual form, or those between samples."""
+        problem, held = self._dual(plant, law, self.norm), self.held(plant)
+        if held is None:
+            return problem
+        return replace(problem, storing=self._storing(plant, held, self.norm))
 
     def claim(
         self,
@@ -68,9 +89,9 @@ class EnergyPeak(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the peak."""
-        scales = tuple(map(Fraction, self.scales(plant)))
-        outputs = self.exact_outputs(plant)
-        return proof.EnergyPeak(subject, outputs, level, Fraction(self.norm), scales=scales)
+        scales, norm = tuple(map(Fraction, self.scales(plant))), Fraction(self.norm)
+        outputs, held = self.exact_outputs(plant), self.held(plant)
+        return proof.EnergyPeak(subject, outputs, level, norm, scales=scales, held=held)
 
     def condition(
         self, plant: UncertainPlant, domain: Domain, unit: float | None = None
@@ -80,16 +101,54 @@ class EnergyPeak(Specification):
         return source, replace(output, C=self.norm * output.C, D=self.norm * output.D)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
-        """Return the norm times the root of c P c', P the controllability Gramian."""
+        """Return the norm times the root of c P c', P the controllability Gramian.
+
+        Between samples the largest of it at times of a period.
+        """
+        held = self.held(plant)
+        if held is None:
+            return self._of_samples(plant, law, alpha)
+        stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
+        channel, closed = self._between(plant, held, alpha, PRINTED), close(plant, law, alpha)
+        A = channel.A + channel.B @ closed.K
+        loops = channel.closed(closed.K, Modes(A, closed.step))
+        CX = loops.C @ loops.covariance
+        squares = ((CX * loops.C).sum(axis=2) + loops.more).max(axis=1)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+    def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
+        """Return the peak at samples of held disturbances; else None."""
+        return None if self.held(plant) is None else self._of_samples(plant, law, alpha)
+
+    def _of_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         psd = 2 * self.norm**2 * self.squares(plant)
         response = stationary(plant, law, alpha, psd, self.outputs(plant))
         return np.array(response.rms[:, 0])
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return it with disturbances of unit norm."""
+        """Return it with disturbances of unit norm; between samples with the signal at times."""
+        held = self.held(plant)
+        if held is not None:
+            return self._between(plant, held, alpha, SEARCHED)
         channel = super().channel(plant, alpha)
         return replace(channel, E=self.norm * channel.E)
 
+    def _between(self, plant: UncertainPlant, held: Held, alpha: Array, times: int) -> Channel:
+        """Return the channel whose signals are the one at so many times of each part of a period."""
+        plant = delta_form(plant)
+        channel, n, T = super().channel(plant, alpha), plant.shape[0], float(plant.period)
+        storing = self._storing(plant, held, self.norm)
+        period = storing.moved(alpha, T, times)
+        AB, first = np.concatenate([channel.A, channel.B], axis=2), storing.first
+        G = np.concatenate([np.broadcast_to(np.eye(n), channel.A.shape), 0 * channel.B], axis=2)
+        G[:, first:] += T * AB[:, first:]
+        phi = period.phi - np.eye(len(period.phi[0]))
+        AB[:, :first] = (G @ phi)[:, :first] / T
+        E = factor(G @ period.noise @ np.swapaxes(G, 1, 2)) / T**0.5
+        C, F = period.rows, np.zeros((len(alpha), period.rows.shape[1], n))
+        A, B = AB[..., :n], AB[..., n:]
+        return Channel(A, B, E, C[..., :n], C[..., n:], F, more=period.more)
+
     def slopes(self, loops: Loops) -> Slopes:
-        """Return the peak with its slopes."""
-        return of_noise(loops)
+        """Return the peak with its slopes, at the times of a period that are worst."""
+        return of_largest(loops) if np.ndim(loops.more) else of_noise(loops)

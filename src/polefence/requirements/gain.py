@@ -20,10 +20,9 @@ from polefence.proof import claims as proof
 from polefence.proof.between import Held
 from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.requirements.specification import Specification
-from polefence.response.between import held_of
+from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
-from polefence.response.held import Storing, storing
 from polefence.response.modes import Modes
 from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
@@ -52,22 +51,8 @@ class Gain(Specification):
         return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
 
     def held(self, plant: UncertainPlant) -> Held | None:
-        """Return what is held between samples, where the gain is that at all times.
-
-        That is where no clock is, and what a computer keeps changes by what it computes alone.
-        """
-        held = held_of(plant, self.outputs(plant))
-        if held is None or held.clock is not None:
-            return None
-        first = len(held.A[0])
-        kept = (M[first:] for v in plant.vertices for M in (v.A[:, :first], v.E) if M is not None)
-        return None if any(map(np.any, kept)) else held
-
-    def _storing(self, plant: UncertainPlant, held: Held) -> Storing:
-        _, _, F = stacked(plant, self.outputs(plant))
-        scales = np.array(self.scales(plant) or [1.0] * len(held.E[0][0]))
-        through = np.asarray(self.scaled(plant, F))
-        return storing(held, self.exact_outputs(plant), through, scales, plant.shape)
+        """Return what is held between samples, where the gain is that at all times."""
+        return held_evenly(plant, self.outputs(plant))
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

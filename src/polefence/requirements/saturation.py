@@ -41,6 +41,12 @@ from polefence.response.closed import close
 LEVELS = 10  # parts of an interval of limits at which a loop is simulated, divided again and again
 
 
+class _AtSamples(EnergyPeak):
+    """The peak of an input: it changes at samples alone, and is bounded for held disturbances."""
+
+    at_all_times = False
+
+
 @dataclass(frozen=True)
 class Saturation(InitialPeak):
     """The least limit of an input, or of its rate, at which the loop still comes to rest.
@@ -186,7 +192,7 @@ class Saturation(InitialPeak):
             for signal, unit in zip(self.entries, units, strict=True)
         ]
         if self.norm:
-            return tuple(EnergyPeak(y, most, norm=self.norm, **common) for y, most in pairs)
+            return tuple(_AtSamples(y, most, norm=self.norm, **common) for y, most in pairs)
         common |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
         return tuple(InitialPeak(y, most, **common) for y, most in pairs)
 

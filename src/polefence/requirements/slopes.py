@@ -15,6 +15,7 @@ from polefence.response.modes import Modes
 # Of the cost of periods in a random order, what a centre may cost more than the least: 0.25 % of
 # an rms.
 GAP = 5e-3
+ALIKE = 0.9  # of the largest at a point: peaks in time whose slopes are asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Channel:
     filters : int
         How many of the states, the last ones, are those of filters: no gain is of them.
     more : (count,) array or zero
-        What no law changes of the square of what is measured.
+        What no law changes of the square of what is measured; of the largest of rows (count, p).
     length : float
         Of a period, in sample times: A and B are then of samples so far apart.
     beside : tuple of Channel
@@ -169,6 +170,32 @@ def of_noise(loops: Loops) -> Slopes:
         return [(Q @ moved / size, CX / size)]
 
     return Slopes(values, np.arange(len(values)), turned)
+
+
+def of_largest(loops: Loops) -> Slopes:
+    """Return roots of c X c' + more, X as `of_noise` has it, of the rows c that are times in turn.
+
+    Those that are largest among their neighbours, and nearly so of all at the point.
+    """
+    X, C = loops.covariance, loops.C
+    CX = C @ X
+    every = np.sqrt(np.maximum((CX * C).sum(axis=2) + loops.more, 0.0))
+    beside = np.pad(every, ((0, 0), (1, 1)), constant_values=-1.0)
+    chosen = (every > beside[:, :-2]) & (every >= beside[:, 2:])
+    points, which = np.nonzero(chosen & (every >= ALIKE * every.max(axis=1, keepdims=True)))
+    values = every[points, which]
+
+    def turned() -> list[tuple[Array, Array]]:
+        modes = Modes(loops.A[points], loops.modes.step)
+        c, cX = C[points, which], CX[points, which]
+        size = np.where(values > 0, values, 1.0)[:, None]
+        moved = X[points] + modes.step * modes.A @ X[points]
+        dA = modes.observed(c[:, :, None] * c[:, None]) @ moved / size[:, :, None]
+        dC = np.zeros((len(points), *C.shape[1:]))
+        dC[np.arange(len(points)), which] = cX / size
+        return [(dA, dC)]
+
+    return Slopes(values, points, turned)
 
 
 def _in_any_order(loops: Loops) -> Slopes:

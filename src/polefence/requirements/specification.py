@@ -27,12 +27,14 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof import laws
+from polefence.proof.between import Held
 from polefence.proof.claims.signal import MAX_ENTRIES
 from polefence.proof.laws import Evidence, inner_points
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
 from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.response.held import Storing, storing
 from polefence.response.weighting import Weighting
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
@@ -350,6 +352,13 @@ class Specification(Short):
         C, D, F = stacked(plant, self.outputs(plant))
         E = size * self.entering(plant)
         return DualProblem(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
+
+    def _storing(self, plant: UncertainPlant, held: Held, size: float = 1.0) -> Storing:
+        """Return the plant between samples, whose disturbances are so many times as large."""
+        _, _, F = stacked(plant, self.outputs(plant))
+        scales = size * np.array(self.scales(plant) or [1.0] * len(held.E[0][0]))
+        through = np.asarray(self.scaled(plant, F))
+        return storing(held, self.exact_outputs(plant), through, scales, plant.shape)
 
     def exact_outputs(self, plant: UncertainPlant) -> tuple[proof.Output, ...]:
         """Return the signal, or the entries of a vector, in exact rationals.

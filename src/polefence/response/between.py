@@ -59,6 +59,22 @@ def held_of(plant: UncertainPlant, outputs: Sequence[PlantOutput] = ()) -> Held 
     return held
 
 
+def held_evenly(plant: UncertainPlant, outputs: Sequence[PlantOutput] = ()) -> Held | None:
+    """Return what is held between samples that come at a perfect clock; else None.
+
+    None too where states that are held take samples of those that move, or of a disturbance: an
+    integral of a PID does.
+    """
+    held = held_of(plant, outputs)
+    if held is None or held.clock is not None:
+        return None
+    first = len(held.A[0])
+    for v in plant.vertices:
+        if v.A[first:, :first].any() or (v.E is not None and v.E[first:].any()):
+            return None
+    return held
+
+
 def means(
     plant: UncertainPlant,
     held: Held,

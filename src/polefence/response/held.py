@@ -85,6 +85,44 @@ class Storing:
         shown: Array = np.asarray(np.linalg.qr(np.concatenate(rows, axis=1), mode="r"))
         return y[:, :, k:] / period, shown[..., :k], shown[..., k:]
 
+    def moved(self, alpha: Array, period: float, times: int) -> Moved:
+        """Return what is at so many times of each phase, and at its begin."""
+        loops, count, k = self.at(alpha), len(alpha), self.N.shape[-1]
+        phi, noise = np.broadcast_to(np.eye(k), (count, k, k)), np.zeros((count, k, k))
+        rows, more = list[Array](), list[Array]()
+        nothing = np.zeros((count, 0, k))
+        for j, share in enumerate(np.diff([0.0, *self.ends])):
+            N, E, Y = (M[j] for M in loops[:3])
+            time = period * share / times
+            part = over_time(N, N[:, :, :0], nothing, nothing[:, :, :0], E, time, 1.0, np.ones(k))
+            for i in range(times + 1):
+                if i:
+                    phi = part.F @ phi
+                    noise = part.F @ noise @ np.swapaxes(part.F, 1, 2) + time * part.V
+                rows.append(Y @ phi)
+                more.append(((Y @ noise) * Y).sum(axis=2))
+        return Moved(phi, noise, np.concatenate(rows, axis=1), np.concatenate(more, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What a period makes of y = [x; u], under noise of intensity one.
+
+    Attributes
+    ----------
+    phi, noise : (count, k, k) arrays
+        Of the whole period: what is made of y, and a covariance that is added.
+    rows : (count, times, k) array
+        z at times in it, of y at its begin.
+    more : (count, times) array
+        What noise adds to the variance of z.
+    """
+
+    phi: Array
+    noise: Array
+    rows: Array
+    more: Array
+
 
 def _legendre(count: int) -> Array:
     """Return Legendre's polynomials on [0, 1], of norm one, as values and slopes at 0: columns."""

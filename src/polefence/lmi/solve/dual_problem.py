@@ -30,7 +30,7 @@ class Dual:
 
     ``cover`` is what a plant with a remainder asks for besides; ``storage`` what Q is between
     samples: ends of stretches, and coefficients (count, times, k, k) of each; ``inverse`` says of
-    which form these are.
+    which form these are. ``reached``: Q is no dual one, but X of what is reached at samples.
     """
 
     Q: Array
@@ -39,6 +39,7 @@ class Dual:
     cover: Cover | None = None
     storage: tuple[tuple[float, Array], ...] = ()
     inverse: bool = False
+    reached: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +195,7 @@ class DualProblem:
     means : OverPeriod, optional
         Of what is bounded between samples too; C, D, E and F then tell only of the samples.
     storing : Storing, optional
-        Of a gain that is bounded between samples too; the same holds.
+        Of a gain, or a peak, that is bounded between samples too; the same holds.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """

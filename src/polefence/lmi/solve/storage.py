@@ -79,7 +79,7 @@ def _powers() -> Array:
 
 
 @cache
-def _slopes() -> Array:
+def slopes() -> Array:
     """Return what takes values at the nodes of time to slopes there."""
     at, k = np.array(NODES)[:, None] / STEPS, np.arange(ALONG + 1)
     return np.asarray((k * at ** np.maximum(k - 1, 0)) @ _powers())
@@ -200,17 +200,11 @@ def settled(once: Map) -> tuple[Array, npt.NDArray[np.bool_]]:
 
 
 @dataclass(frozen=True, eq=False)
-class StorageSearch:
-    """The search for R at one degree of Q and S in the parameters."""
+class PeriodSearch:
+    """What searches on stretches of a period share: a problem, and a degree in the parameters."""
 
     problem: DualProblem
     degree: int
-    inverse: bool = False
-
-    @property
-    def first(self) -> int:
-        """How many of y are in P."""
-        return self.storing.first * self.inverse
 
     @property
     def storing(self) -> Storing:
@@ -218,6 +212,65 @@ class StorageSearch:
         if self.problem.storing is None:
             raise np.linalg.LinAlgError("nothing is held between samples")
         return self.problem.storing
+
+    def _loops(self, alpha: Array) -> tuple[tuple[Array, Array, Array, Array], Array, Array, Array]:
+        """Return N, E, Y and F of all phases, J = [W; Z], W and G at points."""
+        problem, storing = self.problem, self.storing
+        at = alpha if problem.box is None else problem.box.alpha(problem.domain, alpha)
+        A, B = problem.plant.at(at)
+        n, m = problem.plant.shape
+        form = problem.form(alpha)
+        G = np.zeros((len(alpha), n, n + m))
+        G[:, :, :n] = np.eye(n)
+        G[:, storing.first :] += problem.step * np.concatenate([A, B], axis=2)[:, storing.first :]
+        return storing.at(alpha), form, form[:, :n], G
+
+    @cached_property
+    def _nodes(self) -> tuple[tuple[Array, Array, Array, Array], Array, Array, Array]:
+        return self._loops(self.problem.domain.nodes(self.degree))
+
+    @property
+    def _spans(self) -> list[float]:
+        """Lengths of the phases [s]."""
+        return [float(x) for x in np.diff([0.0, *self.storing.ends]) * self.problem.step]
+
+    def _places(self, cuts: Cuts) -> list[tuple[int, float]]:
+        """Return of each stretch the phase in which it is, and its length [s]."""
+        spans = self._spans
+        return [(k, spans[k] / 2**halvings) for k, cut in enumerate(cuts) for halvings in cut]
+
+    def _stretches(self, values: Array, cuts: Cuts) -> tuple[tuple[float, Array], ...]:
+        """Return ends of stretches, and coefficients of what has these values at their nodes."""
+        stretches, of, begin = list[tuple[float, Array]](), iter(values), 0.0
+        for end, cut in zip(self.storing.ends, cuts, strict=True):
+            for length in np.cumsum([0.5**halvings for halvings in cut]):
+                one = self.problem.domain.interpolated(along(next(of)), self.degree)
+                stretches.append((begin + (end - begin) * float(length), one))
+            begin = end
+        return tuple(stretches)
+
+    def _known(
+        self, degree: int, *known: Array
+    ) -> tuple[Array, Array, Array, list[Array], Callable[[Array], Array]]:
+        """Return L, W, G and values of coefficients at nodes of a degree, and what interpolates."""
+        domain = self.problem.domain
+        nodes = domain.nodes(degree)
+        _, law, W, G = self._loops(nodes)
+        basis = domain.basis(nodes, self.degree)
+        every = [np.tensordot(basis, M, 1) for M in known]
+        return law, W, G, every, lambda M: domain.interpolated(M, degree)
+
+
+@dataclass(frozen=True, eq=False)
+class StorageSearch(PeriodSearch):
+    """The search for R at one degree of Q and S in the parameters."""
+
+    inverse: bool = False
+
+    @property
+    def first(self) -> int:
+        """How many of y are in P."""
+        return self.storing.first * self.inverse
 
     def least(self, worst: float) -> Dual | None:
         """Return the dual at the first level that has one, above the worst sample."""
@@ -257,22 +310,6 @@ class StorageSearch:
 
     # --- at the nodes of Q -----------------------------------------------------------------------
 
-    def _loops(self, alpha: Array) -> tuple[tuple[Array, Array, Array, Array], Array, Array, Array]:
-        """Return N, E, Y and F of all phases, J = [W; Z], W and G at points."""
-        problem, storing = self.problem, self.storing
-        at = alpha if problem.box is None else problem.box.alpha(problem.domain, alpha)
-        A, B = problem.plant.at(at)
-        n, m = problem.plant.shape
-        form = problem.form(alpha)
-        G = np.zeros((len(alpha), n, n + m))
-        G[:, :, :n] = np.eye(n)
-        G[:, storing.first :] += problem.step * np.concatenate([A, B], axis=2)[:, storing.first :]
-        return storing.at(alpha), form, form[:, :n], G
-
-    @cached_property
-    def _nodes(self) -> tuple[tuple[Array, Array, Array, Array], Array, Array, Array]:
-        return self._loops(self.problem.domain.nodes(self.degree))
-
     def _solved(
         self, levels: Array, slack: tuple[Array, Array, Array], cuts: Cuts
     ) -> tuple[Array, Array] | None:
@@ -305,11 +342,6 @@ class StorageSearch:
         """Return the map of a part of a phase, at the nodes."""
         N, E, Y, F = (M[phase] for M in self._nodes[0])
         return map_of((N, E, Y, F), levels, slack, time, self.first)
-
-    @property
-    def _spans(self) -> list[float]:
-        """Lengths of the phases [s]."""
-        return [float(x) for x in np.diff([0.0, *self.storing.ends]) * self.problem.step]
 
     def _settled(
         self, phases: list[Map], before: Array, after: Array
@@ -389,7 +421,7 @@ class StorageSearch:
         for (phase, time), one in zip(places, S, strict=True):
             N, E, Y, F = (M[phase][:, None] for M in loops)
             here = np.einsum("pc,ctij->ptij", basis, one)
-            slope = np.einsum("st,ptij->psij", _slopes(), here) / time
+            slope = np.einsum("st,ptij->psij", slopes(), here) / time
             if first:
                 slope[..., first:, first:] *= -1
                 T = moved(here, first)
@@ -430,17 +462,6 @@ class StorageSearch:
         middle = np.linalg.inv(W.mean(axis=0))
         return before, middle.T @ after @ middle
 
-    def _known(
-        self, degree: int, *known: Array
-    ) -> tuple[Array, Array, Array, list[Array], Callable[[Array], Array]]:
-        """Return L, W, G and values of coefficients at nodes of a degree, and what interpolates."""
-        domain = self.problem.domain
-        nodes = domain.nodes(degree)
-        _, law, W, G = self._loops(nodes)
-        basis = domain.basis(nodes, self.degree)
-        every = [np.tensordot(basis, M, 1) for M in known]
-        return law, W, G, every, lambda M: domain.interpolated(M, degree)
-
     def _best(self, least: Array, level: float, cuts: Cuts) -> tuple[Array, float]:
         """Return levels of the nodes, and the most that is missed with them in a stretch.
 
@@ -452,11 +473,6 @@ class StorageSearch:
         sizes = [max(self._sizes(levels, level, cuts)) for levels in tried]
         k = int(np.argmin(sizes))
         return tried[k], sizes[k]
-
-    def _places(self, cuts: Cuts) -> list[tuple[int, float]]:
-        """Return of each stretch the phase in which it is, and its length [s]."""
-        spans = self._spans
-        return [(k, spans[k] / 2**halvings) for k, cut in enumerate(cuts) for halvings in cut]
 
     def _sizes(
         self, levels: Array, level: float, cuts: Cuts, at_nodes: bool = False
@@ -516,13 +532,6 @@ class StorageSearch:
         return None
 
     def _dual(self, Q: Array, S: Array, level: float, cuts: Cuts) -> Dual:
-        domain, degree, begin = self.problem.domain, self.degree, 0.0
-        stretches, of = list[tuple[float, Array]](), iter(S)
-        for end, cut in zip(self.storing.ends, cuts, strict=True):
-            lengths = np.cumsum([0.5**halvings for halvings in cut])
-            for length in lengths:
-                one = domain.interpolated(along(next(of)), degree)
-                stretches.append((begin + (end - begin) * float(length), one))
-            begin = end
-        Q = domain.interpolated(Q, degree)
-        return Dual(Q, degree, level, storage=tuple(stretches), inverse=self.inverse)
+        Q = self.problem.domain.interpolated(Q, self.degree)
+        storage = self._stretches(S, cuts)
+        return Dual(Q, self.degree, level, storage=storage, inverse=self.inverse)

@@ -56,7 +56,9 @@ class Gain(HeldClaim):
     @property
     def more_work(self) -> int:
         """Of a storage function, the least that it takes."""
-        return 0 if self.held is None else least_of_storage(self.subject, len(self.outputs))
+        if self.held is None:
+            return 0
+        return least_of_storage(self.subject, self.subject.q + len(self.outputs))
 
     @property
     def least_degree(self) -> int:

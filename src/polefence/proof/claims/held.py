@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from polefence.proof.between import Held
 from polefence.proof.claims.base import Claim
@@ -19,6 +19,8 @@ from polefence.proof.work import FormatError
 @dataclass(frozen=True)
 class HeldClaim(SignalClaim):
     """A bound at samples; with ``held``, of which the plant is the samples, at all times."""
+
+    needs_dual: ClassVar[bool] = True  # with what is held: the form of its evidence
 
     held: Held | None = field(default=None, kw_only=True)
 
@@ -44,7 +46,7 @@ class HeldClaim(SignalClaim):
         self.held.require(len(subject.A), subject.n, subject.m, subject.q, subject.sizes)
         if not subject.step or self.filters:
             raise FormatError("held: belongs to a sampled plant, and a signal without filters")
-        if not (evidence.dual or evidence.cells):
+        if self.needs_dual and not (evidence.dual or evidence.cells):
             raise FormatError("held: what goes on between samples needs the dual form")
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:

@@ -423,7 +423,7 @@ class SignalClaim(Short, Claim):
         return {"of the remainder": spread.bounding(spread.moving(self.subject.lifted))}
 
     def dual_rows(self) -> Rows:
-        """Return the blocks of the dual form, Q > 0 aside.
+        """Return the blocks of the dual form, Q > 0 aside, or those of what is held.
 
         They imply Q A + A'Q + step A'Q A < 0 on all of a connected domain. Q is positive definite
         everywhere if it is at one vertex, that of its first coefficient: where it first had a null
@@ -742,8 +742,9 @@ class SignalClaim(Short, Claim):
 
     def _of_loop(self) -> Iterator[Inequality]:
         evidence, sizes = self.subject.evidence, self.subject.sizes
-        if evidence.dual:
-            Q = {"of Q at vertex 1": [[constant(evidence.X[0], sizes)]]}
+        if evidence.dual or evidence.storage:
+            letter = "Q" if evidence.dual else "X"
+            Q = {f"of {letter} at vertex 1": [[constant(evidence.X[0], sizes)]]}
             for name, blocks in (Q | self.dual_rows()).items():
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return

@@ -1,5 +1,7 @@
 """Inequalities of a storage function: what a loop at samples does to a disturbance at all times.
 
+How far disturbances take it is in `polefence.proof.claims.reached`.
+
 Between samples y' = N y + E w and z = Y y + F w, as `polefence.proof.storage` says, and there
 V = y'R y or V = (x - c k)'P^-1 (x - c k) + k'R k; at a sample V = s'Q s of all states s. For every
 p and t, with derivatives by time,
@@ -55,7 +57,7 @@ def require_storage(subject: Subject, held: Held | None) -> None:
     """
     evidence, size = subject.evidence, subject.n + subject.m
     if held is not None and held.clock is not None:
-        raise FormatError("held: with a clock there is no bound on the gain at all times")
+        raise FormatError("held: with a clock there is no bound at all times of this kind")
     for item in evidence.per_cell:
         if bool(item.storage) != (held is not None):
             raise FormatError("storage: belongs to a bound at all times, and to each of its parts")
@@ -65,9 +67,12 @@ def require_storage(subject: Subject, held: Held | None) -> None:
             require_shapes(stretch.form, len(stretch.form), size, size, f"storage {k + 1}: form")
 
 
-def least_of_storage(subject: Subject, outputs: int) -> int:
-    """Return the least that it takes to prove the inequalities of all stretches."""
-    rows = subject.n + subject.m + subject.q + outputs
+def least_of_storage(subject: Subject, more: int) -> int:
+    """Return the least that it takes to prove inequalities of all stretches, of so many more rows.
+
+    More than those of [x; k].
+    """
+    rows = subject.n + subject.m + more
     degrees = ((s.degree + 1, s.along) for s in subject.evidence.storage)
     sizes = (*subject.sizes, 2)
     counts = (count_of(sizes, (*(d,) * len(subject.sizes), along)) for d, along in degrees)
@@ -90,7 +95,7 @@ def rows_of_storage(
     """
     stretches, sizes = subject.evidence.storage, subject.sizes
     require_stretches(stretches, (1 - held.early,) if held.early else ())
-    _require_joined(stretches, sizes)
+    require_joined(stretches, sizes)
     Q = bernstein(subject.evidence.X, sizes, subject.evidence.degree)
     first = len(held.A[0]) if stretches[0].inverse else 0
     rows: Rows = {
@@ -101,7 +106,7 @@ def rows_of_storage(
     for k, stretch in enumerate(stretches):
         later = bool(held.early) and begin >= 1 - held.early
         length = (stretch.end - begin) * subject.step
-        loop = _loop(subject, outputs, scales, held, later)
+        loop = loop_of(subject, outputs, scales, held, later)
         rows[f"of the storage, stretch {k + 1}"] = _supplied(stretch, length, loop, level, first)
         begin = stretch.end
     return rows
@@ -111,7 +116,7 @@ def _is_zero(P: Polynomial) -> bool:
     return not any(any(map(any, M)) for M in P.terms.values())
 
 
-def _require_joined(stretches: Sequence[Stretch], sizes: tuple[int, ...]) -> None:
+def require_joined(stretches: Sequence[Stretch], sizes: tuple[int, ...]) -> None:
     """Refuse stretches of which one begins at another S than the one before ends."""
     for k, (one, other) in enumerate(pairwise(stretches)):
         end, begin = one.at(sizes, end=True), other.at(sizes, end=False)
@@ -135,7 +140,7 @@ def _sampled(subject: Subject, Q: Polynomial, form: Polynomial, first: int) -> B
 
 def _arrived(subject: Subject, held: Held, Q: Polynomial, form: Polynomial, first: int) -> Blocks:
     """Return the blocks that say that what is stored does not rise when the next sample comes."""
-    G = _arriving(subject, held)
+    G = arriving(subject, held)
     if not first:
         return [[form - G.T * Q * G]]
     moving, rest, T = *_chosen(form, first), _turned(form, first)
@@ -154,8 +159,15 @@ def _turned(form: Polynomial, first: int) -> Polynomial:
     return moving * form + rest
 
 
-def _arriving(subject: Subject, held: Held) -> Polynomial:
-    """Return G: the states at the next sample of [x; u] when the period ends."""
+def arriving(subject: Subject, held: Held) -> Polynomial:
+    """Return G: the states at the next sample of [x; u] when the period ends.
+
+    Raises
+    ------
+    FormatError
+        If what moves between samples, or a disturbance, is sampled into the others: what either was
+        at the last sample is not known when the period ends.
+    """
     n, m, first, sizes = subject.n, subject.m, len(held.A[0]), subject.sizes
     eye = constant(identity(n + m)[:n], sizes)
     if n == first:
@@ -172,16 +184,16 @@ def _arriving(subject: Subject, held: Held) -> Polynomial:
 
 
 Blocks = list[list[Polynomial]]
-_Loop = tuple[Polynomial, Polynomial, Polynomial, Polynomial]  # N, E, [C, D] and F
+DrivenLoop = tuple[Polynomial, Polynomial, Polynomial, Polynomial]  # N, E, [C, D] and F
 
 
-def _loop(
+def loop_of(
     subject: Subject,
     outputs: Sequence[Output],
     scales: Sequence[Fraction],
     held: Held,
     later: bool,
-) -> _Loop:
+) -> DrivenLoop:
     """Return the plant with held inputs, those of the next sample where they act already."""
     n, m, sizes, q = subject.n, subject.m, subject.sizes, subject.q
     acting = held.acting(n, later)
@@ -220,7 +232,7 @@ def _wide(P: Polynomial) -> Polynomial:
 
 
 def _supplied(
-    stretch: Stretch, length: Fraction, loop: _Loop, level: Fraction, first: int
+    stretch: Stretch, length: Fraction, loop: DrivenLoop, level: Fraction, first: int
 ) -> Blocks:
     """Return the blocks that say that what is stored rises by less than the supply."""
     N, E, Y, F = loop

@@ -1,0 +1,110 @@
+"""Inequalities of what disturbances of bounded energy reach: a signal's peak at all times.
+
+Between samples y' = N y + E w and z = Y y with y = [x; k], as `polefence.proof.storage` says. What
+is reached from rest, if int |w|^2 <= e^2, is y'P^-1 y <= 1, with P on stretches of a period, and
+s'X^-1 s <= 1 of all states s at samples. For every p and t, with derivatives by time,
+
+    P' - (N P + P N') - e^2 E E' > 0    and    g^2 - Y P Y' > 0:
+
+y'P^-1 y rises by less than |w|^2 / e^2, and |z| < g where it is no more than 1. A law makes
+y = J W^-1 s of s, J = [W; Z] or [I; K], and s = G y at the next sample. With X = W Q W', W symmetric,
+
+    P - J Q J' > 0    at t = 0,    and    W Q W' - G P G' > 0    at t = T:
+
+it never rises at a sample. P > 0 follows: it is so at t = 0 where Q is not negative, and later since
+P' > N P + P N'. Q is positive definite everywhere if it is at one vertex: where it first had a null
+vector, W would be regular, for W Q W' > G P G', and X > M X M' with M of a period that moves X
+would have a null vector on the left and nothing negative on the right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+from polefence.proof.between import Held
+from polefence.proof.claims.signal import Rows, Subject
+from polefence.proof.claims.storage import DrivenLoop, arriving, loop_of, require_joined
+from polefence.proof.plant import Output
+from polefence.proof.polynomials import Polynomial, Sizes, bernstein, number
+from polefence.proof.storage import Stretch, require_stretches
+from polefence.proof.work import FormatError
+
+
+class Stretched(NamedTuple):
+    """A stretch, its length [s], and the loop in it."""
+
+    stretch: Stretch
+    length: Fraction
+    loop: DrivenLoop
+
+
+def require_reached(subject: Subject, held: Held | None) -> None:
+    """Refuse evidence that is not of the form of what is reached.
+
+    Raises
+    ------
+    FormatError
+        Saying what is not.
+    """
+    evidence = subject.evidence
+    if held is None:
+        return
+    if subject.motion:
+        raise FormatError("held: a peak at all times is proved for constant parameters only")
+    for item in evidence.per_cell:
+        if item.dual or not item.X or item.multiple or item.pieces or item.held:
+            raise FormatError("held: a peak at all times needs X and a storage function, no more")
+        if any(stretch.inverse for stretch in item.storage):
+            raise FormatError("storage: what is reached has no inverse form")
+
+
+def stretched(
+    subject: Subject, outputs: Sequence[Output], scales: Sequence[Fraction], held: Held
+) -> list[Stretched]:
+    """Return the stretches of a period, each with its loop.
+
+    Raises
+    ------
+    FormatError
+        If they do not make up the period, or do not follow on one another.
+    """
+    stretches, begin, found = subject.evidence.storage, Fraction(0), list[Stretched]()
+    require_stretches(stretches, (1 - held.early,) if held.early else ())
+    require_joined(stretches, subject.sizes)
+    for stretch in stretches:
+        later = bool(held.early) and begin >= 1 - held.early
+        loop = loop_of(subject, outputs, scales, held, later)
+        found.append(Stretched(stretch, (stretch.end - begin) * subject.step, loop))
+        begin = stretch.end
+    return found
+
+
+def rows_of_reached(
+    subject: Subject, held: Held, parts: Sequence[Stretched], square: Fraction, energy: Fraction
+) -> Rows:
+    """Return the blocks that bound a peak at all times, given squares of the level and the norm."""
+    sizes = subject.sizes
+    Q = bernstein(subject.evidence.X, sizes, subject.evidence.degree)
+    law, G = subject.law.form(sizes), arriving(subject, held)
+    W = law.part(slice(subject.n))
+    first, last = parts[0].stretch.at(sizes, end=False), parts[-1].stretch.at(sizes, end=True)
+    rows: Rows = {
+        "at a sample": [[first - (law * Q) * law.T]],
+        "at the next": [[(W * Q) * W.T - (G * last) * G.T]],
+    }
+    shown = outputs_of(sizes, parts)
+    for k, (stretch, length, (N, E, _, _)) in enumerate(parts):
+        form, end = stretch.polynomial(sizes), sum(sizes)
+        slope = (form.derivative(end + 1) - form.derivative(end)).times(1 / length)
+        NP = N * form
+        driven = E.half_times(E.T).times(energy)
+        rows[f"of the storage, stretch {k + 1}"] = [[slope - (NP + NP.T) - driven]]
+        rows[f"of the output, stretch {k + 1}"] = [[number(square, form.sizes) - shown[k]]]
+    return rows
+
+
+def outputs_of(sizes: Sizes, parts: Sequence[Stretched]) -> list[Polynomial]:
+    """Return Y P Y' in each stretch: what the square of the level must exceed."""
+    return [(Y * s.polynomial(sizes)) * Y.T for s, _, (_, _, Y, _) in parts]

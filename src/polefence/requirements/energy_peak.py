@@ -134,7 +134,7 @@ class EnergyPeak(Specification):
         return replace(channel, E=self.norm * channel.E)
 
     def _between(self, plant: UncertainPlant, held: Held, alpha: Array, times: int) -> Channel:
-        """Return the channel whose signals are the one at so many times of each part of a period."""
+        """Return the channel of the signal at so many times of each part of a period."""
         plant = delta_form(plant)
         channel, n, T = super().channel(plant, alpha), plant.shape[0], float(plant.period)
         storing = self._storing(plant, held, self.norm)

@@ -129,7 +129,7 @@ class ReachedSearch(PeriodSearch):
         for one in steps:
             for _ in range(STEPS):
                 period = period.then(one)
-        inverse = np.linalg.inv(W)
+        inverse: Array = np.asarray(np.linalg.inv(W), dtype=float)
         X = summed(G @ period.phi @ form @ inverse, G @ period.noise @ _t(G) + late)
         if X is None:
             return None
@@ -188,7 +188,7 @@ class ReachedSearch(PeriodSearch):
             here = along(np.einsum("pc,ctij->ptij", basis, one))
             shown = Y[phase][:, None] @ here @ _t(Y[phase][:, None])
             largest = max(largest, float(domain.interpolated(shown, degree).max()))
-        return largest**0.5
+        return float(largest**0.5)
 
     def _sizes(self, cuts: Cuts, at_nodes: bool = False) -> list[float]:
         """Return how much is missed in each stretch, times its length."""

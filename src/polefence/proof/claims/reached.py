@@ -7,14 +7,16 @@ s'X^-1 s <= 1 of all states s at samples. For every p and t, with derivatives by
     P' - (N P + P N') - e^2 E E' > 0    and    g^2 - Y P Y' > 0:
 
 y'P^-1 y rises by less than |w|^2 / e^2, and |z| < g where it is no more than 1. A law makes
-y = J W^-1 s of s, J = [W; Z] or [I; K], and s = G y at the next sample. With X = W Q W', W symmetric,
+y = J W^-1 s of s, J = [W; Z] or [I; K], and s = G y at the next sample. With X = W Q W', of which
+the file holds Q,
 
     P - J Q J' > 0    at t = 0,    and    W Q W' - G P G' > 0    at t = T:
 
-it never rises at a sample. P > 0 follows: it is so at t = 0 where Q is not negative, and later since
-P' > N P + P N'. Q is positive definite everywhere if it is at one vertex: where it first had a null
-vector, W would be regular, for W Q W' > G P G', and X > M X M' with M of a period that moves X
-would have a null vector on the left and nothing negative on the right.
+it never rises at a sample. P is positive definite at t = 0 where Q has no negative eigenvalue, and
+later since P' > N P + P N'. Q is positive definite everywhere if it is at one vertex. Suppose that
+at some p it first had a null vector. P > 0 there, so W is regular: W Q W' > G P G'. But then
+X > M X M', where M moves s by a period, and X has a null vector: zero would exceed what is not
+negative.
 """
 
 from __future__ import annotations

@@ -275,11 +275,9 @@ def false_signal(plant, law, claim):
             return True
         if "held" in claim:
             rows = mix(alpha, C), mix(alpha, D)
-            own = (
-                gain_between(plant, claim, alpha, K, rows, through, scales)
-                if kind == "gain"
-                else between(plant, claim, alpha, K, rows, scales)
-            )
+            most = {"gain": gain_between, "energy peak": peak_between}.get(kind, between)
+            more = (through,) if kind == "gain" else ()
+            own = most(plant, claim, alpha, K, rows, *more, scales)
             if own > level:
                 return True
             continue
@@ -385,6 +383,28 @@ def gain_between(plant, claim, alpha, K, rows, through, scales, parts=8):
         return np.inf
     circle = np.exp(1j * np.linspace(0, np.pi, 60))
     return _largest(whole, moved[:, width:], z[:, :width], z[:, width:], circle)
+
+
+def peak_between(plant, claim, alpha, K, rows, scales, parts=24):
+    """The largest value in a period under disturbances of the norm; inf if the loop is unstable."""
+    held, (C, D) = claim["held"], rows
+    A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
+    E, (one, other, _) = E * scales * number(claim.get("norm", 1)), plant.at(alpha)
+    phases, n = phases_of(held, B.shape, C, D, K, 1.0), len(A)
+    moved, added, *_ = period(A, B, E, phases, plant.T)
+    whole, noise = one + other @ K, np.zeros_like(one)
+    whole[:n], noise[:n, :n] = moved, added
+    if np.abs(np.linalg.eigvals(whole)).max() > 1 - 1e-9:
+        return np.inf
+    P, worst = solve_discrete_lyapunov(whole, noise, "bilinear"), 0.0
+    for k, (length, own, stays, _) in enumerate(phases):
+        for share in np.arange(parts + 1) / parts * length:
+            # the phases so far, the last of them cut short
+            done = [*phases[:k], (share, *phases[k][1:])]
+            moved, added, *_ = period(A, B, E, done, plant.T, 1)
+            row = own @ moved + stays
+            worst = max(worst, float((row @ P @ row.T + own @ added @ own.T)[0, 0]))
+    return worst**0.5
 
 
 def phases_of(held, shape, C, D, K, length):

@@ -69,7 +69,7 @@ class EnergyPeak(Specification):
 
     def held(self, plant: UncertainPlant) -> Held | None:
         """Return what is held between samples, where the peak is that at all times."""
-        return held_evenly(plant) if self.at_all_times else None
+        return held_evenly(plant, self.outputs(plant)) if self.at_all_times else None
 
     def has_primal(self, plant: UncertainPlant) -> bool:
         """Not of what goes on between samples: the search for what is reached solves no LMI."""

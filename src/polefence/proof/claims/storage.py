@@ -178,7 +178,7 @@ def arriving(subject: Subject, held: Held) -> Polynomial:
     driven = subject.driving((), sizes).part(slice(first, None))
     # these hang on the sample, and y at the end of the period is no more what it was then
     if not (_is_zero(moved.part(slice(None), slice(first))) and _is_zero(driven)):
-        raise FormatError("storage: what is held between samples changes by inputs alone")
+        raise FormatError("storage: states that are held take samples of those that move, or of w")
     none = constant([[ZERO] * (n + m) for _ in range(first)], sizes)
     return eye + below(none, moved)
 

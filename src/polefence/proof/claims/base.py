@@ -161,10 +161,8 @@ def in_cells(evidence: Sequence[Evidence], decide: Callable[[], Verdict]) -> Ver
         fault = untiled(cells, sum(cell.volume for cell in cells))
         if fault:
             return undecided(fault)
-    verdict = decide()
-    if not divided or not verdict.proved:
-        return verdict
-    return verdict.noted(f"in {max(map(len, divided))} parts of the box")
+    verdict, most = decide(), max(map(len, divided), default=1)
+    return verdict.noted(f"in {most} parts of the box") if verdict.proved and most > 1 else verdict
 
 
 def undecided(reason: str) -> Verdict:

@@ -17,6 +17,7 @@ from polefence import FixedGain, Gain, Parameter, UncertainPlant, at_sample_time
 from polefence.certify.bounds import best_bound
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
+from polefence.proof.plant import Range
 from polefence.proof.work import FormatError
 from support.lifted import gain
 from support.specs import SPRING
@@ -136,6 +137,23 @@ def test_stretches_that_do_not_fit_are_refused(proved, change, message):
     part = claim.subject.evidence.per_cell[0]
     with pytest.raises(FormatError, match=message):
         prove(changed(claim, part, storage=change(part.storage)))
+
+
+def test_every_part_has_the_dual_form(proved):
+    claim = proved[3].claim
+    part = claim.subject.evidence.per_cell[0]
+    for change in ({"dual": False}, {"dual": False, "X": []}, {"dual": False, "multiple": (1,)}):
+        with pytest.raises(FormatError):
+            prove(changed(claim, part, **change))
+
+
+def test_parameters_that_move_are_refused(proved):
+    claim = proved[3].claim
+    motion = tuple(
+        Range(p.low, p.high, (Fraction(-1), Fraction(1))) for p in loads(SPRING).parameters
+    )
+    with pytest.raises(FormatError):
+        prove(replace(claim, subject=replace(claim.subject, motion=motion)))
 
 
 def test_a_stretch_ends_where_late_inputs_act(proved):

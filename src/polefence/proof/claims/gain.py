@@ -22,6 +22,7 @@ from polefence.proof.laws import Piece
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
 from polefence.proof.transfer import Tensor, Transfer, gain_polynomial, passes
+from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Gain(HeldClaim):
         """Refuse what is sampled, or a storage function, where it does not fit."""
         super().require_extra()
         require_storage(self.subject, self.held)
+        if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
+            raise FormatError("held: a gain at all times needs Q of the dual form in every part")
 
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""

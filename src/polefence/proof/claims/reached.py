@@ -53,8 +53,6 @@ def require_reached(subject: Subject, held: Held | None) -> None:
     evidence = subject.evidence
     if held is None:
         return
-    if subject.motion:
-        raise FormatError("held: a peak at all times is proved for constant parameters only")
     for item in evidence.per_cell:
         if item.dual or not item.X or item.multiple or item.pieces or item.held:
             raise FormatError("held: a peak at all times needs X and a storage function, no more")

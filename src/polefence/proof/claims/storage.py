@@ -58,6 +58,8 @@ def require_storage(subject: Subject, held: Held | None) -> None:
     evidence, size = subject.evidence, subject.n + subject.m
     if held is not None and held.clock is not None:
         raise FormatError("held: with a clock there is no bound at all times of this kind")
+    if held is not None and subject.motion:
+        raise FormatError("held: a bound at all times is proved for constant parameters only")
     for item in evidence.per_cell:
         if bool(item.storage) != (held is not None):
             raise FormatError("storage: belongs to a bound at all times, and to each of its parts")

@@ -9,12 +9,12 @@ disturbances of continuous time: see `polefence.proof.claims.reached`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from polefence.proof.between import Held
-from polefence.proof.claims.held import HeldClaim
+from polefence.proof.claims.held import StoredClaim
 from polefence.proof.claims.reached import (
     Stretched,
     outputs_of,
@@ -30,8 +30,7 @@ from polefence.proof.claims.signal import (
     most_noise,
     moving,
 )
-from polefence.proof.claims.storage import least_of_storage, require_storage
-from polefence.proof.laws import Piece
+from polefence.proof.claims.storage import least_of_storage
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain
@@ -39,7 +38,7 @@ from polefence.proof.text import digits_down
 
 
 @dataclass(frozen=True)
-class EnergyPeak(HeldClaim):
+class EnergyPeak(StoredClaim):
     """|y(t)| stays within ``level``, from rest, for all w whose L2 norm is at most ``norm``.
 
     With ``held`` y and w are those at all times, of the plant of which this one is the samples.
@@ -47,7 +46,6 @@ class EnergyPeak(HeldClaim):
 
     kind: ClassVar[str] = "energy peak"
     has_dual: ClassVar[bool] = True
-    has_storage: ClassVar[bool] = True
     needs_dual: ClassVar[bool] = False
 
     norm: Fraction = Fraction(1)
@@ -70,18 +68,7 @@ class EnergyPeak(HeldClaim):
     def require_extra(self) -> None:
         """Refuse what is sampled, or what is reached between samples, where it does not fit."""
         super().require_extra()
-        require_storage(self.subject, self.held)
         require_reached(self.subject, self.held)
-
-    def inside(self, piece: Piece) -> Self:
-        """Return the claim about a part of the box."""
-        inner, held = super().inside(piece), self.held
-        return inner if held is None else replace(inner, held=held.inside(piece.low, piece.high))
-
-    def _require_remainder(self) -> None:
-        """Refuse evidence that does not cover a remainder: what is reached needs none."""
-        if self.held is None:
-            super()._require_remainder()
 
     @property
     def more_work(self) -> int:

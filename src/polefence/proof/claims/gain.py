@@ -11,14 +11,13 @@ is T [N, E]'Q [N, E], taken from the first two blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar, Self
+from typing import ClassVar
 
-from polefence.proof.claims.held import HeldClaim
+from polefence.proof.claims.held import StoredClaim
 from polefence.proof.claims.signal import MAX_ENTRIES, Rows, below_kappa, scaled, stacked
-from polefence.proof.claims.storage import least_of_storage, require_storage, rows_of_storage
-from polefence.proof.laws import Piece
+from polefence.proof.claims.storage import least_of_storage, rows_of_storage
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
 from polefence.proof.transfer import Tensor, Transfer, gain_polynomial, passes
@@ -26,7 +25,7 @@ from polefence.proof.work import FormatError
 
 
 @dataclass(frozen=True)
-class Gain(HeldClaim):
+class Gain(StoredClaim):
     """The L2 gain from w to z = C x + D u + F w, its H-infinity norm, is less than ``level``.
 
     With ``held`` w and z are those at all times, of the plant of which this one is the samples.
@@ -37,24 +36,12 @@ class Gain(HeldClaim):
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
-    has_storage: ClassVar[bool] = True
 
     def require_extra(self) -> None:
         """Refuse what is sampled, or a storage function, where it does not fit."""
         super().require_extra()
-        require_storage(self.subject, self.held)
         if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
             raise FormatError("held: a gain at all times needs Q of the dual form in every part")
-
-    def inside(self, piece: Piece) -> Self:
-        """Return the claim about a part of the box."""
-        inner, held = super().inside(piece), self.held
-        return inner if held is None else replace(inner, held=held.inside(piece.low, piece.high))
-
-    def _require_remainder(self) -> None:
-        """Refuse evidence that does not cover a remainder: a storage function needs none."""
-        if self.held is None:
-            super()._require_remainder()
 
     @property
     def more_work(self) -> int:

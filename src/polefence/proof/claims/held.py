@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 from polefence.proof.between import Held
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.signal import SignalClaim, Subject
+from polefence.proof.claims.storage import require_storage
+from polefence.proof.laws import Piece
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import Table
 from polefence.proof.text import milliseconds_text
@@ -77,3 +79,25 @@ class HeldClaim(SignalClaim):
             times += ", and the loop stable"
             return f", at all times, with inputs held for {times}"
         return f", at all times, with inputs held for {times} ms"
+
+
+@dataclass(frozen=True)
+class StoredClaim(HeldClaim):
+    """A bound whose evidence at all times is a storage function, of the plant itself."""
+
+    has_storage: ClassVar[bool] = True
+
+    def require_extra(self) -> None:
+        """Refuse what is sampled, or a storage function, where it does not fit."""
+        super().require_extra()
+        require_storage(self.subject, self.held)
+
+    def inside(self, piece: Piece) -> Self:
+        """Return the claim about a part of the box."""
+        inner, held = super().inside(piece), self.held
+        return inner if held is None else replace(inner, held=held.inside(piece.low, piece.high))
+
+    def _require_remainder(self) -> None:
+        """Refuse evidence that does not cover a remainder: a storage function needs none."""
+        if self.held is None:
+            super()._require_remainder()

@@ -16,11 +16,9 @@ from typing import Any, ClassVar
 from polefence.proof.between import Held
 from polefence.proof.claims.held import StoredClaim
 from polefence.proof.claims.reached import (
-    Stretched,
     outputs_of,
     require_reached,
     rows_of_reached,
-    stretched,
 )
 from polefence.proof.claims.signal import (
     Rows,
@@ -30,7 +28,7 @@ from polefence.proof.claims.signal import (
     most_noise,
     moving,
 )
-from polefence.proof.claims.storage import least_of_storage
+from polefence.proof.claims.storage import Stretched, least_of_storage, stretched
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, number
 from polefence.proof.reading import Table, plain

@@ -23,23 +23,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple
 
 from polefence.proof.between import Held
 from polefence.proof.claims.signal import Rows, Subject
-from polefence.proof.claims.storage import DrivenLoop, arriving, loop_of, require_joined
-from polefence.proof.plant import Output
+from polefence.proof.claims.storage import Stretched, arriving
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, number
-from polefence.proof.storage import Stretch, require_stretches
 from polefence.proof.work import FormatError
-
-
-class Stretched(NamedTuple):
-    """A stretch, its length [s], and the loop in it."""
-
-    stretch: Stretch
-    length: Fraction
-    loop: DrivenLoop
 
 
 def require_reached(subject: Subject, held: Held | None) -> None:
@@ -58,27 +47,6 @@ def require_reached(subject: Subject, held: Held | None) -> None:
             raise FormatError("held: a peak at all times needs X and a storage function, no more")
         if any(stretch.inverse for stretch in item.storage):
             raise FormatError("storage: what is reached has no inverse form")
-
-
-def stretched(
-    subject: Subject, outputs: Sequence[Output], scales: Sequence[Fraction], held: Held
-) -> list[Stretched]:
-    """Return the stretches of a period, each with its loop.
-
-    Raises
-    ------
-    FormatError
-        If they do not make up the period, or do not follow on one another.
-    """
-    stretches, begin, found = subject.evidence.storage, Fraction(0), list[Stretched]()
-    require_stretches(stretches, (1 - held.early,) if held.early else ())
-    require_joined(stretches, subject.sizes)
-    for stretch in stretches:
-        later = bool(held.early) and begin >= 1 - held.early
-        loop = loop_of(subject, outputs, scales, held, later)
-        found.append(Stretched(stretch, (stretch.end - begin) * subject.step, loop))
-        begin = stretch.end
-    return found
 
 
 def rows_of_reached(

@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
+from typing import NamedTuple
 
 from polefence.proof.between import Held
 from polefence.proof.claims.signal import Rows, Subject, require_shapes
@@ -81,6 +82,18 @@ def least_of_storage(subject: Subject, more: int) -> int:
     return least_work(sum(counts), rows)
 
 
+Blocks = list[list[Polynomial]]
+DrivenLoop = tuple[Polynomial, Polynomial, Polynomial, Polynomial]  # N, E, [C, D] and F
+
+
+class Stretched(NamedTuple):
+    """A stretch, its length [s], and the loop in it."""
+
+    stretch: Stretch
+    length: Fraction
+    loop: DrivenLoop
+
+
 def rows_of_storage(
     subject: Subject,
     outputs: Sequence[Output],
@@ -95,23 +108,38 @@ def rows_of_storage(
     FormatError
         If the stretches do not make up the period, or do not follow on one another.
     """
-    stretches, sizes = subject.evidence.storage, subject.sizes
-    require_stretches(stretches, (1 - held.early,) if held.early else ())
-    require_joined(stretches, sizes)
+    parts, sizes = stretched(subject, outputs, scales, held), subject.sizes
     Q = bernstein(subject.evidence.X, sizes, subject.evidence.degree)
-    first = len(held.A[0]) if stretches[0].inverse else 0
+    begin, end = parts[0].stretch, parts[-1].stretch
+    first = len(held.A[0]) if begin.inverse else 0
     rows: Rows = {
-        "at a sample": _sampled(subject, Q, stretches[0].at(sizes, end=False), first),
-        "at the next": _arrived(subject, held, Q, stretches[-1].at(sizes, end=True), first),
+        "at a sample": _sampled(subject, Q, begin.at(sizes, end=False), first),
+        "at the next": _arrived(subject, held, Q, end.at(sizes, end=True), first),
     }
-    begin = Fraction(0)
-    for k, stretch in enumerate(stretches):
-        later = bool(held.early) and begin >= 1 - held.early
-        length = (stretch.end - begin) * subject.step
-        loop = loop_of(subject, outputs, scales, held, later)
-        rows[f"of the storage, stretch {k + 1}"] = _supplied(stretch, length, loop, level, first)
-        begin = stretch.end
+    for k, part in enumerate(parts):
+        rows[f"of the storage, stretch {k + 1}"] = _supplied(*part, level, first)
     return rows
+
+
+def stretched(
+    subject: Subject, outputs: Sequence[Output], scales: Sequence[Fraction], held: Held
+) -> list[Stretched]:
+    """Return the stretches of a period, each with its loop.
+
+    Raises
+    ------
+    FormatError
+        If they do not make up the period, or do not follow on one another.
+    """
+    stretches, begin, found = subject.evidence.storage, Fraction(0), list[Stretched]()
+    require_stretches(stretches, (1 - held.early,) if held.early else ())
+    require_joined(stretches, subject.sizes)
+    for stretch in stretches:
+        later = bool(held.early) and begin >= 1 - held.early
+        loop = loop_of(subject, outputs, scales, held, later)
+        found.append(Stretched(stretch, (stretch.end - begin) * subject.step, loop))
+        begin = stretch.end
+    return found
 
 
 def _is_zero(P: Polynomial) -> bool:
@@ -183,10 +211,6 @@ def arriving(subject: Subject, held: Held) -> Polynomial:
         raise FormatError("storage: states that are held take samples of those that move, or of w")
     none = constant([[ZERO] * (n + m) for _ in range(first)], sizes)
     return eye + below(none, moved)
-
-
-Blocks = list[list[Polynomial]]
-DrivenLoop = tuple[Polynomial, Polynomial, Polynomial, Polynomial]  # N, E, [C, D] and F
 
 
 def loop_of(

@@ -14,7 +14,7 @@ import numpy as np
 
 from polefence.lmi.solve.dual_problem import Dual
 from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, majorant
-from polefence.lmi.solve.storage import (
+from polefence.lmi.solve.stretches import (
     DOUBLINGS,
     LARGE,
     MOST_STRETCHES,

@@ -385,6 +385,15 @@ LINES = {
     "gain of a with disturbances road": r"from \[NAME\]",
     "energy peak of [a, b]": "takes one signal",
     "gain norm of the law from [road] <= 3": "unknown key disturbances",
+    "saturation of [a, b] <= [4, 40]": r"one number; write <= 1 with limits \[4, 40\], or",
+    "saturation of a <= [4]": r"write <= 1 with limits \[4\]",
+    "saturation of [a, b] <= 1 with limits 4,40": r"limits = '4,40' must be a list.*\[4, 40\]",
+    "rms of [a, b] <= [1, 2]": "bounds all entries of a vector together; for one each, ask",
+    "gain of [a, b] <= 4, 40": "'4, 40' behind <=; a limit is a number alone, in the signal's",
+    "gain of a <= 4 N": "a number alone, in the signal's unit",
+    "gain of a ≤ 4": "'≤ 4' at its end; a limit is written <= NUMBER",
+    "initial peak of a <= 3 with points [1, 2]": r"write it there, in a \[\[specification\]\]",
+    "gain of a with at_most 3": "give the limit by <=",
 }
 
 
@@ -393,6 +402,11 @@ def test_a_line_that_cannot_be_read_says_why(line):
     with pytest.raises(InputError, match=LINES[line]) as caught:
         parse_specification(line)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_told_of_limits_that_are_a_list_is_read():
+    told = "saturation of [a, b] <= 1 with limits [4, 40]"
+    assert parse_specification(f"{told} with norm 2").limits == (4.0, 40.0)
 
 
 SPEC = """
@@ -436,6 +450,12 @@ def test_a_spec_says_vectors_and_disturbances(tmp_path):
         ("{road = 0.5, wind = 20}", "3", "a list of names"),
         ('["wind"]', "[1]", "a list of names"),
         ('kind = "gain"', 'kind = "gain norm"', "a gain norm is of the law"),
+        ("at_most = 3", "at_most = [3, 40]", r"at_most = \[3, 40\] must be one number; it bounds"),
+        (
+            'kind = "gain"\nsignal = ["a"]\ndisturbances = ["wind"]\nat_most = 3',
+            'kind = "saturation"\nsignal = ["a", "b"]\nnorm = 2\nat_most = [4, 0.5]',
+            r"limits = \[4, 0.5\] in place of at_most",
+        ),
     ],
 )
 def test_a_spec_that_makes_no_sense_is_one_line(tmp_path, old, new, message, capsys):

@@ -107,10 +107,13 @@ class Saturation(InitialPeak):
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
-        asked, limits = super().read(row), row.table.get("limits", [])
+        limits = row.table.get("limits", [])
         if not isinstance(limits, list):
-            raise SpecError(f"limits = {shown(limits)} must be a list, a number for each signal")
-        return replace(asked, limits=tuple(number(x, "limits") for x in limits))
+            raise SpecError(
+                f"limits = {shown(limits)} must be a list, a number for each signal: [4, 40]"
+            )
+        limits = tuple(number(x, "limits") for x in limits)
+        return replace(super().read(row), limits=limits)
 
     def outputs(self, plant: UncertainPlant) -> tuple[Output, ...]:
         """Return the signals, as shares of their limits where these are given."""

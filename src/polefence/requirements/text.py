@@ -46,7 +46,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 # A list, as `polefence.requirements.specification.listed` writes it.
 _ENTRY = r'(?:"(?:[^"\\]|\\.)*"|[^,*\[\]"]+?)'
 _ITEM = re.compile(rf"\s*(?P<name>{_ENTRY})\s*(?:\*\s*(?P<scale>{_NUMBER})\s*)?(?:,|$)")
-_LIMIT_ELSE = re.compile(r"(?:[<=]\s*-?|,)\d[\d.,]*$")  # written in another way
+_LIMIT_ELSE = re.compile(r"(?:[<=≤]\s*-?|,)\d[\d.,]*$")  # written in another way
 _FROM = re.compile(r"(?P<rest>.*\S)\s+from\s+\[(?P<items>.*)\]\s*")
 _WITH = re.compile(r"(?P<rest>.*\S)\s+with\s+(?P<key>\w+)\s+(?P<value>\[[^\]]*\]|\S+)\s*")
 
@@ -211,7 +211,11 @@ def parse_specification(
             _scaled(names, text, "signal") if weighted else [name for name, _ in names]
         )
     if less:
-        table["at_most"] = _value(limit.strip())
+        table["at_most"] = value = _value(limit.strip())
+        if isinstance(value, str):
+            raise InputError(
+                f"{text!r}: {value!r} behind <=; a limit is a number alone, in the signal's unit"
+            )
     return _specification(table, repr(text), road, known)
 
 
@@ -220,11 +224,11 @@ def _without_ends(part: str, text: str, table: dict[str, Any]) -> str:
     while match := _WITH.fullmatch(part):
         part, key = match["rest"], match["key"]
         if key in (*COMMON, "points", "ellipsoid", "rows", "columns", "disturbances"):
-            told = (
-                "name disturbances by from [NAME]"
-                if key == "disturbances"
-                else "give the limit by <="
-            )
+            told = "write it there, in a [[specification]]"
+            if key == "disturbances":
+                told = "name disturbances by from [NAME]"
+            elif key in COMMON:
+                told = "give the limit by <="
             raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
         if key in table:
             raise InputError(f"{text!r}: {key} is given twice; give it once")
@@ -354,6 +358,8 @@ def _specification(
         raise SpecError(f"{where}: signal = {shown(signal)}; a {kind} is of {LAW}; leave it out")
     where = f"{where}, {kind} of {signal}"
     _known(table, (*COMMON, *asked.keys), where)
+    if isinstance(several := table.get("at_most"), list):
+        raise SpecError(f"{where}: {_one_number(several, asked)}")
     try:
         density = known.get(signal) if road is None else road.density
         return asked.read(Row(table, where, density))
@@ -361,6 +367,19 @@ def _specification(
         raise SpecError(_placed(str(error), where)) from error
     except InputError as error:
         raise SpecError(f"{where}: {error}") from error
+
+
+def _one_number(several: list[Any], asked: type[Specification]) -> str:
+    """Return what to write where a limit is a list."""
+    written = ", ".join(map(shown, several))
+    if "limits" in asked.keys:
+        each = (
+            f"write <= 1 with limits [{written}], or in a spec limits = [{written}] in place of "
+            "at_most"
+        )
+    else:
+        each = "it bounds all entries of a vector together; for one each, ask for each alone"
+    return f"at_most = [{written}] must be one number; {each}"
 
 
 def _words(signal: Any) -> str:

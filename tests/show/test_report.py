@@ -24,7 +24,7 @@ from polefence import (
     place,
 )
 from polefence.base import VERSION
-from polefence.certify.design import proved_document
+from polefence.certify.design import proved_design
 from polefence.cli.main import main
 from polefence.cli.report import today
 from polefence.examples import family
@@ -289,7 +289,7 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_al
         method="quadratic",
     )
     found.save(tmp_path)
-    proved = proved_document(tmp_path)
+    _, proved = proved_design(tmp_path)
     for speed, said in ((15.0, "on a road of class D at 15 m/s"), (16.0, "at density ")):
         own = Page(html_report(found.design, "D", speed, proved))
         shown = cells(own)
@@ -308,7 +308,7 @@ def cells(page):
 def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):
     own = place(family("quarter-car-physical"), Disk(-40, 33), errors={"m1": 20})
     own.save(tmp_path)
-    page = Page(html_report(own, bounds=proved_document(tmp_path)))
+    page = Page(html_report(own, bounds=proved_design(tmp_path)[1]))
     claims = page.parts["What is claimed, and proved"]
     assert "m1 wrong by up to 20 kg" in claims
     assert "Not in the claims: actuator limits, sampling, and changes of the parameters." in claims
@@ -321,6 +321,6 @@ def test_a_unit_that_is_a_sentence_is_left_out(tmp_path, claims_alone):
     )
     found = optimise(plant, None, [Rms("x", at_most=3)], method="quadratic")
     found.save(tmp_path)
-    top = Page(html_report(found.design, bounds=proved_document(tmp_path))).parts[""]
+    top = Page(html_report(found.design, bounds=proved_design(tmp_path)[1])).parts[""]
     assert "rms of 'x' at most 3 at density 1." in top
     assert "99" not in top

@@ -187,6 +187,11 @@ class Certificate(Short):
         except FormatError as error:
             raise PlantError(f"{self.plant.name}: {error}") from error
 
+    def check(self) -> Check:
+        """Return what `prove` says, in words; where it is not proved, look for a counterexample."""
+        claim, verdict = self.claim(), self.prove()
+        return _said(claim, verdict) if verdict.proved else check_claim(claim)
+
     def require_checkable(self, claims: Sequence[Claim] = ()) -> None:
         """Refuse to call proved what `check` of the file would not prove.
 
@@ -358,7 +363,10 @@ def _plain_data(value: Any) -> Any:
 
 def check_claim(claim: Poles) -> Check:
     """Prove a claim, refute it by an exact counterexample, or leave it undecided."""
-    verdict, alpha = decide(claim)
+    return _said(claim, *decide(claim))
+
+
+def _said(claim: Poles, verdict: Verdict, alpha: tuple[Fraction, ...] | None = None) -> Check:
     said = f"poles in {region_text(claim.region)}, of A + B K with {claim.under}"
     return Check(verdict.answer, verdict.reason, alpha, (said,))
 

@@ -14,7 +14,7 @@ import numpy as np
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_documents
-from polefence.certify.certificate import Certificate, Check, check_claim, decide, plant_of
+from polefence.certify.certificate import Certificate, Check, decide, plant_of
 from polefence.certify.evaluation import rounding_share, surely_runs
 from polefence.certify.lyapunov import lyapunov_matrix, weights_at
 from polefence.law.laws import Law
@@ -273,17 +273,51 @@ class Design(Short):
         NotProvedError
             If its claim is not proved, unless ``allow_unproved``.
         """
+        return cls.read(path, observer=observer).afresh(path, allow_unproved)
+
+    @classmethod
+    @explained
+    def read(
+        cls, path: str | Path, *, observer: bool = False, document: Document | None = None
+    ) -> Design:
+        """Read a design file and prove nothing, which may take long: it is not ``proved`` yet.
+
+        Parameters
+        ----------
+        document : Document, optional
+            What is in the file, where it has been read.
+
+        Raises
+        ------
+        DesignFileError
+            As `load` raises.
+        """
         where = _design_path(path)
-        document = read_document(where)
+        if document is None:
+            document = read_document(where)
         try:
             certificate = Certificate.of(document)
             require_kind(certificate, observer)
-            verdict = certificate.prove()
+        except InputError as error:
+            raise DesignFileError(f"{where}: {error}") from error
+        return cls(certificate, proved=False)
+
+    def afresh(self, path: str | Path, allow_unproved: bool = False) -> Design:
+        """Return what was read from a file with its proof, which is looked at once.
+
+        Raises
+        ------
+        DesignFileError, NotProvedError
+            As `load` raises.
+        """
+        where = _design_path(path)
+        try:
+            verdict = self.certificate.prove()
         except InputError as error:
             raise DesignFileError(f"{where}: {error}") from error
         if not verdict.proved and not allow_unproved:
             raise NotProvedError(f"{where}: not proved: {verdict.reason}")
-        return cls(certificate, verdict.proved)
+        return replace(self, proved=verdict.proved)
 
 
 @explained
@@ -308,7 +342,9 @@ def check(source: str | Path | Certificate | Design) -> Check:
     if isinstance(source, Certificate):
         source = Design(source)
     if isinstance(source, Design):
-        return _noted(check_claim(source.certificate.claim()), source)
+        answer = source.certificate.check()
+        same = source.proved == answer.proved
+        return _noted(answer, source if same else replace(source, proved=answer.proved))
     path = _design_path(source)
     return check_document(read_document(path), path)
 
@@ -332,26 +368,32 @@ def read_document(path: Path) -> Document:
         raise DesignFileError(f"{path}: {error}") from error
 
 
-def proved_document(source: str | Path) -> Document:
-    """Return a design's file, or that of a folder, all of whose claims are proved afresh.
+def proved_design(source: str | Path) -> tuple[Design, Document]:
+    """Return a design and its file, all of whose claims are proved afresh.
 
     Raises
     ------
     DesignFileError
-        If the file cannot be read.
+        If the file cannot be read, or is an observer's.
     NotProvedError
         If a claim is not proved.
     """
     path = _design_path(source)
     document = read_document(path)
-    answer = check_document(document, path)
+    design = Design.read(path, document=document)
+    answer = check_document(document, path, design.certificate)
     if not answer.proved:
         raise NotProvedError(f"{path}: {answer}")
-    return document
+    return design.afresh(path), document
 
 
-def check_document(document: Document, path: Path) -> Check:
+def check_document(document: Document, path: Path, certificate: Certificate | None = None) -> Check:
     """Prove every claim of a file; look for a counterexample where poles are not proved.
+
+    Parameters
+    ----------
+    certificate : Certificate, optional
+        Of its poles, which are then proved as its claim, once.
 
     Raises
     ------
@@ -364,6 +406,10 @@ def check_document(document: Document, path: Path) -> Check:
         poles = claim.dual if isinstance(claim, Observer) else claim
         if not isinstance(poles, Poles):
             return prove(claim)
+        if certificate is not None and poles == certificate.claim():
+            verdict = certificate.prove()
+            if verdict.proved:
+                return verdict
         verdict, alpha = decide(poles)
         alphas.extend([alpha] if alpha else [])
         return verdict

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from polefence.certify.checks import require_region
 from polefence.certify.design import Design, read_document
 from polefence.cli.laws import WORDS, Named, distinct, law_of, law_of_spec, of_design, read_law
 from polefence.cli.options import result_arguments, road_arguments
@@ -21,6 +22,7 @@ from polefence.cli.terminal import say
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.proof.claims import Poles
+from polefence.region.regions import Disk
 from polefence.requirements.text import RoadSpectrum, with_wheels
 
 NOTHING_ASKED = (
@@ -75,9 +77,12 @@ def compare_command(options: Any) -> int:
     require_car(plant)
     given = _given(plant, options.law or ())
     check_results(options)
-    notes = list[str]()
+    notes, road = list[str](), RoadSpectrum(options.road, options.speed)
+    _ = road.density  # refused before the spec's law is designed
+    if options.disk is not None:
+        require_region(plant, Disk(*options.disk))
     if designed is None:  # wheels in tracks have one speed
-        with_wheels(RoadSpectrum(options.road, options.speed), options.subject)
+        with_wheels(road, options.subject)
     if designed is None and options.law is None:
         plant, designed = law_of_spec(plant, options.subject)
         notes = [] if designed or options.disk else ["", NOTHING_ASKED.format(options.subject)]
@@ -119,7 +124,7 @@ def _read(plant: UncertainPlant, word: str) -> Named:
 
     path = claims_file(Path(word))
     if path is not None and read_document(path).first(Poles) is not None:
-        design = Design.load(path, allow_unproved=True)
+        design = Design.read(path)
         if plant_of(plant, design) is not plant:
             return of_design(plant, design, Path(word))
     return read_law(plant, word)

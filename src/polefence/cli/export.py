@@ -18,7 +18,7 @@ from polefence.export import export_c99, with_board, with_fmus
 from polefence.export.board import require_drivable
 from polefence.export.damper import damper_sources
 from polefence.export.ends import proved_ends
-from polefence.export.exported import Exported, check_folder, marks, write_folder
+from polefence.export.exported import Exported, check_folder, marks, require_fmus, write_folder
 from polefence.export.matlab import HEADER, mat_bytes
 from polefence.export.sources import check_c_name
 from polefence.law.control import GIVEN
@@ -127,8 +127,11 @@ def export_command(options: Any) -> int:
     document = None if path is None else read_document(path)
     if document is not None and document.first(Clipped) is not None:
         return _dampers(document, options)
-    design = Design.load(options.design, allow_unproved=options.allow_unproved)
+    design = Design.read(options.design, document=document)  # proved by `export_c99`
     claims = () if document is None else document.claims
+    compiler = os.environ.get("CC") or "cc"
+    if options.lang == "fmu":
+        require_fmus(compiler, options.observer is not None)
     if options.board:
         timed = design.plant.sample_time is not None or options.sample_time is not None
         require_drivable(claims, timed, options.observer is not None)
@@ -155,7 +158,7 @@ def export_command(options: Any) -> int:
         ranges=ranges_of(options),
     )
     if options.lang == "fmu":
-        exported = with_fmus(exported, compiler=os.environ.get("CC") or "cc")
+        exported = with_fmus(exported, compiler=compiler)
     if options.board:
         exported = with_board(exported, claims)
     paths = exported.save(options.output)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -39,19 +40,32 @@ class Named:
     ----------
     name : str
     law : None, Law, Design, GainTable or NoLaw
-    design : Design, optional
-        Where the law is one, and proved for the very plant that is looked at.
-    proved : str
-        What is, in words.
+        Of a design nothing need be proved yet.
+    judged : callable
+        Proves what is claimed of the law and returns `design` and `proved`: it takes a while, so
+        it is called when one of them is asked for.
     dampers : bool
         Whether the law demands what controllable dampers give as far as they can.
     """
 
     name: str
     law: Any
-    design: Design | None = None
-    proved: str = "nothing"
+    judged: Callable[[], tuple[Design | None, str]] = lambda: (None, "nothing")
     dampers: bool = False
+
+    @cached_property
+    def _judged(self) -> tuple[Design | None, str]:
+        return self.judged()
+
+    @property
+    def design(self) -> Design | None:
+        """Where the law is one, and proved for the very plant that is looked at."""
+        return self._judged[0]
+
+    @property
+    def proved(self) -> str:
+        """What is, in words."""
+        return self._judged[1]
 
 
 def law_of(subject: Subject) -> Named | None:
@@ -111,7 +125,7 @@ def read_law(plant: UncertainPlant, what: str) -> Named:
     if clipped is not None:
         return _of_dampers(plant, clipped, path)
     if is_design(path):
-        design = Design.load(path, allow_unproved=True)
+        design = Design.read(path)
         given_law(plant, design)
         return of_design(plant, design, path)
     return Named(_stem(path), read_gain(plant, what, option="--law"))
@@ -124,7 +138,7 @@ def at_samples_of(plant: UncertainPlant, what: str) -> Design | None:
     path = claims_file(Path(what))
     if path is None or read_document(path).first(Samples) is None:
         return None
-    return Design.load(path, allow_unproved=True)
+    return Design.read(path)
 
 
 def distinct(laws: Sequence[Named]) -> list[Named]:
@@ -139,12 +153,18 @@ def distinct(laws: Sequence[Named]) -> list[Named]:
 
 def of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
     """Return a design as a law, and what is proved of it where its proof is about the plant."""
-    name, T, seen = _stem(path), design.plant.sample_time, design.plant.sampling
-    if not design.proved:
-        return Named(name, design, proved="nothing: the proof in its file fails")
+    return Named(_stem(path), design, partial(_judged, plant, design, path))
+
+
+def _judged(plant: UncertainPlant, design: Design, path: Path) -> tuple[Design | None, str]:
+    """Return a design, where it is proved and about the plant, and what is proved of it."""
+    T, seen = design.plant.sample_time, design.plant.sampling
     about = design.plant if seen is None or plant.sample_time is not None else seen.plant
     if _identity(about) != _identity(plant):
-        return Named(name, design, proved="nothing: its proof is about another plant")
+        return None, "nothing: its proof is about another plant"
+    design = design.afresh(path, allow_unproved=True)
+    if not design.proved:
+        return None, "nothing: the proof in its file fails"
     when = (
         ""
         if about is design.plant or T is None
@@ -152,7 +172,7 @@ def of_design(plant: UncertainPlant, design: Design, path: Path) -> Named:
     )
     proved = f"all poles in {design.region},{when} for every constant value of the parameters"
     proved += f"; but {design.note.removeprefix('note: ')}" if design.note else ""
-    return Named(name, design, design, proved)
+    return design, proved
 
 
 def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
@@ -163,14 +183,18 @@ def _of_dampers(plant: UncertainPlant, claim: Clipped, path: Path) -> Named:
     if K.shape != plant.shape[::-1] or any(behind):
         shape = f"{len(claim.K)} x {len(claim.K[0])}"
         raise InputError(f"{path}: a gain of {shape} does not fit {plant.name}")
-    bare, level = file_plant(plant), digits_up(claim.limit.level)
-    named = ", ".join(y.name for y in claim.limit.outputs)
-    proved = f"rms of [{named}] <= {level}, for every constant value, with the dampers in its file"
-    if not _is_within(bare, claim):
-        proved = "nothing: its proof is about another plant"
-    elif not prove(claim).proved:
-        proved = "nothing: the proof in its file fails"
-    return Named(path.stem, K, proved=proved, dampers=True)
+    return Named(path.stem, K, partial(_judged_dampers, plant, claim), dampers=True)
+
+
+def _judged_dampers(plant: UncertainPlant, claim: Clipped) -> tuple[None, str]:
+    """Say what is proved of a law of controllable dampers."""
+    if not _is_within(file_plant(plant), claim):
+        return None, "nothing: its proof is about another plant"
+    if not prove(claim).proved:
+        return None, "nothing: the proof in its file fails"
+    level, named = digits_up(claim.limit.level), ", ".join(y.name for y in claim.limit.outputs)
+    within = f"rms of [{named}] <= {level}"
+    return None, f"{within}, for every constant value, with the dampers in its file"
 
 
 def _is_within(bare: Plant, claim: Clipped) -> bool:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from polefence.base.errors import InputError, shown
-from polefence.base.files import make_folder, write_text
-from polefence.certify.design import Design, proved_document
+from polefence.base.files import check_target, make_folder, write_text
+from polefence.certify.design import proved_design
 from polefence.cli.options import design_argument, road_arguments
 from polefence.cli.output import PROVED, saved
+from polefence.requirements.text import RoadSpectrum
 
 MAX_BYTES = 20_000_000  # of a figure
 
@@ -76,8 +77,9 @@ def report_command(options: Any) -> int:
     if target.suffix != ".html":
         raise InputError(f"{target}: a report ends in .html")
     front, date = None if options.front is None else _figure(options.front), today()
-    design = Design.load(options.design)
-    bounds = proved_document(options.design)
+    check_target(target)
+    _ = RoadSpectrum(options.road, options.speed).density  # refused before the proof
+    design, bounds = proved_design(options.design)
     text = html_report(design, options.road, options.speed, bounds, front, date)
     make_folder(target.parent)
     write_text(target, text)

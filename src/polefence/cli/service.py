@@ -10,6 +10,7 @@ from typing import Any
 from polefence.certify.design import Design
 from polefence.certify.given import analyse
 from polefence.certify.margins import Margin, Margins, in_service
+from polefence.certify.margins.service import require_service
 from polefence.cli.options import design_argument, result_arguments
 from polefence.cli.output import (
     NOT_PROVED,
@@ -46,7 +47,9 @@ def service_command(options: Any) -> int:
     """Find how wrong estimates and gain may be, and how fast parameters may move; prove it."""
     region = None if options.region is None else parse_region(options.region)
     check_results(options, "gain.json")
-    design = Design.load(options.design)
+    design = Design.read(options.design)
+    require_service(design, options.decay, region)
+    design = design.afresh(options.design)
     service = in_service(design, options.decay, region=region)
     say(f"{design.plant.name}: all poles in {service.region}")
     say(f"{'':<34} {'proved':>10}  {'breaks at':>10}")

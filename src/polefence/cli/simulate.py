@@ -102,8 +102,9 @@ def simulate_command(options: Any) -> int:
         laws = distinct([*([designed] if designed else []), *given])
     setup = setup_of(subject, options, laws[0].law, sampling)
     runs = {law.name: run(setup, law.law, _margins(setup, law)) for law in counted(laws, "law")}
+    panels = [] if options.plot is None else picked(panels_of(setup, runs), options.signals)
     summaries = [summary_of(law, runs[law.name]) for law in laws]
-    _write(setup, runs, summaries, options)
+    _write(setup, runs, panels, summaries, options)
     say(_head(setup))
     for summary in summaries:
         say("", *text_of(summary))
@@ -140,7 +141,7 @@ def _at_samples(subject: Subject, options: Any) -> tuple[Subject, Named, Samplin
     period = run.sampling.period
     if options.sampling not in (None, period):
         raise InputError(f"--sampling: the design has {period:g} s; leave it out")
-    law = replace(named, law=run.law, design=None)
+    law = replace(named, law=run.law, judged=lambda: (None, named.proved))
     return replace(subject, plant=run.plant), law, run.sampling
 
 
@@ -162,10 +163,13 @@ def _margins(setup: Setup, law: Named) -> Any:
 
 
 def _write(
-    setup: Setup, runs: Mapping[str, Run], summaries: list[dict[str, Any]], options: Any
+    setup: Setup,
+    runs: Mapping[str, Run],
+    panels: Sequence[Panel],
+    summaries: list[dict[str, Any]],
+    options: Any,
 ) -> None:
     """Write all files, before anything is printed: a reader may close the output early."""
-    panels = [] if options.plot is None else picked(panels_of(setup, runs), options.signals)
     if options.output is not None:
         from polefence.response.columns import write_table
 

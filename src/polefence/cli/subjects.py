@@ -32,7 +32,7 @@ class Subject:
         The path, for messages.
     plant : UncertainPlant
     design : Design, optional
-        Proved or not, where the path names one.
+        Where the path names one; nothing is proved of it yet.
     dampers : tuple of Damper
         The controllable ones of the spec, or of the law that it is read from.
     clipped : Document, optional
@@ -95,7 +95,7 @@ def read_spec(source: str) -> Subject:
 
 
 def read_subject(source: str) -> Subject:
-    """Read a spec, or a design or a law of dampers with its plant; a design need not be proved.
+    """Read a spec, or a design or a law of dampers with its plant; of neither is anything proved.
 
     Raises
     ------
@@ -112,5 +112,5 @@ def read_subject(source: str) -> Subject:
         plant = plant_of(document.plant)
         dampers = tuple(Damper.named(plant, own) for own in clipped.dampers)
         return Subject(source, plant, None, dampers, document)
-    design = Design.load(path, allow_unproved=True)
+    design = Design.read(path, document=document)
     return Subject(source, design.plant, design)

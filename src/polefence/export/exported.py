@@ -27,7 +27,7 @@ from polefence.export.documents import (
     require_law,
     statement,
 )
-from polefence.export.fmu import fmu
+from polefence.export.fmu import fmu, found
 from polefence.export.guarantee import Guarantee, guarantee, roundings
 from polefence.export.held import Words
 from polefence.export.memory import kept, with_rates
@@ -44,7 +44,7 @@ from polefence.export.program import (
     with_memory,
 )
 from polefence.export.sources import MARKER, Texts, check_c_name, sources
-from polefence.export.timing import Timing, timing
+from polefence.export.timing import Timing, require_timing, timing
 from polefence.export.vectors import harness, makefile
 from polefence.export.word_vectors import word_harness
 from polefence.law.control import GIVEN
@@ -130,7 +130,7 @@ def export_c99(
     ----------
     design : Design
         Of a law of measured signals the code is given these; of one gain that leaves out states,
-        where its proof is a Lyapunov polynomial, the others.
+        where its proof is a Lyapunov polynomial, the others. It is proved here.
     bits : int
         32 or 64: the code computes in float or in double.
     name : str
@@ -177,6 +177,8 @@ def export_c99(
     slow = _limits(rates, design.plant.shape[1] - order, "rates", "input's unit/s")
     _require_anti_windup(design.law, cuts or slow)
     _require_observer(design, observer, sampling, allow_unproved)
+    if sampling is not None:
+        require_timing(design, sampling)
     period = _period(design, order, sampling)
     if fixed not in (None, *WORDS):
         raise InputError(f"fixed = {fixed!r} is not supported; use 16 or 32")
@@ -200,6 +202,7 @@ def export_c99(
     answer = check(design)
     if not answer.proved and not allow_unproved:
         raise NotProvedError(f"not exported: the design is not proved: {answer.reason}")
+    design = replace(design, proved=answer.proved)
     proof = guarantee(design, made)
     if not proof.proved and not allow_unproved:
         if fixed is not None:
@@ -315,14 +318,25 @@ def with_fmus(
     InputError
         If a version is unknown, the compiler fails, or there is an observer: a unit has the law.
     """
-    if exported.observer is not None:
-        raise InputError("an FMU holds only the law; leave out the observer (--observer)")
+    require_fmus(compiler, exported.observer is not None)
     step = exported.texts.sample_time if step is None else step
     files = dict(exported.files)
     for version in versions:
         unit = fmu(exported.program, exported.texts, version=version, compiler=compiler, step=step)
         files[_fmu_name(exported.texts.name, version)] = unit
     return replace(exported, files=_sealed(exported, files))
+
+
+def require_fmus(compiler: str, observed: bool) -> None:
+    """Refuse FMUs of an export that has an observer, or without a compiler, before any work.
+
+    Raises
+    ------
+    InputError
+    """
+    if observed:
+        raise InputError("an FMU holds only the law; leave out the observer (--observer)")
+    found(compiler)
 
 
 @explained

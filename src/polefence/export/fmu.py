@@ -309,7 +309,7 @@ def library(
     InputError
         If the compiler is missing, fails, or builds for a system that FMI does not know.
     """
-    command = _found(compiler)
+    command = found(compiler)
     with TemporaryDirectory(prefix="polefence-") as temporary:
         folder = Path(temporary)
         where, ending = platform(_run(command, ["-dumpmachine"], folder), version)
@@ -357,7 +357,14 @@ def platform(target: str, version: str) -> tuple[str, str]:
     return f"{known[0]}-{system}", ending
 
 
-def _found(compiler: str) -> str:
+def found(compiler: str) -> str:
+    """Return the path of a compiler.
+
+    Raises
+    ------
+    InputError
+        If it is missing.
+    """
     try:
         path = shutil.which(compiler)
     except ValueError:  # a name that no file can have

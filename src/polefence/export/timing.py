@@ -183,15 +183,12 @@ def milliseconds(time: float) -> str:
     return f"{digits_down(1e3 * time, 3)} ms" if time > 0 else "no sample time tried"
 
 
-def timing(
-    design: Design, sampling: Sampling, program: Program, observer: Observer | None
-) -> Timing:
-    """Judge the loop that a computer closes at its samples, rounding included.
+def require_timing(design: Design, sampling: Sampling) -> None:
+    """Refuse a sample time, or a delay, that code of a design cannot have.
 
     Raises
     ------
     InputError
-        If the plant is in discrete time, or the sample time cannot be used.
     """
     if design.plant.sample_time is not None:
         raise InputError(
@@ -203,7 +200,20 @@ def timing(
             f"inputs {late_text(late.samples)}: the code of a law of continuous time acts 0 or 1 "
             "sample late; design the law at the sample time for another delay"
         )
-    sample_time, delay = sampling.period, late.whole
+
+
+def timing(
+    design: Design, sampling: Sampling, program: Program, observer: Observer | None
+) -> Timing:
+    """Judge the loop that a computer closes at its samples, rounding included.
+
+    Raises
+    ------
+    InputError
+        If the plant is in discrete time, or the sample time cannot be used.
+    """
+    require_timing(design, sampling)
+    sample_time, delay = sampling.period, sampling.lateness.whole
     beside = (
         None if observer is None else judge_sampled_loop(design, observer, sample_time, delay=delay)
     )

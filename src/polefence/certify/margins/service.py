@@ -188,7 +188,14 @@ def _down(value: Fraction) -> float:
     return near if Fraction(near) <= value else math.nextafter(near, 0)
 
 
-def _task(design: Design, region: Region | None) -> _Task:
+def require_service(design: Design, decay: float = 0.0, region: Region | None = None) -> Region:
+    """Refuse what cannot be asked of a design in service, before any work; return what is kept.
+
+    Raises
+    ------
+    InputError
+        As `in_service` raises.
+    """
     if not isinstance(design, Design):
         raise InputError(
             f"design must be a Design, not {type(design).__name__}; polefence.place returns one"
@@ -201,6 +208,18 @@ def _task(design: Design, region: Region | None) -> _Task:
         )
     kept = in_time_of(design.plant, kept)
     require_region(design.plant, kept)
+    if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
+        raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
+    if decay and design.plant.sample_time is not None:
+        raise InputError(
+            f"decay = {decay:g}: {design.plant.name} is in discrete time, where no rates of change "
+            "are proved; leave it out"
+        )
+    return kept
+
+
+def _task(design: Design, region: Region | None, decay: float = 0.0) -> _Task:
+    kept = require_service(design, decay, region)
     return _Task(design, kept, claimed_design(design, kept))
 
 
@@ -230,7 +249,7 @@ def in_service(design: Design, decay: float = 0.0, *, region: Region | None = No
     InputError
         If the design or the region is none, or the design is an observer's.
     """
-    task = _task(design, region)
+    task = _task(design, region, decay)
     still = task if task.region == design.region else _task(design, None)
     margins = (*_estimates(task), *_gains(task), *_rates(still, decay))
     return Margins(design, task.region, decay, margins)
@@ -321,19 +340,12 @@ def parameter_rate(design: Design, decay: float = 0.0) -> tuple[Margin, ...]:
     InputError
         If the decay rate is negative, or the design none.
     """
-    return _rates(_task(design, None), decay)
+    return _rates(_task(design, None, decay), decay)
 
 
 def _rates(task: _Task, decay: float) -> tuple[Margin, ...]:
     task = task.whole
-    if not (isinstance(decay, int | float) and 0 <= decay < 1e100):
-        raise InputError(f"decay = {decay!r} must be a rate of zero or more [1/s]")
     if task.design.plant.sample_time is not None:
-        if decay:
-            raise InputError(
-                f"decay = {decay:g}: {task.design.plant.name} is in discrete time, where no rates "
-                "of change are proved; leave it out"
-            )
         return ()
     together: _Span = ("", None, tuple(p.high - p.low for p in task.parameters) or (Fraction(1),))
     if any(loop.constant for loop in task.loops):  # no rate is too large

@@ -269,3 +269,37 @@ def test_analyse_says_how_many_lost_samples_a_loop_bears(folder, capsys, lost, a
     bears = "the loop bears at most 2 lost samples in a row" in said
     assert bears == (answer == "refuted") == ("unstable where every period is the longest" in said)
     assert ("and the loop is stable" in said) == (answer == "proved")
+
+
+def test_a_trade_off_of_a_clock_that_jitters_has_a_decay_rate_in_each_row(folder, capsys):
+    clock = ["--sample-time", "0.02", "--delay", "1", "--jitter", "0.1"]
+    over = ["--over", "rms of f with density 1", "--value", "40", "--method", "quadratic"]
+    words = ["tradeoff", "spring.toml", *clock, *over, "--jobs", "1", "--json", "rows.json"]
+    said = ran(capsys, *words)
+    assert "decay: at least this rate [1/s], for these periods in any order" in said
+    (row,) = json.loads((folder / "rows.json").read_text())["rows"]
+    claims = loads(json.dumps(row["performance"])).claims
+    (decay,) = [claim for claim in claims if claim.kind == "decay"]
+    assert row["decay in any order"] == float(decay.level) > 0
+    assert prove(decay).proved
+    lines = [re.split(r"  +", text.strip()) for text in said.splitlines()]
+    at = next(k for k, cells in enumerate(lines) if cells[0] == "limit")
+    assert float(lines[at + 1][lines[at].index("decay")]) == pytest.approx(
+        float(decay.level), rel=1e-3
+    )
+    # a run that is taken up proves it afresh, and refuses another rate
+    assert "decay: at least" in ran(capsys, *words, "--resume")
+    written = (folder / "rows.json").read_text()
+    for faster in (1.5, 0.5):
+        changed = json.loads(written)
+        changed["rows"][0]["decay in any order"] *= faster
+        (folder / "rows.json").write_text(json.dumps(changed))
+        assert "a row is damaged" in refused(capsys, *words, "--resume")
+    changed = json.loads(written)
+    (table,) = [t for t in changed["rows"][0]["performance"]["claims"] if t["kind"] == "decay"]
+    table["level"] = str(2 * Fraction(table["level"]))
+    changed["rows"][0]["decay in any order"] *= 2
+    (folder / "rows.json").write_text(json.dumps(changed))
+    assert "a row is damaged" in refused(capsys, *words, "--resume")
+    steady = ran(capsys, *words[:6], *over, "--jobs", "1")
+    assert "decay" not in steady

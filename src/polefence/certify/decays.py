@@ -77,12 +77,20 @@ def _proved(plant: UncertainPlant, law: Law, asked: Rms, rate: float) -> Decay |
         evidence = Evidence([], dual=True, cells=pieces) if pieces else None
     if evidence is None:
         return None
-    bound = claim_of(plant, law.exact, law.domain_of(plant).on, asked, evidence, Fraction(1))
-    subject = bound.subject
-    zero = (none(subject.n, subject.m, len(subject.A)),)
-    claim = Decay(subject, zero, Fraction(rate), held=asked.held(plant))
+    claim = decay_claim(plant, law, asked, evidence, Fraction(rate))
     with counted(claim.allowed):
         try:
             return claim if prove(claim).proved else None
         except FormatError:  # more work than is checked
             return None
+
+
+def decay_claim(
+    plant: UncertainPlant, law: Law, asked: Rms, evidence: Evidence, rate: Fraction
+) -> Decay:
+    """Return the claim that a loop decays at a rate, by the evidence given."""
+    plant = delta_form(plant)
+    on = law.domain_of(plant).on
+    subject = claim_of(plant, law.exact, on, asked, evidence, Fraction(1)).subject
+    zero = (none(subject.n, subject.m, len(subject.A)),)
+    return Decay(subject, zero, rate, held=asked.held(plant))

@@ -53,12 +53,12 @@ from polefence.lmi.conditions.methods import Method, method_label
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load
 from polefence.proof.text import exactly
-from polefence.region.text import digits_up
+from polefence.region.text import digits_down, digits_up
 from polefence.requirements.asked import COMFORT, densities_of, in_units
 from polefence.requirements.specification import Specification, limit_text
 from polefence.requirements.text import load_specifications, parse_specification, with_wheels
 from polefence.search.rows import Row
-from polefence.search.tradeoff import TUNED, Front, keep_references, tradeoff
+from polefence.search.tradeoff import DECAY, TUNED, Front, keep_references, tradeoff
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -225,24 +225,30 @@ def _width(rows: Sequence[Row]) -> int:
 
 
 def _table(rows: Sequence[Row]) -> list[str]:
-    width = _width(rows)
+    width, clocked = _width(rows), any(row[DECAY] is not None for row in rows)
+    decay = f"{'decay':>10}  " if clocked else ""
     head = (
         f"{'limit':>10}  {'method':<{width}} {'proved':>10}  {'sampled':>10}  {'keeps':>10}  "
-        f"{'law of':>10}  {'answer':<10}  seconds"
+        f"{'law of':>10}  {decay}{'answer':<10}  seconds"
     )
-    return [head, *(_row_line(row, width) for row in rows)]
+    lines = [head, *(_row_line(row, width, clocked) for row in rows)]
+    if clocked:
+        lines.append("decay: at least this rate [1/s], for these periods in any order")
+    return lines
 
 
-def _row_line(row: Row, width: int) -> str:
+def _row_line(row: Row, width: int, clocked: bool) -> str:
     proved = sampled = keeps = law_of = "-"
     if row["proved"] is not None:
         proved, law_of = digits_up(row["proved"]), exactly(row["law_of"])
         keeps = digits_up(row["bounds"][0]["proved"])
     if row["sampled"] is not None:
         sampled = f"{row['sampled']:.6g}"
+    rate = "-" if row[DECAY] is None else digits_down(row[DECAY])
+    decay = f"{rate:>10}  " if clocked else ""
     return (
         f"{exactly(row['value']):>10}  {row['method']:<{width}} {proved:>10}  {sampled:>10}  "
-        f"{keeps:>10}  {law_of:>10}  {row['answer']:<10}  {row['seconds']:.2f}"
+        f"{keeps:>10}  {law_of:>10}  {decay}{row['answer']:<10}  {row['seconds']:.2f}"
     )
 
 

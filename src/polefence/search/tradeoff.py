@@ -29,6 +29,7 @@ from polefence.certify.checks import (
     require_region,
     stable_region,
 )
+from polefence.certify.decays import decay_claim
 from polefence.certify.design import Design
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
@@ -39,12 +40,14 @@ from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import reading, work
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.decay import Decay
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.document import Document, from_plain
 from polefence.proof.short import Short
 from polefence.region.regions import Region
 from polefence.region.text import digits_up
 from polefence.requirements.named import by_name
+from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification, claim_of
 from polefence.search.limits import LABEL
 from polefence.search.optimise import Optimised, method_for, optimise, structured
@@ -53,6 +56,7 @@ from polefence.search.task import Task
 
 MAX_VALUES = 1000
 TUNED = "tuned"  # the label of rows whose laws are
+DECAY = "decay in any order"  # of periods of a clock that is not perfect: a rate [1/s]
 
 SAMPLES = 2000  # points of the family that each law is looked at
 
@@ -220,7 +224,7 @@ def _row_of(asked: Asked, task: tuple[float, Method | None]) -> Row:
             answer = _proved(asked, done, value)
     except PolefenceError as error:  # one row's failure is not the sweep's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
-        nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance"))
+        nothing = dict.fromkeys(("proved", "sampled", "law_of", "own", "performance", DECAY))
         answer = {"answer": "undecided", **nothing, "bounds": [], "reason": reason}
     seconds = time.perf_counter() - start
     return {"value": value, "method": label} | answer | {"seconds": seconds}
@@ -233,8 +237,9 @@ def _proved(asked: Asked, done: Optimised, value: float) -> Row:
     if least is not None and least.level < over.level:
         over = least
     claims, certificate = [bound.claim for bound in (first, over, *others)], done.design.certificate
-    certificate.require_checkable(claims)
-    return proved_row(asked, certificate, claims, value)
+    decay = () if done.decay is None else (done.decay,)
+    certificate.require_checkable([*claims, *decay])
+    return proved_row(asked, certificate, claims, value, done.decay)
 
 
 @dataclass(frozen=True)
@@ -302,7 +307,8 @@ class Front(Short):
         ``sampled``, the same law's worst at sampled parameters; ``bounds``, of ``over`` and the
         other specifications, each with ``specification``, ``at_most``, ``proved``, ``sampled``;
         ``law_of``, the limit that the law was found for: another one's law is taken where it
-        keeps this limit, and the search for this one found a worse one, or none; ``own``, what
+        keeps this limit, and the search for this one found a worse one, or none; ``decay in any
+        order``, the rate that is proved of a clock that is not perfect, else None; ``own``, what
         that search itself proved; ``performance``, the law with all of its proofs, as a
         performance file has them; ``reason``, where the search found nothing; ``seconds``.
     references : tuple of dict
@@ -385,10 +391,10 @@ class Front(Short):
 
         What each other specification is proved and sampled at are columns with its title.
         """
-        plain = ("value", "method", "answer", "proved", "sampled", "law_of", "own", "seconds")
+        plain = ("value", "method", "answer", "proved", "sampled", "law_of", "own", DECAY)
         rows = []
         for row in self.rows:
-            cells = {key: row.get(key) for key in (*plain, "reason")}
+            cells = {key: row.get(key) for key in (*plain, "seconds", "reason")}
             for bound in row["bounds"]:
                 title = bound["specification"]
                 cells |= {f"{key} {title}": bound[key] for key in ("at_most", "proved", "sampled")}
@@ -429,9 +435,8 @@ def monotone(rows: dict[tuple[float, str], Row]) -> dict[tuple[float, str], Row]
         best = min(laws, key=lambda r: float(r["proved"]), default=row)
         if best["proved"] is not None and best["proved"] < (row["proved"] or math.inf):
             first, *others = best["bounds"]
-            taken = {
-                key: best[key] for key in ("answer", "proved", "sampled", "law_of", "performance")
-            }
+            keys = ("answer", "proved", "sampled", "law_of", "performance", DECAY)
+            taken = {key: best[key] for key in keys}
             eased[value, label] = row | taken | {"bounds": [first | {"at_most": value}, *others]}
     return eased
 
@@ -518,14 +523,18 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
     ):
         return None
     document = from_plain(row["performance"])
-    claims = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
+    bounds = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
+    claims = [claim for claim in bounds if not isinstance(claim, Decay)]
+    decay = document.first(Decay)
     certificate = _of_plant(Certificate.of(document), asked.plant)
     fixed = certificate.law.K is not None
+    if not _decays(row, asked, certificate, decay):
+        return None
     if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
         return None
     kept = {key: row[key] for key in ("value", "method")}
     seen = {key: row[key] for key in ("law_of", "own", "seconds")}
-    return kept | proved_row(asked, certificate, claims, row["value"]) | seen
+    return kept | proved_row(asked, certificate, claims, row["value"], decay) | seen
 
 
 def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
@@ -558,8 +567,27 @@ def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[Bound
     return certificate.prove().proved
 
 
+def _decays(row: Row, asked: Asked, certificate: Certificate, decay: Decay | None) -> bool:
+    """Prove the decay rate of a row, if it has one, as being of this plant and law."""
+    if decay is None:
+        return row[DECAY] is None
+    bounded = next(
+        (one for one in (asked.minimise, asked.over, *asked.subject_to) if isinstance(one, Rms)),
+        None,
+    )
+    if bounded is None or not _is_of(certificate, asked.plant):
+        return False
+    evidence, rate = decay.subject.evidence, decay.level
+    same = decay_claim(asked.plant, certificate.law, bounded, evidence, rate)
+    return row[DECAY] == float(rate) and decay == same and prove(decay).proved
+
+
 def proved_row(
-    asked: Asked, certificate: Certificate, claims: Sequence[BoundClaim], value: float
+    asked: Asked,
+    certificate: Certificate,
+    claims: Sequence[BoundClaim],
+    value: float,
+    decay: Decay | None = None,
 ) -> Row:
     """Return what a row says of a law: what is proved, and its worst at sampled parameters."""
     plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
@@ -583,7 +611,8 @@ def proved_row(
         "law_of": value,
         "own": levels[0],
         "reason": None,
-        "performance": bounds_file(certificate, claims).write(),
+        DECAY: None if decay is None else float(decay.level),
+        "performance": bounds_file(certificate, [*claims, *([decay] if decay else [])]).write(),
     }
 
 

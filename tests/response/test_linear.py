@@ -479,3 +479,25 @@ def test_signals_of_forces_and_rates(physical, points):
     slope = loops.closed @ x + loops.E @ w
     expected = 2 * x[1] + 3 * slope[:, 1] + 0.5 * (loops.K @ x)[:, 0]
     assert np.allclose((C @ x + D @ w)[:, 0], expected, rtol=1e-12)
+
+
+def test_a_step_response_of_every_third_sample_is_that_of_all_of_them():
+    A = np.array([[0.2, 0.9], [-0.4, 0.7]])
+    B, E = np.array([[0.0], [1.0]]), np.array([[1.0], [-2.0]])
+    outputs = [Output("y", "", [[1, 3]], [[2]])]
+    plant = UncertainPlant.from_vertices([A], [B], [E], sample_time=0.1, outputs=outputs)
+    gain, signals = [[-0.1, -0.2]], ["y", *states(plant)]
+    whole = step(plant, gain, [1.0], signals, duration=3.0)
+    third = step(plant, gain, [1.0], signals, duration=3.0, step=0.3)
+    np.testing.assert_allclose(third.time, whole.time[::3], atol=1e-12)
+    np.testing.assert_allclose(third.values, whole.values[:, ::3], atol=1e-12)
+    x, K = np.zeros(2), np.array(gain)
+    for k in range(30):  # x(t + T) = (A + B K) x + E
+        expected = np.array([x @ [1, 3] + 2 * (K @ x)[0], *x])
+        np.testing.assert_allclose(whole.values[0, k], expected, atol=1e-12)
+        x = (A + B @ K) @ x + E[:, 0]
+    for wrong in (0.25, 0.05, math.nan):
+        with pytest.raises(InputError):
+            step(plant, gain, [1.0], signals, duration=3.0, step=wrong)
+    with pytest.raises(InputError, match=r"its samples are 0.1 s apart"):
+        impulse(plant, gain, [1.0], signals, duration=3.0, step=0.3)

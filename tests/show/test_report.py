@@ -28,8 +28,10 @@ from polefence.certify.design import proved_design
 from polefence.cli.main import main
 from polefence.cli.report import today
 from polefence.examples import family
+from polefence.plant.outputs import states
+from polefence.response.linear import step
 from polefence.response.stationary import stationary, velocity_density, velocity_psd
-from polefence.show.report import Report, _how_to_check, comfort, html_report
+from polefence.show.report import Report, _drawn, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.commands import refused
 from support.files import rewritten
@@ -324,3 +326,12 @@ def test_a_unit_that_is_a_sentence_is_left_out(tmp_path, claims_alone):
     top = Page(html_report(found.design, bounds=proved_design(tmp_path)[1])).parts[""]
     assert "rms of 'x' at most 3 at density 1." in top
     assert "99" not in top
+
+
+def test_what_is_drawn_of_a_slow_loop_at_a_sample_time_is_a_thousand_samples():
+    plant = UncertainPlant.from_vertices([[[1]]], [[[1]]], [[[1]]], sample_time=0.01)
+    own = analyse(plant, [[-1e-4]], Disk(0, 1)).design
+    duration, every = _drawn(own, [1.0], states(plant), None)
+    assert duration == pytest.approx(10 / (-np.log(1 - 1e-4) / 0.01), rel=1e-2)
+    assert every / 0.01 == pytest.approx(round(every / 0.01))
+    assert 900 < len(step(plant, own, [1.0], None, None, duration, every).time) <= 1001

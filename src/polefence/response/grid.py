@@ -62,7 +62,12 @@ def require_step(loops: Loops, step: float) -> float:
 
 
 def times(
-    loops: Loops, kept: Numbers, duration: float | None, step: float | None, signals: int
+    loops: Loops,
+    kept: Numbers,
+    duration: float | None,
+    step: float | None,
+    signals: int,
+    several: bool = False,
 ) -> Array:
     """Return the times of a response [s], 0 first; steps and duration are chosen where not given.
 
@@ -72,6 +77,8 @@ def times(
         The states that matter: their poles say how long the response lasts.
     signals : int
         How many there will be, for the bound on memory.
+    several : bool
+        Whether a step in discrete time may be several samples.
 
     Raises
     ------
@@ -85,21 +92,22 @@ def times(
         duration = _duration(loops, poles, fastest)
     duration = positive(duration, "duration [s]")
     if loops.step:
-        step = _own_step(loops, loops.step if step is None else step)
+        step = _own_step(loops, loops.step if step is None else step, several)
     if step is None:
         step = max(CHOSEN / fastest if fastest else 0.0, duration / MOST_CHOSEN)
     step = positive(step, "step [s]")
     return every(step, samples(duration, step, len(loops.alpha), signals))
 
 
-def _own_step(loops: Loops, step: float) -> float:
-    """Return the plant's sample time, which a step in discrete time is."""
-    if not math.isclose(step, loops.step, rel_tol=EVEN):
+def _own_step(loops: Loops, step: float, several: bool = False) -> float:
+    """Return the plant's sample time, which a step in discrete time is, or several of them."""
+    count = max(1, round(step / loops.step)) if several and math.isfinite(step) else 1
+    if not math.isclose(step, count * loops.step, rel_tol=EVEN):
         raise InputError(
             f"step = {step:g} s; {loops.plant.name} is in discrete time, its samples are "
             f"{loops.step:g} s apart"
         )
-    return loops.step
+    return count * loops.step
 
 
 def every(step: float, samples: int) -> Array:

@@ -86,7 +86,8 @@ def step(
         [s]; by default 15 times the slowest time constant that the signals depend on.
     step : float, optional
         Time between samples [s]; by default a tenth over the size of the fastest pole, or more
-        where that made over 20,000 samples. The samples are exact whatever it is.
+        where that made over 20,000 samples. The samples are exact whatever it is. In discrete time
+        a whole number of the plant's own.
 
     Raises
     ------
@@ -96,11 +97,14 @@ def step(
     """
     path = _path(plant, law, alpha, signals, source)
     loops, (count, n, _) = path.loops, path.E.shape
-    time = grid.times(loops, needed(path.C, loops.closed), duration, step, len(path.signals))
+    kept = needed(path.C, loops.closed)
+    time = grid.times(loops, kept, duration, step, len(path.signals), several=True)
     Phi, Gamma = _at_samples(loops, path.E, time[1])
     # The step is a state that stays as it is.
     longer = np.zeros((count, n + 1, n + 1))
     longer[:, :n, :n], longer[:, :n, n:], longer[:, n, n] = Phi, Gamma, 1.0
+    if loops.step:
+        longer = np.linalg.matrix_power(longer, round(time[1] / loops.step))
     start = np.zeros((count, n + 1))
     start[:, n] = 1.0
     values = free_response(longer, np.concatenate([path.C, path.D], axis=2), start, len(time))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -550,7 +551,7 @@ def _drawn(
     T = float(plant.sample_time or 0)
     duration = 10 / slowest if slowest > 0 else 10 / design.region.size * (T or 1.0)
     if T:
-        return duration, None
+        return duration, T * max(1, math.ceil(duration / T / 1000))
     fastest = float(np.abs(design.poles(alpha)).max())
     return duration, max(0.1 / fastest, duration / 1000)
 

@@ -69,7 +69,7 @@ def test_check_reads_it_back_and_refuses_what_is_changed(analysed, tmp_path):
     faults = [
         (claim, "level", "1/2"),
         (claim, "level", "1000000000"),
-        (claim["held"]["clock"], "most", "2"),
+        (claim["held"]["clock"]["spans"][0], "most", "2"),
         (claim["held"]["vertices"][0]["A"][1], 1, 1),
         (claim["evidence"]["remainder"], "kappa", "1e-30"),
         (claim["evidence"]["Q"][0][0], 0, 0),

@@ -215,7 +215,8 @@ def test_a_clock_that_jitters_is_in_the_bounds_and_in_the_file(folder, capsys):
     assert said in found
     document = json.loads((folder / "out" / "design.json").read_text())
     clocks = [claim["held"]["clock"] for claim in document["claims"] if "held" in claim]
-    assert clocks == [{"least": "9/10", "most": "11/10", "parts": 1}] * 3
+    spans = [{"least": "9/10", "most": "11/10", "parts": 1}]
+    assert clocks == [{"spans": spans}] * 3
     assert f"decay by exp(-{rate:g} t), at samples" in " ".join(found.split())
 
 

@@ -97,3 +97,13 @@ def test_one_point_without_one_leaves_the_others_as_they_are():
     some = common(F, M, W, GAP)
     assert list(some.found) == [False, True, True]
     assert some.cost[1:] == pytest.approx(alone.cost, rel=1e-9)
+
+
+def test_loops_without_a_mean_square_have_none():
+    """These have radii below one, and no covariance where the next is drawn at random."""
+    F = np.array([[[[0.9, 0.4, 0.01], [-4.2, 0.5, 0.04], [-97.0, -9.5, 0.6]]] * 2])
+    F[0, 1] = [[0.99, 0.02, 0.0003], [-1.5, 0.83, 0.02], [-97.0, -9.5, 0.6]]
+    mean = np.mean([np.kron(one, one) for one in F[0]], axis=0)
+    assert np.abs(np.linalg.eigvals(mean)).max() > 1
+    noise = np.diag([0.002, 6.5, 0.0])[None]
+    assert not common(F, np.broadcast_to(np.eye(3), F.shape), noise, GAP).found[0]

@@ -328,9 +328,10 @@ def orders_of(plant, held):
     clock = held.get("clock")
     if not clock:
         return [[1.0]]
-    ends = [number(clock["least"]), number(clock["most"])]
-    some = [list(plant.random.choice(ends, 5)), list(plant.random.uniform(*ends, 5))]
-    return [[end] for end in ends] + [ends, *some]
+    spans = [(number(span["least"]), number(span["most"])) for span in clock["spans"]]
+    ends, random = sorted({end for span in spans for end in span}), plant.random
+    between = [random.uniform(*spans[k]) for k in random.integers(len(spans), size=5)]
+    return [[end] for end in ends] + [ends, list(random.choice(ends, 5)), between]
 
 
 def over(moved, whole):

@@ -66,11 +66,10 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
     )
     if sampling.clock is None:
         return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]
-    ends = (plant.sample_time * end for end in (sampling.clock.least, sampling.clock.most))
     if sampling.early:
         late += f", {milliseconds_text((1 - sampling.early) * plant.sample_time)} ms after a sample"
     return [
-        f"  inputs held for {' to '.join(map(milliseconds_text, ends))} ms in any order{late}: "
+        f"  inputs held for {sampling.clock.text(plant.sample_time)} in any order{late}: "
         f"{which} at all times, and the loop is stable; all else at samples every {time} ms"
     ]
 

@@ -86,6 +86,7 @@ from polefence.proof.polynomials import (
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.remainder import LARGER, THIRD, Remainder
 from polefence.proof.short import Short
+from polefence.proof.text import milliseconds_text
 from polefence.proof.work import RATIONAL, FormatError, counted, spend, spend_again
 
 FINE = 96  # bits after the point
@@ -97,7 +98,7 @@ MOST_IN_MIDDLES = 3  # parameters of parts with nodes in their middles: 3^k; one
 UNBOUNDED = 10**18  # work: what the count around it leaves
 LARGE = 1 << 40  # times its units, what a period may make of a state: else too few bits are left
 
-MOST_PERIODS, MOST_PARTS = 64, 16  # of a clock
+MOST_PERIODS, MOST_PARTS = 64, 32  # of a clock
 # Numbers of what is times the last part of a period; what is beside it stands so many behind.
 ENERGY, NOISE, MORE, MOVED = range(4)
 BESIDE = 4
@@ -139,7 +140,7 @@ class Step(Short):
 
 
 @dataclass(frozen=True)
-class Clock(Short):
+class Span(Short):
     """Periods of ``least`` T to ``most`` T, each anything between; looked at in ``parts``."""
 
     least: Fraction
@@ -147,32 +148,88 @@ class Clock(Short):
     parts: int = 1
 
     @classmethod
-    def read(cls, table: Table) -> Clock:
-        """Read a clock."""
+    def read(cls, table: Table) -> Span:
+        """Read one."""
         least, most = table.number("least"), table.number("most")
-        if not 0 < least <= 1 <= most <= MOST_PERIODS or least == most:
-            raise FormatError(f"clock: least is above 0, most at most {MOST_PERIODS}, 1 between")
-        parts = table.whole("parts", 1)
-        if not 1 <= parts <= MOST_PARTS:
-            raise FormatError(f"clock: parts is 1 to {MOST_PARTS}")
-        return cls(least, most, parts)
+        if not 0 < least <= most <= MOST_PERIODS:
+            raise FormatError(
+                f"{table.path('most')}: is at least least, which is above 0, and at most "
+                f"{MOST_PERIODS}"
+            )
+        return cls(least, most, table.whole("parts", 1, least=1))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
         return {"least": plain(self.least), "most": plain(self.most), "parts": self.parts}
 
+    @property
+    def lengths(self) -> list[tuple[Fraction, Fraction]]:
+        """The parts."""
+        wide = (self.most - self.least) / self.parts
+        return list(pairwise(self.least + wide * k for k in range(self.parts + 1)))
+
+
+@dataclass(frozen=True)
+class Clock(Short):
+    """Periods of lengths that lie in any of ``spans``, one after the other in any order.
+
+    The first holds a period of T; of lost samples each further one holds those with one more lost.
+    """
+
+    spans: tuple[Span, ...]
+
+    @classmethod
+    def read(cls, table: Table) -> Clock:
+        """Read a clock."""
+        spans = tuple(map(Span.read, table.tables("spans", MOST_PARTS)))
+        if not spans or not spans[0].least <= 1 <= spans[0].most:
+            raise FormatError(f"{table.path('spans')}: the first holds 1")
+        if any(one.most >= other.least for one, other in pairwise(spans)):
+            raise FormatError(f"{table.path('spans')}: each begins after the one before has ended")
+        if sum(span.parts for span in spans) > MOST_PARTS:
+            raise FormatError(f"{table.path('spans')}: there are at most {MOST_PARTS} parts")
+        return cls(spans)
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        return {"spans": [span.write() for span in self.spans]}
+
+    @property
+    def least(self) -> Fraction:
+        """The shortest period."""
+        return self.spans[0].least
+
+    @property
+    def most(self) -> Fraction:
+        """The longest."""
+        return self.spans[-1].most
+
     def some(self, share: Fraction) -> Clock | None:
         """Return a clock with a share of what this one is off by; None with nothing of it."""
-        least, most = (1 + share * (end - 1) for end in (self.least, self.most))
-        return replace(self, least=least, most=most) if share else None
+        spans = (
+            replace(span, least=1 + share * (span.least - 1), most=1 + share * (span.most - 1))
+            for span in self.spans
+        )
+        return replace(self, spans=tuple(spans)) if share else None
 
     @property
     def lengths(self) -> list[tuple[Fraction, Fraction]]:
         """The parts of the periods."""
-        ends = [
-            self.least + (self.most - self.least) * k / self.parts for k in range(self.parts + 1)
-        ]
-        return list(pairwise(ends))
+        return [ends for span in self.spans for ends in span.lengths]
+
+    @property
+    def ends(self) -> list[Fraction]:
+        """Where spans begin and end, the shortest first."""
+        every = dict.fromkeys(end for span in self.spans for end in (span.least, span.most))
+        return list(every)
+
+    def text(self, step: Fraction) -> str:
+        """Return the periods in milliseconds: 1.6 to 2.4 ms, or 3.2 to 4.8 ms."""
+        spans = list[str]()
+        for span in self.spans:
+            ends = dict.fromkeys(milliseconds_text(x * step) for x in (span.least, span.most))
+            spans.append(f"{' to '.join(ends)} ms")
+        return " or ".join(spans)
 
 
 @dataclass(frozen=True)

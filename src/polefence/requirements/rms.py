@@ -207,8 +207,11 @@ class Rms(Specification):
         held = self.held(plant)
         if held is None or held.clock is None:
             return [1.0]
-        least, most = float(held.clock.least), float(held.clock.most)
-        return [most, least] if most < WIDE * least else [most, (least * most) ** 0.5, least]
+        ends, middles = list(map(float, held.clock.ends)), list[float]()
+        for span in held.clock.spans:
+            if span.most >= WIDE * span.least:
+                middles.append(float(span.least * span.most) ** 0.5)
+        return sorted([*ends, *middles], reverse=True)
 
     def borne(self, plant: UncertainPlant, law: Any) -> int | None:
         """Return how many samples in a row may be lost, as loops at the corners with floats tell.

@@ -24,7 +24,7 @@ from polefence.plant.parameters import exact
 from polefence.plant.parts import ends, inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.system import Array, System
-from polefence.proof.between import MOST_IN_MIDDLES, Clock
+from polefence.proof.between import MOST_IN_MIDDLES, Clock, Span
 from polefence.proof.between import MOST_PARTS as MOST_CLOCK_PARTS
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_TERMS
@@ -180,10 +180,21 @@ def _clock(plant: UncertainPlant, T: Fraction, jitter: Any, lost: Any) -> Clock 
             f"{plant.name} names no disturbance (no E); what jitter and lost samples cost is "
             "bounded by an rms, which needs one"
         )
-    least, most = 1 - share, (1 + lost) * (1 + share)
-    speed = float(np.abs(np.linalg.eigvals(plant.A)).max() * T * (most - least))
-    parts = max(math.ceil(math.log(most / least) / math.log(RATIO)), math.ceil(speed / TURNED))
-    return Clock(least, most, min(parts, MOST_CLOCK_PARTS))
+    fastest, spans = float(np.abs(np.linalg.eigvals(plant.A)).max() * T), list[Span]()
+    for periods in range(1, lost + 2):
+        least, most = periods * (1 - share), periods * (1 + share)
+        if spans and least <= spans[-1].most:
+            least = spans.pop().least
+        spans.append(Span(least, most))
+    each = MOST_CLOCK_PARTS // len(spans)
+    return Clock(tuple(replace(one, parts=_parts_of(one, fastest, each)) for one in spans))
+
+
+def _parts_of(span: Span, fastest: float, most: int) -> int:
+    """Return in how many parts periods are looked at, given the fastest rate over them."""
+    turned = fastest * float(span.most - span.least) / TURNED
+    longer = math.log(span.most / span.least) / math.log(RATIO)
+    return max(1, min(most, math.ceil(max(turned, longer))))
 
 
 def _degrees(plant: UncertainPlant) -> list[int]:

@@ -112,10 +112,11 @@ class _Units:
         X = _solved(np.eye(n * n) - mean, W.reshape(len(W), -1)).reshape(W.shape)
         X = (X + _turned(X)) / 2
         size = np.sqrt(np.maximum(np.einsum("pii->pi", X), 0.0))
+        some = size.max(axis=1) > 0
         size = np.where(size > 0, size, np.maximum(size.max(axis=1, keepdims=True), 1e-300))
         scaled = _finite(X / size[:, :, None] / size[:, None, :])
         values, V = np.linalg.eigh(scaled)
-        known = (values.min(axis=1) > -1e-9) & np.all(np.isfinite(X), axis=(1, 2))
+        known = some & (values.min(axis=1) > -1e-9) & np.all(np.isfinite(X), axis=(1, 2))
         values = np.maximum(values, 1e-12 * values.max(axis=1, keepdims=True))
         T = size[:, :, None] * V * np.sqrt(values)[:, None, :]
         T = np.where(known[:, None, None], T, np.eye(n))

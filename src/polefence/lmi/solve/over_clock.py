@@ -117,9 +117,10 @@ class OverClock(Interpolation):
         problem = self.problem
         nodes = problem.domain.nodes(self.degree)
         every, noise, times = list[tuple[Array, Array]](), list[Array](), list[float]()
-        for number, ticks in enumerate(self.parts):
-            # where a part ends the next begins
-            for end, time in list(zip(np.eye(2), ticks.lengths, strict=True))[int(number > 0) :]:
+        for ticks in self.parts:
+            for end, time in zip(np.eye(2), ticks.lengths, strict=True):
+                if time in times[-1:]:  # where the part before ended
+                    continue
                 alpha = beside(nodes, np.tile(end, (len(nodes), 1)))
                 W, N, Y, E, *_ = problem.ticked(ticks, alpha)
                 if problem.law.W is not None:

@@ -71,8 +71,7 @@ class HeldClaim(SignalClaim):
         step, clock = self.subject.step, self.held.clock
         times = milliseconds_text(step)
         if clock is not None:
-            ends = (milliseconds_text(end * step) for end in (clock.least, clock.most))
-            times = f"{' to '.join(ends)} ms in any order"
+            times = f"{clock.text(step)} in any order"
             if self.held.early:
                 after = milliseconds_text((1 - self.held.early) * step)
                 times += f", changed {after} ms after a sample"

@@ -468,7 +468,11 @@ class Period(Short):
         whole = math.lcm(least.denominator, most.denominator)
         theta = form(len(sizes) - 1, (int(least * whole), int(most * whole)), sizes, whole)
         off = [[x * y for x, y in zip(*rows, strict=True)] for rows in zip(off, unit, strict=True)]
-        return Step(moved, off, theta, self.on_part(low, high, sizes))
+        mean = self.on_part(low, high, sizes)
+        if least == most:  # all of it is the same along the length
+            moved, theta = moved.at_end(last=False).widened(), theta.at_end(last=False).widened()
+            mean = Mean(*(P.at_end(last=False).widened() for P in (mean.M, mean.V, mean.c)))
+        return Step(moved, off, theta, mean)
 
     def require_moderate(self) -> None:
         """Count the work on what holds for all points, and do it where that was not done.

@@ -155,6 +155,20 @@ class Polynomial(Short):
                 whole *= common**degree
         return Polynomial(_composed(self.terms, powers, sum(sizes)), sizes, degrees, whole)
 
+    def at_end(self, last: bool) -> Polynomial:
+        """Return it at one of the two corners of its last simplex, without that simplex."""
+        degree = self.degrees[-1]
+        kept = (0, degree) if last else (degree, 0)
+        terms = {e[:-2]: M for e, M in self.terms.items() if e[-2:] == kept}
+        none = [[0] * self.shape[1]] * self.shape[0]
+        terms = terms or {next(iter(self.terms))[:-2]: none}
+        return Polynomial(terms, self.sizes[:-1], self.degrees[:-1], self.whole)
+
+    def widened(self) -> Polynomial:
+        """Return it with a further simplex of two corners, along which it does not change."""
+        terms = {(*e, 0, 0): M for e, M in self.terms.items()}
+        return Polynomial(terms, (*self.sizes, 2), (*self.degrees, 0), self.whole)
+
     @property
     def bits(self) -> int:
         """Length of the longest entry."""

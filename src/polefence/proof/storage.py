@@ -82,12 +82,7 @@ class Stretch(Short):
 
     def at(self, sizes: Sizes, end: bool) -> Polynomial:
         """Return it at its begin or its end, a polynomial of the parameters alone."""
-        whole = self.polynomial(sizes)
-        kept = (0, self.along) if end else (self.along, 0)
-        terms = {e[:-2]: M for e, M in whole.terms.items() if e[-2:] == kept}
-        none = [[0] * len(self.form[0])] * len(self.form[0])
-        terms = terms or {next(iter(whole.terms))[:-2]: none}
-        return Polynomial(terms, sizes, (self.degree,) * len(sizes), whole.whole)
+        return self.polynomial(sizes).at_end(end)
 
 
 def require_stretches(stretches: tuple[Stretch, ...], breaks: tuple[Fraction, ...]) -> None:

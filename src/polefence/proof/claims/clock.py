@@ -61,8 +61,8 @@ def rows_of_clock(
     """
     law, evidence, spread = subject.law, subject.evidence, subject.evidence.spread
     plain = law.form(subject.sizes)
-    form, shown = _wide(plain), _wide(held.chosen(outputs, plain))
-    Q = _wide(bernstein(evidence.X, subject.sizes, evidence.degree))
+    form, shown = plain.widened(), held.chosen(outputs, plain).widened()
+    Q = bernstein(evidence.X, subject.sizes, evidence.degree).widened()
     rows: Rows = {}
     for k, step in enumerate(steps):
         loop = _loop(subject, outputs, held, step, Q, form)
@@ -89,8 +89,8 @@ def falling_of(
         If the evidence does not cover what interpolation may miss.
     """
     evidence, spread = subject.evidence, subject.evidence.spread
-    form = _wide(subject.law.form(subject.sizes))
-    Q = _wide(bernstein(evidence.X, subject.sizes, evidence.degree))
+    form = subject.law.form(subject.sizes).widened()
+    Q = bernstein(evidence.X, subject.sizes, evidence.degree).widened()
     loop = _loop(subject, outputs, held, step, Q, form)
     weight = loop.WQ if subject.law.K is not None else loop.WQ * form.part(slice(subject.n))
     inner = left * weight - loop.falling
@@ -104,19 +104,13 @@ def least_square(Q: Polynomial, steps: Sequence[Step], elevation: int) -> Fracti
     """Return what the square of the level must exceed for what the noise adds, of all periods."""
     least = ZERO
     for step in steps:
-        moved = step.whole.noise(_wide(Q))
+        moved = step.whole.noise(Q.widened())
         moved, theta = (P.raised(joint([moved, step.theta])) for P in (moved, step.theta))
         terms, whole = moved.elevated(elevation).terms, Fraction(theta.whole, moved.whole)
         for e, length in theta.elevated(elevation).terms.items():
             if e in terms:
                 least = max(least, whole * terms[e][0][0] / length[0][0])
     return least
-
-
-def _wide(P: Polynomial) -> Polynomial:
-    """Return a polynomial on the box with the period as one more parameter."""
-    terms = {(*e, 0, 0): M for e, M in P.terms.items()}
-    return replace(P, terms=terms, sizes=(*P.sizes, 2), degrees=(*P.degrees, 0))
 
 
 def _loop(
@@ -131,7 +125,7 @@ def _loop(
     n, first = subject.n, len(held.A[0])
     AB = _placed(step.moved, held.chosen_of(outputs), n + subject.m)
     if n > first:  # inputs on their way, and states of the law's own
-        AB = below(AB, _wide(subject.plant_form.part(slice(first, None))))
+        AB = below(AB, subject.plant_form.part(slice(first, None)).widened())
     M = AB * form
     QM = Q * M
     if subject.law.K is not None:

@@ -26,7 +26,6 @@ No exponential is needed: the plant is that in continuous time, and all of this 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
@@ -236,8 +235,7 @@ def loop_of(
     if scales:
         times = diagonal(scales, sizes)
         loop = (loop[0], loop[1] * times, loop[2], loop[3] * times)
-    wide_N, wide_E, wide_Y, wide_F = map(_wide, loop)
-    return wide_N, wide_E, wide_Y, wide_F
+    return loop[0].widened(), loop[1].widened(), loop[2].widened(), loop[3].widened()
 
 
 def _placed(A: Rationals, B: Rationals, acting: Sequence[int], width: int) -> Rationals:
@@ -249,12 +247,6 @@ def _placed(A: Rationals, B: Rationals, acting: Sequence[int], width: int) -> Ra
             row[k] = x
         rows.append(row)
     return rows + [[ZERO] * width for _ in range(width - len(A))]
-
-
-def _wide(P: Polynomial) -> Polynomial:
-    """Return a polynomial of the parameters as one of time too."""
-    terms = {(*e, 0, 0): M for e, M in P.terms.items()}
-    return replace(P, terms=terms, sizes=(*P.sizes, 2), degrees=(*P.degrees, 0))
 
 
 def _supplied(

@@ -87,7 +87,7 @@ from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.remainder import LARGER, THIRD, Remainder
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text
-from polefence.proof.work import RATIONAL, FormatError, counted, spend, spend_again
+from polefence.proof.work import RATIONAL, FormatError, counted, spend, spend_once
 
 FINE = 96  # bits after the point
 ONE = 1 << FINE
@@ -495,13 +495,15 @@ class Period(Short):
         _ = self._remainders
 
     def _counted(self, key: Any, computed: Callable[[], Any]) -> Any:
-        """Return what is computed once, and count its work each time."""
+        """Return what is computed once, and count its work once for each claim."""
+        amount = 0
         if key not in self._known:
             with counted(UNBOUNDED) as count:
                 value = computed()
             self._known[key] = value, count.spent
         else:
-            spend_again(self._known[key][1])
+            amount = self._known[key][1]
+        spend_once(self._known, key, amount)
         return self._known[key][0]
 
     # --- at a point ------------------------------------------------------------------------------

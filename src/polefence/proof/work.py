@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 # Bounds on what a claim can ask for: work, in products of two words of 30 bits, of which every
 # operation takes `CALL` besides; and what polynomials hold at once [bytes].
@@ -36,10 +37,11 @@ class WorkError(FormatError):
 
 @dataclass
 class Count:
-    """Work that has begun, of the most that is allowed."""
+    """Work that has begun, of the most that is allowed; what results that are kept it has had."""
 
     most: int
     spent: int = 0
+    had: dict[tuple[int, Any], object] = field(default_factory=dict)
 
 
 _COUNT: ContextVar[Count | None] = ContextVar("count", default=None)
@@ -52,7 +54,9 @@ def counted(most: int | None = None) -> Iterator[Count]:
     So a claim gets `MAX_WORK` wherever it is proved, alone or in a file.
     """
     outer, most = _COUNT.get(), MAX_WORK if most is None else most
-    count = Count(most if outer is None else min(most, outer.most - outer.spent))
+    count = Count(most)
+    if outer is not None:
+        count = Count(min(most, outer.most - outer.spent), had=outer.had)
     token = _COUNT.set(count)
     try:
         yield count
@@ -102,8 +106,15 @@ def spend(operations: int, left: int, right: int = 0) -> None:
     count.spent += amount
 
 
-def spend_again(amount: int) -> None:
-    """Count work that was counted before, for it is not done again where its result is kept.
+def spend_once(kept: object, key: Any, amount: int) -> None:
+    """Count the work on a result that is kept, where it is had for the first time in a count.
+
+    It is counted there whether it is done then, or was done in another count.
+
+    Parameters
+    ----------
+    kept : object
+        Where the result is kept under the key; it lives as long as the count.
 
     Raises
     ------
@@ -111,11 +122,12 @@ def spend_again(amount: int) -> None:
         If it is more than the count allows.
     """
     count = _COUNT.get()
-    if count is None:
+    if count is None or (id(kept), key) in count.had:
         return
     if count.spent + amount > count.most:
         raise WorkError(TOO_MUCH)
     count.spent += amount
+    count.had[id(kept), key] = kept
 
 
 def cost(left: int, right: int = 0) -> int:

@@ -239,6 +239,12 @@ class DualProblem:
         return self.means is not None and self.means.clock is not None
 
     @property
+    def jittered(self) -> bool:
+        """Whether a period may be of any length between two."""
+        clock = None if self.means is None else self.means.clock
+        return clock is not None and any(one.least < one.most for one in clock.spans)
+
+    @property
     def ticking(self) -> bool:
         """Whether it is about a part of the box, with periods of any length."""
         return self.means is not None and bool(self.means.ticks)

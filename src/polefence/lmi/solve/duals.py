@@ -21,7 +21,7 @@ MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
 # 1.1e9 and takes 0.3 s; degree 2 in six parameters is more, and minutes for a few parts.
 MOST_IN_PART, MOST_IN_PARTS = 1.2e9, 4e10
-DEGREES, BENT, IN_ANY_ORDER = (2, 4), (1, 2), (1,)  # on parts of the box; of samples between nodes
+DEGREES, BENT = (2, 4), (1, 2)  # on parts of the box; of samples between nodes
 MOST_OVER_CLOCK = 64  # parts: what takes more is missed along the length of a period
 
 
@@ -90,9 +90,7 @@ def in_parts(
         return None
     whole = Box.whole(problem.domain)
     first = problem.inside(whole)
-    tried: tuple[int, ...] = BENT if problem.plant.bent else DEGREES
-    if problem.clocked:  # where one is not enough, parts take less than a higher one
-        tried = IN_ANY_ORDER
+    tried: tuple[int, ...] = BENT if problem.plant.bent or problem.clocked else DEGREES
     work = {degree: first.work(degree) * ROUNDS for degree in tried}
     degrees = [d for d in work if work[d] <= MOST_IN_PART]
     if not degrees:

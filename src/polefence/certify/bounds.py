@@ -75,7 +75,8 @@ SHORT = 6
 # How far above the worst case in floats a bound is looked for in parts of the box: of a van for
 # periods of any length none of 1 % was found in 64 parts, and 2 % takes 6. Of two lengths, one for
 # a lost sample, 0.1 % takes 15.
-IN_PARTS, IN_ANY_ORDER = (1e-3, 5e-3, 2e-2), (2e-2, 5e-2, 0.15)
+IN_PARTS: tuple[float, ...] = (1e-3, 5e-3, 2e-2)
+IN_ANY_ORDER: tuple[float, ...] = (2e-2, 5e-2, 0.15)
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
@@ -335,8 +336,9 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
 
 def _in_parts(question: _Question) -> Iterator[Bound]:
     """Yield the least bound of dual polynomials on parts of the box, if the kind has them."""
-    jittered = question.problem is not None and question.problem.jittered
-    shares = IN_ANY_ORDER if jittered else IN_PARTS
+    problem, shares = question.problem, IN_PARTS
+    if problem is not None and problem.clocked:
+        shares = IN_ANY_ORDER if problem.jittered else (*IN_PARTS, *IN_ANY_ORDER[1:])
     levels = (question.worst * (1 + share) for share in shares)
     bound = first(map(question.in_parts, levels))
     if bound is not None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.certify.bounds import Bound, best_bound, sampled, worst_of
+from polefence.certify.bounds import Bound, best_bound, kept_bound, sampled, worst_of
 from polefence.certify.by_transfer import ByTransfer
 from polefence.certify.certificate import Certificate
 from polefence.certify.evidence import certificate_of, placeholder
@@ -223,5 +223,8 @@ def bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBo
     if worst > most:
         return VerifiedBound(limit, "refuted", *facts[1:])
     bound = best_bound(plant, law, free)
+    if limit.at_most is not None and (bound is None or bound.level > most):
+        # the least level is not looked for as near the worst sample as a limit may be
+        bound = kept_bound(plant, law, limit) or bound
     answer = "proved" if bound is not None and bound.level <= most else "undecided"
     return VerifiedBound(limit, answer, bound, *facts[2:])

@@ -20,19 +20,11 @@ from polefence.certify.design import check_document, is_proof_file, read_documen
 from polefence.certify.measured import read_measured
 from polefence.cli.options import result_arguments
 from polefence.cli.output import NOT_PROVED, PROVED, write_json
+from polefence.cli.subjects import with_law_of
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
 from polefence.export.documents import FILE_NAME
-from polefence.law.structure import load_structure
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import (
-    FILTER,
-    INTEGRAL,
-    own_states,
-    with_rates_as_inputs,
-    with_states,
-)
-from polefence.plant.outputs import states
 from polefence.plant.spec import load, load_dampers
 from polefence.plant.system import System
 from polefence.proof.claims.base import Claim
@@ -171,7 +163,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         plant = at_sample_time(plant, document.plant.step, samples.delay - samples.early)
     if document.first(RmsRefutation) or document.first(Clipped):
         plant = _weighted(plant, claimed, spec)
-    plant = _with_law(plant, claimed, spec)
+    plant = with_law_of(plant, claimed, spec)
     if samples is not None and sampled and plant.shape == claimed.shape:
         # of the same plant, as the claim proves: equal but for rounding
         pairs = zip(claimed.vertices, plant.vertices, strict=True)
@@ -257,18 +249,6 @@ def _beside(first: System, rest: System, n: int) -> System:
     if first.exact_E is not None and rest.exact_E is not None:
         E = (*first.exact_E[:n], *rest.exact_E[n:])
     return System(A, B, E, rest.name)
-
-
-def _with_law(plant: UncertainPlant, claimed: UncertainPlant, spec: str) -> UncertainPlant:
-    """Return the plant with the states of a law, if the file's plant has any."""
-    law_states = own_states(claimed)
-    if not any(state.name.startswith((INTEGRAL, FILTER)) for state in states(claimed)):
-        return plant if own_states(plant) else with_states(plant, law_states)
-    structure = load_structure(spec)
-    if structure is None or not structure.kind:
-        return plant
-    larger = structure.extended(plant)[0]
-    return with_rates_as_inputs(larger, law_states) if law_states else larger
 
 
 def _other_samples(samples: Samples, claimed: UncertainPlant, plant: UncertainPlant) -> str | None:

@@ -10,17 +10,19 @@ from typing import Any
 
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
-from polefence.certify.certificate import Certificate
-from polefence.certify.design import FILE_NAME, require_kind
+from polefence.certify.certificate import Certificate, plant_of
+from polefence.certify.design import FILE_NAME, read_document, require_kind
 from polefence.cli.options import at_samples
-from polefence.cli.subjects import claims_file
+from polefence.cli.subjects import claims_file, with_law_of
 from polefence.law.arrays import law_from
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.spec import load
 from polefence.proof import reading, work
 from polefence.proof.document import FORMAT
+from polefence.proof.text import milliseconds_text
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.asked import promised
@@ -100,6 +102,9 @@ def read_given(options: Any) -> Given:
     names = _names(options.name)
     plant, arrays = _plant(options.spec, names)
     seen = at_samples(plant, options)
+    if arrays is None:
+        seen = _with_own_states(seen, options)
+        plant = plant if options.sample_time is not None else seen
     law: Law | GainTable
     if seen is plant:
         law = _law(plant, arrays, names, options)
@@ -110,6 +115,30 @@ def read_given(options: Any) -> Given:
             raise InputError("--minus is for one gain or law; write the table with u = K x")
         law = law.negated()
     return Given(seen, law, arrays, names)
+
+
+def _with_own_states(plant: UncertainPlant, options: Any) -> UncertainPlant:
+    """Return the plant with the states of the law that a design has for it, of the same time."""
+    if options.gain is None or is_written(options.gain):
+        return plant
+    path = claims_file(Path(options.gain))
+    if path is None:
+        return plant
+    claimed = plant_of(read_document(path).plant)
+    if claimed.sample_time == plant.sample_time:
+        return with_law_of(plant, claimed, options.spec)
+    if own_states(claimed) and claimed.sample_time is not None:
+        raise InputError(
+            f"{path}: its law has states of its own, which move every "
+            f"{milliseconds_text(claimed.sample_time)} ms; give --sample-time "
+            f"{float(claimed.sample_time):g}, and its --delay"
+        )
+    if own_states(claimed):
+        raise InputError(
+            f"{path}: its law has states of its own, in continuous time; leave out --sample-time, "
+            "or design it with it: polefence optimise --sample-time"
+        )
+    return plant
 
 
 def _plant(what: str, names: dict[str, str]) -> tuple[UncertainPlant, Arrays | None]:

@@ -14,9 +14,18 @@ from polefence.certify.design import (
     is_proof_file,
     read_document,
 )
+from polefence.law.structure import load_structure
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import (
+    FILTER,
+    INTEGRAL,
+    own_states,
+    with_rates_as_inputs,
+    with_states,
+)
+from polefence.plant.outputs import states
 from polefence.plant.spec import load, load_dampers
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.document import Document
@@ -114,3 +123,15 @@ def read_subject(source: str) -> Subject:
         return Subject(source, plant, None, dampers, document)
     design = Design.read(path, document=document)
     return Subject(source, design.plant, design)
+
+
+def with_law_of(plant: UncertainPlant, claimed: UncertainPlant, spec: str) -> UncertainPlant:
+    """Return the plant of a spec with the states of the law of a file's plant, if it has any."""
+    more = own_states(claimed)
+    if not any(state.name.startswith((INTEGRAL, FILTER)) for state in states(claimed)):
+        return plant if own_states(plant) else with_states(plant, more)
+    structure = load_structure(spec)
+    if structure is None or not structure.kind:
+        return plant
+    larger = structure.extended(plant)[0]
+    return with_rates_as_inputs(larger, more) if more else larger

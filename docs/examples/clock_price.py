@@ -1,7 +1,7 @@
 """What a clock that is not perfect costs the van, whose law has no states of its own; figure.
 
 ``python docs/examples/clock_price.py [FOLDER]`` prints the page's table and writes clock-price.png
-into the folder, by default here. It takes a quarter of an hour. First it prints by how much some
+into the folder, by default here. It takes half an hour. First it prints by how much some
 periods in turn make the loop of the spec's own law grow, that for a perfect clock.
 """
 

@@ -218,6 +218,11 @@ class Clock(Short):
         return [ends for span in self.spans for ends in span.lengths]
 
     @property
+    def jitters(self) -> bool:
+        """Whether a period may be of any length between two."""
+        return any(span.least < span.most for span in self.spans)
+
+    @property
     def ends(self) -> list[Fraction]:
         """Where spans begin and end, the shortest first."""
         every = dict.fromkeys(end for span in self.spans for end in (span.least, span.most))

@@ -36,6 +36,9 @@ FOR_STATES = 2  # which share gives a law's own states room for proofs
 # The same of limits that one Q proves for periods of any length: of a van at 2 ms, 20 % more or
 # less, one took more than 20 parts of the box with the share before.
 FOR_CLOCKS = 3
+# Periods from which on it is the next share, where they jitter: of a van at 2 ms with 20 % and a
+# lost sample one had no proof in 64 parts with the same share, with the next it takes 7.
+LONG = 2
 LEAST_WIDER = 1 / 16  # of a clock's jitter, what a law that bears less of it is asked to bear next
 # How many times its limit an input that is cut off would go to, and in laws to start from.
 BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
@@ -139,8 +142,9 @@ class Room:
         """
         slow = plant.period > 0 and own_states(plant) > 0
         limits = 0 if plant.remainder is None else 2 if plant.bent else 1
-        if plant.sampling is not None and plant.sampling.clock is not None:
-            limits = FOR_CLOCKS
+        clock = None if plant.sampling is None else plant.sampling.clock
+        if clock is not None:
+            limits = FOR_CLOCKS + (clock.jitters and clock.most >= LONG)
         return cls(FOR_STATES if slow else 1, limits)
 
     def after(self, missing: Missing | None, plant: UncertainPlant) -> Room:

@@ -242,7 +242,7 @@ class DualProblem:
     def jittered(self) -> bool:
         """Whether a period may be of any length between two."""
         clock = None if self.means is None else self.means.clock
-        return clock is not None and any(one.least < one.most for one in clock.spans)
+        return clock is not None and clock.jitters
 
     @property
     def ticking(self) -> bool:

@@ -206,9 +206,8 @@ def test_a_clock_that_jitters_is_in_the_bounds_and_in_the_file(folder, capsys):
     said = ran(capsys, *words)
     assert "  inputs held for 18 to 22 ms in any order, inputs act 1 sample late" in said
     rate = float(re.search(r"in any order the loop decays by exp\(-([0-9.]+) t\)", said)[1])
-    assert rate == pytest.approx(
-        json.loads((folder / "out.json").read_text())["decay in any order"]
-    )
+    whole = json.loads((folder / "out.json").read_text())["decay in any order"]
+    assert whole * (1 - 1e-5) < rate <= whole
     found = ran(capsys, "check", "out", "--spec", "spring.toml")
     assert "rms of 'x' = x1 <= " in found
     said = "at all times, with inputs held for 18 to 22 ms in any order, and the loop stable"

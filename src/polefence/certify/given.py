@@ -260,7 +260,7 @@ def analyse(
         analysis = Analysis(plant, law, region, "proved", reason, certificate)
     asked = limits if analysis.kept != "refuted" else ()
     bounds = tuple(bounded(plant, law, limit) for limit in asked)
-    proved = [one.specification for one in bounds if one.bound is not None]
+    proved = [one.bound for one in bounds if one.bound is not None]
     decay = proved_decay(plant, law, proved)
     analysis = replace(analysis, lyapunov=given, bounds=bounds, decay=decay)
     if analysis.certificate is not None:

@@ -209,8 +209,7 @@ def optimise(
     """
     question = minimise, subject_to, region, method, budget, structure
     done = _optimised(plant, *question, fewer_states, bears)
-    limits = [bound.specification for bound in done.bounds]
-    done = replace(done, decay=proved_decay(done.plant, done.law, limits))
+    done = replace(done, decay=proved_decay(done.plant, done.law, done.bounds))
     done.design.certificate.require_checkable(done.claims)
     return done
 

@@ -68,7 +68,11 @@ Known = dict[tuple[Box, int], Dual | None]  # what was found in a part, of a deg
 
 
 def in_parts(
-    problem: DualProblem, level: float, most: int | None = None, known: Known | None = None
+    problem: DualProblem,
+    level: float,
+    most: int | None = None,
+    known: Known | None = None,
+    first: Sequence[Box] = (),
 ) -> list[Part] | None:
     """Return a partition of the box with a dual polynomial that proves the level on each part.
 
@@ -80,6 +84,8 @@ def in_parts(
         How many parts there may be; None is returned where that is not enough.
     known : dict, optional
         What was found for lower levels of the problem; what is found now is added.
+    first : sequence of Box
+        Parts to begin with, which make up the box; by default all of it is one.
     """
     known = {} if known is None else known
     most = most or (MOST_BENT if problem.plant.bent else MOST_PARTS)
@@ -88,10 +94,9 @@ def in_parts(
     by_level = problem.gain or problem.plant.remainder is not None
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
-    whole = Box.whole(problem.domain)
-    first = problem.inside(whole)
+    begun = list(first) or [Box.whole(problem.domain)]
     tried: tuple[int, ...] = BENT if problem.plant.bent or problem.clocked else DEGREES
-    work = {degree: first.work(degree) * ROUNDS for degree in tried}
+    work = {degree: problem.inside(begun[0]).work(degree) * ROUNDS for degree in tried}
     degrees = [d for d in work if work[d] <= MOST_IN_PART]
     if not degrees:
         return None
@@ -116,7 +121,7 @@ def in_parts(
         late = done > MOST_IN_PARTS or ended()
         return None if late else replace(problem, box=box).widest
 
-    parts = divided([whole], proving, along, most)
+    parts = divided(begun, proving, along, most)
     return None if parts is None else [Part(box.low, box.high, dual) for box, dual in parts]
 
 

@@ -93,11 +93,11 @@ class OverClock(Interpolation):
             return None
         more = max(float(loops[-1].max()) for *_, loops in self.driven)
         whole = (level * (1 - ROOM)) ** 2 - float(narrow.cost.max()) - more
-        for share in WIDER:
-            if whole <= 0:
-                return None
-            gap = share * whole / float(narrow.base.max())
-            dual = replace(self, gap=min(max(gap, NARROW), WIDEST))._grown(None)
+        if whole <= 0:
+            return None
+        gaps = (share * whole / float(narrow.base.max()) for share in WIDER)
+        for gap in dict.fromkeys(min(max(gap, NARROW), WIDEST) for gap in gaps):
+            dual = replace(self, gap=gap)._grown(None)
             if dual is not None and dual.level < level:
                 return dual
         return None

@@ -140,6 +140,8 @@ COMMANDS = (
     f"optimise|two.toml|{LIMITS}{GAIN}{LATE}0.1|-o|two-late",
     f"optimise|plain.toml|{LIMITS}{LATE}0.05|--schedule|none|--jitter|0.1|-o|clock",
     f"optimise|plain.toml|{LIMITS}{HALF}|--schedule|none|--jitter|0.1|-o|clock-half",
+    f"optimise|plain.toml|{LIMITS}{LATE}0.05|--schedule|none|--lost|1|-o|clock-lost",
+    f"optimise|plain.toml|{LIMITS}{HALF}|--schedule|none|--jitter|0.1|--lost|1|-o|clock-both",
     f"optimise|two.toml|{LIMITS}{CUT}--region|disk(0, 1)|--sample-time|0.1|-o|saturation-late",
     f"optimise|mass.toml|{LIMITS}{GAIN}-o|mass",
     f"optimise|steps.toml|{LIMITS}{GAIN}{ENERGY}--region|disk(0, 0.99)|-o|steps",

@@ -422,12 +422,38 @@ def _units(plant: UncertainPlant) -> Array:
     n = plant.shape[0]
     E = [np.zeros((n, 0)) if v.E is None else v.E for v in plant.vertices]
     A, B, H = np.abs(plant.A).max(axis=0), np.abs(plant.B).max(axis=0), np.abs(E).max(axis=0)
-    d = balancing(A[None])
     speed = float(np.abs(np.linalg.eigvals(plant.A)).max()) or 1.0
+    d = _balanced(A, speed)
     pushes = np.concatenate([B, H], axis=1) / d[:, None]
     size = np.linalg.norm(pushes, axis=0)
     acting = np.where(size > 0, speed / np.where(size > 0, size, 1.0), 1.0)
     return np.concatenate([d, 2.0 ** np.round(np.log2(acting))])
+
+
+def _balanced(A: Array, speed: float) -> Array:
+    """Return units of states of magnitudes A (n, n) that even out rows and columns, powers of two.
+
+    A state that no other follows, as a sensor's, or that follows no other, as an actuator's, has no
+    such unit: in its own the others move it, or it moves them, at its own rate. Without this its
+    unit went off, and those of its neighbours: of a crane with sensors what a sample is rounded by
+    was 3.7e-10 in place of 5e-15, and a limit that 2 parts of the box prove had no proof in any.
+    """
+    others, rest, apart = A - np.diag(np.diag(A)), list(range(len(A))), list[int]()
+    while len(rest) > 1:
+        inner = others[np.ix_(rest, rest)]
+        alone = ~inner.any(axis=0) | ~inner.any(axis=1)
+        if not alone.any():
+            break
+        apart.append(rest.pop(int(alone.argmax())))
+    d = np.ones(len(A))
+    d[rest] = balancing(A[np.ix_(rest, rest)][None])
+    for i in reversed(apart):
+        followed, moved = others[i, rest] @ d[rest], (others[rest, i] / d[rest]).sum()
+        rate = A[i, i] or speed
+        unit = followed / rate if followed else rate / moved if moved else 1.0
+        d[i] = 2.0 ** np.round(np.log2(unit))
+        rest.append(i)
+    return d
 
 
 def _about(plant: UncertainPlant, samples: UncertainPlant, units: Array, delay: Late) -> Array:

@@ -267,7 +267,7 @@ WORDS = {
     "form": (["--limit", "rms v <= 1"], "'rms v <= 1' is not of the form KIND of SIGNAL"),
     "no limit": (["--limit", "gain of v"], "--limit 'gain of v' has no limit"),
     "zero": (["--limit", "gain of v <= 0"], "at_most = 0.0 of 'v' must be a positive number"),
-    "nan": (["--limit", "gain of v <= nan"], "at_most = 'nan' must be a finite number"),
+    "nan": (["--limit", "gain of v <= nan"], "'nan' behind <=; a limit is a number alone"),
     "huge": (["--limit", "gain of v <= 1e999"], "at_most is too large a number"),
     "key": (["--limit", "rms of v <= 1 with densty 2"], "unknown key densty = 2; did you mean"),
     "twice": (["--limit", "gain of v <= 1", "--limit", "gain of v <= 2"], "is given twice"),

@@ -32,7 +32,7 @@ from polefence.cli.main import main
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
 from polefence.search.optimise import optimise
-from polefence.search.tradeoff import monotone, tradeoff
+from polefence.search.tradeoff import DECAY, monotone, tradeoff
 from polefence.search.tune.worth import NEAR
 from polefence.show.plots import front_figure
 from polefence.vehicle import beside_reference_laws, velocity_density
@@ -264,6 +264,7 @@ def test_every_row_has_the_best_law_that_keeps_its_limit(drawn):
             "law_of": value if law else None,
             "own": level,
             "performance": {"of": value} if law else None,
+            DECAY: None,
             "bounds": [{"at_most": value, "proved": share * value}, {"at_most": 7}] if law else [],
         }
     eased = monotone(rows)

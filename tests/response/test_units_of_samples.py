@@ -56,7 +56,7 @@ def test_sensors_and_an_integrator_are_rounded_no_more_than_the_rest(crane):
 def test_states_that_stand_apart_do_not_move_the_units_of_others(seed):
     """A chain of sensors behind a plant, before it actuators: units of the plant stay as they are.
 
-    Each other state has one in which what moves it, or what it moves, does so at its own rate.
+    Each other state has one in which what moves it, or what it moves, does so at 1/64 of its rate.
     """
     random = np.random.default_rng(seed)
     n, rate = 3, 50.0
@@ -69,8 +69,8 @@ def test_states_that_stand_apart_do_not_move_the_units_of_others(seed):
     units = _units(pf.UncertainPlant.from_vertices([A], [B]))[: n + 3]
     alone = _units(pf.UncertainPlant.from_vertices([A[:n, :n]], [np.ones((n, 1))]))[:n]
     assert units[:n] == pytest.approx(alone)
-    assert units[n] == units[n + 1] == units[0]
-    assert 0.5 <= units[n + 2] * 3.0 / units[1] / rate <= 2
+    assert units[n + 1] == 64 * units[n] == 64**2 * units[0]
+    assert 0.5 <= 64 * units[n + 2] * 3.0 / units[1] / rate <= 2
 
 
 def test_a_limit_on_a_law_with_a_state_is_proved_in_a_few_parts(crane):

@@ -47,6 +47,9 @@ MOST_LOST = 16  # samples in a row
 # By how much the fastest mode may turn in a part of a clock's periods. A van's rms at one corner
 # for +-20 % at 4.8 ms is 2 % above the least in floats with 0.25, and has no proof with twice that.
 TURNED = 0.25
+# Of its own rate, by which others move a sensor, or an actuator them, in its unit: with all of it
+# the samples of a van's law at 1.4 ms were "too long for these rates".
+LITTLE = 2.0**-6
 RATIO = 1.25  # of a part's longest period to its shortest: a spring's rms for +-20 % is then 1 %
 
 
@@ -434,7 +437,7 @@ def _balanced(A: Array, speed: float) -> Array:
     """Return units of states of magnitudes A (n, n) that even out rows and columns, powers of two.
 
     A state that no other follows, as a sensor's, or that follows no other, as an actuator's, has no
-    such unit: in its own the others move it, or it moves them, at its own rate. Without this its
+    such unit: in its own the others move it, or it moves them, at a share of its own rate. Else its
     unit went off, and those of its neighbours: of a crane with sensors what a sample is rounded by
     was 3.7e-10 in place of 5e-15, and a limit that 2 parts of the box prove had no proof in any.
     """
@@ -449,7 +452,7 @@ def _balanced(A: Array, speed: float) -> Array:
     d[rest] = balancing(A[np.ix_(rest, rest)][None])
     for i in reversed(apart):
         followed, moved = others[i, rest] @ d[rest], (others[rest, i] / d[rest]).sum()
-        rate = A[i, i] or speed
+        rate = LITTLE * (A[i, i] or speed)
         unit = followed / rate if followed else rate / moved if moved else 1.0
         d[i] = 2.0 ** np.round(np.log2(unit))
         rest.append(i)

@@ -5,20 +5,10 @@ import re
 import pytest
 
 from support.commands import ran, refused
+from support.specs import SPRING
 
-SPEC = """
-name = "spring"
-states = ["x [m]", "v [m/s]"]
-inputs = ["f [N]"]
-disturbances = ["w [N]"]
-[parameter.m]
-range = [0.8, 1.2]
-unit = "kg"
-through = "1/m"
-[matrices]
-A = [[0, 1], ["-100/m", "-2/m"]]
-B = [[0], ["1/m"]]
-E = [[0], ["1/m"]]
+SPEC = f"""
+{SPRING}
 [law]
 %s
 [[specification]]

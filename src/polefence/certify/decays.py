@@ -40,15 +40,16 @@ def proved_decay(plant: UncertainPlant, law: Law, bounds: Iterable[Bound]) -> De
         What is proved: the rate is asked for where one is of an rms of the samples of a clock that
         is not perfect.
     """
-    known = [one for one in bounds if isinstance(one.specification, Rms)]
-    asked = next((one.specification for one in known if isinstance(one.specification, Rms)), None)
+    known = [(one.specification, one.claim) for one in bounds]
+    of_rms = [(asked, claim) for asked, claim in known if isinstance(asked, Rms)]
+    asked = of_rms[0][0] if of_rms else None
     held = None if asked is None else asked.held(plant)
     if asked is None or held is None or held.clock is None:
         return None
     slowest = slowest_rate(plant, law, asked)
     if not slowest > 0:
         return None
-    cells = max((one.claim.subject.evidence.cells for one in known), key=len)
+    cells = max((claim.subject.evidence.cells for _, claim in of_rms), key=len)
     boxes = [Box(tuple(map(float, c.low)), tuple(map(float, c.high))) for c in cells]
     rates = (slowest * share for share in SHARES)
     return next(filter(None, (_proved(plant, law, asked, rate, boxes) for rate in rates)), None)

@@ -27,7 +27,7 @@ from polefence.export.documents import (
     require_law,
     statement,
 )
-from polefence.export.fmu import fmu, found
+from polefence.export.fmu import compiler_path, fmu
 from polefence.export.guarantee import Guarantee, guarantee, roundings
 from polefence.export.held import Words
 from polefence.export.memory import kept, with_rates
@@ -336,7 +336,7 @@ def require_fmus(compiler: str, observed: bool) -> None:
     """
     if observed:
         raise InputError("an FMU holds only the law; leave out the observer (--observer)")
-    found(compiler)
+    compiler_path(compiler)
 
 
 @explained

@@ -309,7 +309,7 @@ def library(
     InputError
         If the compiler is missing, fails, or builds for a system that FMI does not know.
     """
-    command = found(compiler)
+    command = compiler_path(compiler)
     with TemporaryDirectory(prefix="polefence-") as temporary:
         folder = Path(temporary)
         where, ending = platform(_run(command, ["-dumpmachine"], folder), version)
@@ -357,7 +357,7 @@ def platform(target: str, version: str) -> tuple[str, str]:
     return f"{known[0]}-{system}", ending
 
 
-def found(compiler: str) -> str:
+def compiler_path(compiler: str) -> str:
     """Return the path of a compiler.
 
     Raises

@@ -31,6 +31,9 @@ from polefence.response.weighting import positive
 Numbers = npt.NDArray[np.intp]
 # A pole counts as stable if it is so by more than this share of the fastest: rounding.
 STABLE = 1e-12
+# Doublings at most, and the size of a power P^k after which P^2k adds nothing, not even to states
+# behind a chain of others, which are small in balanced units.
+POWERS, LEFT = 64, 1e-9
 
 # ISO 8608: Gd(n0) [m3] at n0 = 0.1 cycles/m, geometric means of the classes; Gd falls as n^-2.
 ROUGHNESS = {letter: 16e-6 * 4**i for i, letter in enumerate("ABCDEFGH")}
@@ -194,39 +197,61 @@ def bilinear(A: Array, step: float) -> tuple[Array, Array]:
 def lyapunov(A: Array, Q: Array, step: float = 0.0) -> Array:
     """Return the symmetric X of A X + X A' + step A X A' + Q = 0, (count, n, n), Q symmetric.
 
-    Solved as n (n + 1) / 2 linear equations for every matrix, in balanced coordinates: for the
-    few states of a suspension. Takes memory as n^4.
+    A Cayley transform in balanced coordinates makes it X = P X P' + J Q J', whose sum of
+    P^k J Q J' P'^k is doubled (Smith, SIAM J. Appl. Math. 16 (1968) 198). What is left of the
+    equation is solved for once more.
 
     Parameters
     ----------
     A : (count, n, n) array
-        No two eigenvalues may add up to zero; stable ones do not.
+        Stable: X is NaN where it is not.
     Q : (count, n, n) array
     """
     count, n = A.shape[:2]
-    if not count or not n:
-        return np.zeros((count, n, n))
-    if step:
-        A, inverse = bilinear(A, step)
-        Q = inverse @ Q @ np.swapaxes(inverse, -1, -2)
+    X = np.empty((count, n, n))
+    if not X.size:
+        return X
     d = balancing(A)
     A, Q = A * (d / d[:, None]), Q / (d * d[:, None])
-    rows, columns = np.triu_indices(n)
-    size = len(rows)
-    place = np.zeros((n, n), dtype=int)
-    place[rows, columns] = place[columns, rows] = np.arange(size)
-    X = np.empty((count, n, n))
-    for first in range(0, count, group := max(1, BUFFER // (8 * size * size))):
+    group = max(1, BUFFER // (8 * n * n * POWERS))
+    for first in range(0, count, group):
         part = slice(first, first + group)
-        matrices = A[part]
-        equations = np.zeros((len(matrices), size, size))
-        k_all = np.arange(size)
-        for k in range(n):  # sum over k of A_ik X_kj, and of X_ik A_jk
-            equations[:, k_all, place[k, columns]] += matrices[:, rows, k]
-            equations[:, k_all, place[rows, k]] += matrices[:, columns, k]
-        solved = np.linalg.solve(equations, -Q[part][:, rows, columns, None])
-        X[part] = solved[:, place, 0]
+        X[part] = _doubled(A[part], Q[part], step)
     return X * (d * d[:, None])
+
+
+def _doubled(A: Array, Q: Array, step: float) -> Array:
+    """Return X of `lyapunov` for balanced A."""
+    n = A.shape[-1]
+    # Half of the poles' geometric mean: at it P of equal poles were zero but for what they couple.
+    shift = np.exp(np.linalg.slogdet(A)[1] / n)[:, None, None] / 2
+    shift = np.maximum(shift, STABLE * np.abs(A).max(axis=(1, 2), keepdims=True))
+    turn, eye = shift * (step / 2), np.eye(n)
+    inverse = np.linalg.inv(shift * eye - (1 - turn) * A)
+    J = np.sqrt(2 * shift) * inverse
+
+    def summed(Q: Array) -> Array:
+        X = J @ Q @ np.swapaxes(J, 1, 2)
+        for P in powers:
+            X = X + P @ X @ np.swapaxes(P, 1, 2)
+        return _symmetric(X) / 2
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        P = (2 * shift * inverse - (1 + turn) * eye) / (1 - turn)
+        powers = [P]
+        while np.any((left := n * np.abs(P).max(axis=(1, 2))) > LEFT) and len(powers) < POWERS:
+            powers.append(P := P @ P)
+        X = summed(Q)
+        # Without it the covariance of slow modes beside fast ones loses half of its digits.
+        half = A @ X
+        half = half + step / 2 * half @ np.swapaxes(A, 1, 2)
+        X = X + summed(Q + _symmetric(half))
+    X[~(left <= LEFT)] = np.nan
+    return X
+
+
+def _symmetric(M: Array) -> Array:
+    return np.asarray(M + np.swapaxes(M, 1, 2))
 
 
 def filtered_variance(

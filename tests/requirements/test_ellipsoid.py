@@ -21,7 +21,7 @@ from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.initial_peak import is_semidefinite
+from polefence.proof.claims.started import is_semidefinite
 from polefence.proof.work import FormatError
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.rms import Rms

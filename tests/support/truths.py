@@ -276,6 +276,7 @@ def false_signal(plant, law, claim):
         if "held" in claim:
             rows = mix(alpha, C), mix(alpha, D)
             most = {"gain": gain_between, "energy peak": peak_between}.get(kind, between)
+            most = started_between if kind == "initial peak" else most
             more = (through,) if kind == "gain" else ()
             own = most(plant, claim, alpha, K, rows, *more, scales)
             if own > level:
@@ -406,6 +407,28 @@ def peak_between(plant, claim, alpha, K, rows, scales, parts=24):
             row = own @ moved + stays
             worst = max(worst, float((row @ P @ row.T + own @ added @ own.T)[0, 0]))
     return worst**0.5
+
+
+def started_between(plant, claim, alpha, K, rows, _, parts=24):
+    """The largest value in periods that follow on the points, and on X0; inf if not stable."""
+    held, (C, D) = claim["held"], rows
+    A, B, E = Plant({"vertices": held["vertices"], "parameters": []}).at(alpha)
+    one, other, _ = plant.at(alpha)
+    phases, whole, seen = phases_of(held, B.shape, C, D, K, 1.0), one + other @ K, []
+    for k, (length, own, stays, _) in enumerate(phases):
+        for share in np.arange(parts + 1) / parts * length:
+            moved = period(A, B, E, [*phases[:k], (share, *phases[k][1:])], plant.T, 1)[0]
+            seen.append((own @ moved + stays)[0])
+    whole[: len(A)] = period(A, B, E, phases, plant.T, 1)[0]
+    if np.abs(np.linalg.eigvals(whole)).max() > 1 - 1e-9:
+        return np.inf
+    x = np.array([list(map(number, p)) for p in claim.get("points", [])]).reshape(-1, len(whole)).T
+    X0, worst = array(claim["ellipsoid"]) if "ellipsoid" in claim else 0 * whole, 0.0
+    for _ in range(400):
+        worst = max(worst, float(np.abs(seen @ x).max(initial=0.0)))
+        worst = max(worst, float(np.einsum("ij,jk,ik->i", seen, X0, seen).max()) ** 0.5)
+        x, X0 = whole @ x, whole @ X0 @ whole.T
+    return worst
 
 
 def phases_of(held, shape, C, D, K, length):

@@ -39,6 +39,7 @@ from polefence.lmi.solve.duals import duals, in_parts
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
 from polefence.lmi.solve.spread import spread_of
+from polefence.lmi.solve.started import StartedSearch
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -205,6 +206,7 @@ class _Question:
         Its dual form; None of a kind that has none, or a law that is undefined somewhere.
     worst : float
         The worst value at a few points, exact where doubles find none; zero where that has none.
+        From initial states at all times the least that is proved at the vertices, if that is more.
     by_transfer : ByTransfer, optional
         Its proof by the transfer function, where there is one.
     moved : DualProblem, optional
@@ -237,6 +239,8 @@ class _Question:
                 nearest = in_any_order(wide.specification, wide.plant, wide.law, corners).max()
                 dual = dual if np.isfinite(nearest) else None  # nor is there one for more
                 worst = max(worst, float(nearest))
+            if dual is not None and dual.starts is not None:  # ellipsoids prove no less
+                worst = max(worst, StartedSearch(dual, 1).nearest)
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only

@@ -19,16 +19,13 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.between import Held
+from polefence.requirements.held import PRINTED, SEARCHED, at_times
 from polefence.requirements.slopes import Channel, Loops, Slopes, of_largest, of_noise
 from polefence.requirements.specification import Row, Specification, is_number
-from polefence.response.between import factor, held_evenly
+from polefence.response.between import held_evenly
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import stationary
-
-# Times of a period, or of each part of one in which the same inputs act, at which a peak is looked
-# for: while a law is searched for, and where one is printed.
-SEARCHED, PRINTED = 6, 24
 
 
 @dataclass(frozen=True)
@@ -136,18 +133,8 @@ class EnergyPeak(Specification):
     def _between(self, plant: UncertainPlant, held: Held, alpha: Array, times: int) -> Channel:
         """Return the channel of the signal at so many times of each part of a period."""
         plant = delta_form(plant)
-        channel, n, T = super().channel(plant, alpha), plant.shape[0], float(plant.period)
-        storing = self._storing(plant, held, self.norm)
-        period = storing.moved(alpha, T, times)
-        AB, first = np.concatenate([channel.A, channel.B], axis=2), storing.first
-        G = np.concatenate([np.broadcast_to(np.eye(n), channel.A.shape), 0 * channel.B], axis=2)
-        G[:, first:] += T * AB[:, first:]
-        phi = period.phi - np.eye(len(period.phi[0]))
-        AB[:, :first] = (G @ phi)[:, :first] / T
-        E = factor(G @ period.noise @ np.swapaxes(G, 1, 2)) / T**0.5
-        C, F = period.rows, np.zeros((len(alpha), period.rows.shape[1], n))
-        A, B = AB[..., :n], AB[..., n:]
-        return Channel(A, B, E, C[..., :n], C[..., n:], F, more=period.more)
+        channel, storing = super().channel(plant, alpha), self._storing(plant, held, self.norm)
+        return at_times(channel, storing, alpha, float(plant.period), times)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the peak with its slopes, at the times of a period that are worst."""

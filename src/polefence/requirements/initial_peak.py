@@ -5,18 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import product
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from polefence.base.errors import InputError, SpecError
 from polefence.base.explained import explained_fields
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
+from polefence.lmi.solve.dual_problem import DualProblem, Starts
+from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import stacked, states
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof.between import Held
+from polefence.requirements.held import PRINTED, SEARCHED, at_times
 from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.requirements.specification import (
     Row,
@@ -25,6 +31,7 @@ from polefence.requirements.specification import (
     is_number,
     number,
 )
+from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 from polefence.response.grid import MOST_CHOSEN
@@ -32,6 +39,7 @@ from polefence.response.linear import simulate
 from polefence.response.stationary import STABLE, growth, stationary
 
 MOST = 3  # peaks that count, of a loop
+CLOSER = 100  # of the worst points
 TINY = np.finfo(float).tiny
 
 
@@ -56,6 +64,7 @@ class InitialPeak(Specification):
     ellipsoid: tuple[tuple[float | Fraction, ...], ...] = ()
     kind = "initial peak"
     keys: ClassVar[tuple[str, ...]] = ("points", "impulse", "ellipsoid", "disturbances")
+    at_all_times: ClassVar[bool] = True  # of samples: between them too
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -166,7 +175,32 @@ class InitialPeak(Specification):
         plant: UncertainPlant,
     ) -> proof.BoundClaim:
         """Return the claim about the peak."""
-        return proof.InitialPeak(subject, self.exact_outputs(plant), level, *self._exact(plant))
+        outputs, held = self.exact_outputs(plant), self.held(plant)
+        return proof.InitialPeak(subject, outputs, level, *self._exact(plant), held=held)
+
+    def held(self, plant: UncertainPlant) -> Held | None:
+        """Return what is held between samples, where the peak is that at all times."""
+        if not self.at_all_times or self.impulse:
+            return None
+        return held_evenly(plant, self.outputs(plant))
+
+    def has_primal(self, plant: UncertainPlant) -> bool:
+        """Not of what goes on between samples: that is searched for at points of the box."""
+        return self.held(plant) is None
+
+    def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
+        """Return the closed loops between samples; there is no dual form."""
+        held = self.held(plant)
+        if held is None:
+            return None
+        problem, storing = self._dual(plant, law, 1.0), self._storing(plant, held)
+        return replace(problem, storing=storing, starts=self._started(plant.shape[0]))
+
+    def _started(self, n: int) -> Starts:
+        """Return the initial states in floats."""
+        points = np.array(self.points, dtype=float).reshape(-1, n).T
+        X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
+        return Starts(points, X0)
 
     def _exact(self, plant: UncertainPlant) -> tuple[Any, Any, Any]:
         """Return points, impulses and ellipsoid in exact numbers."""
@@ -206,8 +240,41 @@ class InitialPeak(Specification):
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the peak by exact responses at close instants.
 
-        From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns.
+        From an ellipsoid X0 = L L' it is the root of the sum of squares from L's columns. Between
+        samples it is looked for at times of a period, and closer at the points that are worst.
         """
+        held = self.held(plant)
+        if held is None:
+            return self._of_samples(plant, law, alpha)
+        values = self._of_times(plant, held, law, alpha, SEARCHED)
+        worst = np.argsort(-values, kind="stable")[:CLOSER]
+        values[worst] = self._of_times(plant, held, law, alpha[worst], PRINTED)
+        return values
+
+    def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
+        """Return the peak at samples, where that at all times is bounded; else None."""
+        return None if self.held(plant) is None else self._of_samples(plant, law, alpha)
+
+    def _of_times(
+        self, plant: UncertainPlant, held: Held, law: Any, alpha: Array, times: int
+    ) -> Array:
+        """Return the peak at so many times of each part of a period."""
+        closed, channel = close(plant, law, alpha), self._between(plant, held, alpha, times)
+        stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
+        A, C = channel.A + channel.B @ closed.K, channel.C + channel.D @ closed.K
+        poles, step = np.linalg.eigvals(A), closed.step
+        steps = _steps(poles, step, step)
+        alone, squared = channel.E.shape[2] - len(self.ellipsoid), np.zeros(len(alpha))
+        x, moved = channel.E, np.eye(A.shape[1]) + step * A
+        for _ in range(steps):
+            y = (C @ x) ** 2
+            peaks = [y[..., :alone].max(axis=(1, 2), initial=0.0)]
+            peaks.append(y[..., alone:].sum(axis=2).max(axis=1))
+            squared, x = np.max([squared, *peaks], axis=0), moved @ x
+        return np.asarray(np.sqrt(squared))
+
+    def _of_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the peak at samples, or in continuous time at close instants."""
         (signal,) = self.outputs(plant)
         if not self.impulse and any(vertex.E is None for vertex in plant.vertices):
             plant = _moved_by_nothing(plant)
@@ -215,10 +282,8 @@ class InitialPeak(Specification):
         count, starts = len(loops.closed), self.begun(loops)
         stationary(plant, law, alpha, 1.0, [signal])  # refuses what is not stable
         poles = loops.poles()
-        fastest, decay = np.abs(poles).max(), -growth(poles, loops.step)
-        slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
-        step = loops.step or 0.25 / fastest
-        steps = max(2, int(min(5.0 / slowest / step + 1, MOST_CHOSEN)))
+        step = loops.step or 0.25 / np.abs(poles).max()
+        steps = _steps(poles, loops.step, step)
         time, size = step * np.arange(steps), max(1, 2_000_000 // steps)  # samples at once
 
         def squares(start: Array, part: slice) -> Array:
@@ -236,18 +301,39 @@ class InitialPeak(Specification):
         return np.sqrt(squared)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return it with the initial states as columns of E, the ellipsoid's axes behind them."""
+        """Return it with the initial states as columns of E, the ellipsoid's axes behind them.
+
+        Between samples it is with the signal at times.
+        """
+        held = self.held(plant)
+        if held is not None:
+            return self._between(plant, held, alpha, SEARCHED)
         C, D, _ = stacked(plant, self.outputs(plant))
-        starts = [np.array(p, dtype=float)[:, None] for p in (*self.points, *axes_of(self))]
-        columns = [np.broadcast_to(M, (len(alpha), *M.shape)) for M in starts]
+        impulses = np.zeros((len(alpha), plant.shape[0], 0))
         if self.impulse:
             E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
-            columns.insert(
-                len(self.points), np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1)
-            )
+            impulses = np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1)
         C, D = (np.tensordot(alpha, M, 1) for M in (C, D))
-        E = np.concatenate(columns, axis=2)
+        E = self._columns(impulses)
         return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
+
+    def _columns(self, impulses: Array) -> Array:
+        """Return the points, what impulses leave (count, n, q) and the axes behind one another."""
+        shape = _, n = impulses.shape[:2]
+        points, axes = (
+            np.broadcast_to(M.T, (*shape, len(M)))
+            for M in (np.array(x, dtype=float).reshape(-1, n) for x in (self.points, axes_of(self)))
+        )
+        return np.concatenate([points, impulses, axes], axis=2)
+
+    def _between(self, plant: UncertainPlant, held: Held, alpha: Array, times: int) -> Channel:
+        """Return the channel of the signal at so many times of each part of a period."""
+        plant = delta_form(plant)
+        n, T, storing = plant.shape[0], float(plant.period), self._storing(plant, held)
+        channel = at_times(super().channel(plant, alpha), storing, alpha, T, times)
+        E = self._columns(np.zeros((len(alpha), n, 0)))
+        F = np.zeros((len(alpha), channel.C.shape[1], E.shape[2]))
+        return replace(channel, E=E, F=F, more=0.0)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the peaks with their slopes."""
@@ -257,8 +343,8 @@ class InitialPeak(Specification):
         alone = q - len(self.ellipsoid)
         groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
         peaks = [row for k in range(len(loops.A)) for row in _peaks(loops, k, groups)]
-        points, which, time = (np.array(column) for column in zip(*peaks, strict=True))
-        A, C, step = loops.A[points], loops.C[points], loops.modes.step
+        points, row, which, time = (np.array(column) for column in zip(*peaks, strict=True))
+        A, C, step = loops.A[points], loops.C[points, row][:, None], loops.modes.step
         n = A.shape[1]
 
         def moved(M: Array, one: Array) -> Array:
@@ -282,13 +368,22 @@ class InitialPeak(Specification):
             both[:, :n, :n] = both[:, n:, n:] = np.swapaxes(A, 1, 2)
             both[:, :n, n:] = np.swapaxes(start @ C, 1, 2)
             dA = moved(both, np.eye(2 * n))[:, :n, n:]
-            return [(dA, np.swapaxes(motion @ start, 1, 2))]
+            dC = np.zeros((len(points), *loops.C.shape[1:]))
+            dC[np.arange(len(points)), row] = (motion @ start)[..., 0]
+            return [(dA, dC)]
 
         return Slopes(values, points, turned)
 
 
-def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, float]]:
-    """Return loop, group of columns and instant of the peaks that count, the highest first."""
+def _steps(poles: Any, step: float, apart: float) -> int:
+    """Return how many instants so far apart show what slow poles do, of a delta form with step."""
+    fastest, decay = np.abs(poles).max(), -growth(poles, step)
+    slowest = np.where(decay > STABLE * fastest, decay, np.inf).min()
+    return max(2, int(min(5.0 / slowest / apart + 1, MOST_CHOSEN)))
+
+
+def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, int, float]]:
+    """Return loop, row, group of columns and instant of the peaks that count, the highest first."""
     poles, step = loops.modes.poles[k], loops.modes.step
     if step:  # at samples z^k = e^(log z k)
         z = (1 + step * poles).astype(complex)
@@ -302,10 +397,10 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
     time = np.unique(np.rint(time / step)) * step if step else time
     left, right = loops.C[k] @ loops.modes.right[k], loops.modes.left[k] @ loops.E[k]
     highest = []
-    for g, group in enumerate(groups):
+    for (i, own), (g, group) in product(enumerate(left), enumerate(groups)):
 
-        def response(t: Array, most: int, modal: Any = right[:, group]) -> list[Array]:
-            terms = left * np.exp(np.outer(t, poles))
+        def response(t: Array, most: int, own: Any = own, modal: Any = right[:, group]) -> Any:
+            terms = own * np.exp(np.outer(t, poles))
             return [((terms * poles**j) @ modal).real for j in range(most)]
 
         y = np.sum(response(time, 1)[0] ** 2, axis=1)
@@ -320,7 +415,7 @@ def _peaks(loops: Loops, k: int, groups: list[slice]) -> list[tuple[int, int, fl
             by = np.divide(slope, bend, out=np.zeros_like(t), where=bend < -1e-12 * abs(slope))
             t = np.clip(t - by, low, high)
         peaks = np.sum(response(t, 1)[0] ** 2, axis=1)
-        highest += [(float(v), k, g, float(s)) for v, s in zip(peaks, t, strict=True)]
+        highest += [(float(v), k, i, g, float(s)) for v, s in zip(peaks, t, strict=True)]
     highest.sort(key=lambda row: -row[0])
     return [row[1:] for row in highest[:MOST] if row[0] >= 0.8**2 * highest[0][0]]
 

@@ -47,6 +47,12 @@ class _AtSamples(EnergyPeak):
     at_all_times = False
 
 
+class _FromStatesAtSamples(InitialPeak):
+    """The same from initial states."""
+
+    at_all_times = False
+
+
 @dataclass(frozen=True)
 class Saturation(InitialPeak):
     """The least limit of an input, or of its rate, at which the loop still comes to rest.
@@ -70,6 +76,7 @@ class Saturation(InitialPeak):
     limits: tuple[float, ...] = ()
     kind = "saturation"
     keys = ("points", "impulse", "ellipsoid", "norm", "limits", "disturbances")
+    at_all_times = False
     vector = True
 
     @explained_fields
@@ -197,7 +204,7 @@ class Saturation(InitialPeak):
         if self.norm:
             return tuple(_AtSamples(y, most, norm=self.norm, **common) for y, most in pairs)
         common |= {"points": self.points, "impulse": self.impulse, "ellipsoid": self.ellipsoid}
-        return tuple(InitialPeak(y, most, **common) for y, most in pairs)
+        return tuple(_FromStatesAtSamples(y, most, **common) for y, most in pairs)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return limits at which simulated loops do not come to rest, zero where none is found.

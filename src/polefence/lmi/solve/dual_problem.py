@@ -175,6 +175,14 @@ def _coefficients(P: ExactPolynomial, degrees: int | tuple[int, ...]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class Starts:
+    """Initial states at a sample: ``points`` (n, count); X0 of an ``ellipsoid``, (n, n)."""
+
+    points: Array
+    ellipsoid: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class DualProblem:
     """Closed loops of a family, with outputs and disturbances: what a bound is about.
 
@@ -196,6 +204,8 @@ class DualProblem:
         Of what is bounded between samples too; C, D, E and F then tell only of the samples.
     storing : Storing, optional
         Of a gain, or a peak, that is bounded between samples too; the same holds.
+    starts : Starts, optional
+        Of a peak between samples, where it is one from initial states without disturbances.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """
@@ -212,6 +222,7 @@ class DualProblem:
     between: bool = False
     means: OverPeriod | None = None
     storing: Storing | None = None
+    starts: Starts | None = None
     decay: float = 0.0
 
     @property

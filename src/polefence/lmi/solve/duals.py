@@ -14,6 +14,7 @@ from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.gramians import ROUNDS, Interpolation
 from polefence.lmi.solve.over_clock import OverClock
 from polefence.lmi.solve.reached import ReachedSearch
+from polefence.lmi.solve.started import StartedSearch
 from polefence.lmi.solve.storage import StorageSearch
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided
 
@@ -146,6 +147,8 @@ class Search(Protocol):
 
 def _of(problem: DualProblem, degree: int) -> Search:
     """Return the search for R, between samples or over a clock where there are such."""
+    if problem.starts is not None:
+        return StartedSearch(problem, degree)
     if problem.storing is not None:
         return (StorageSearch if problem.gain else ReachedSearch)(problem, degree)
     if problem.ticking:

@@ -7,13 +7,14 @@ from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import LAW, BoundClaim, GainNorm
-from polefence.proof.claims.initial_peak import InitialPeak, is_semidefinite
+from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.saturation import Saturation
 from polefence.proof.claims.signal import SignalClaim, Subject
+from polefence.proof.claims.started import is_semidefinite
 from polefence.proof.plant import Output
 
 __all__ = [

@@ -17,6 +17,8 @@ later since P' > N P + P N'. Q is positive definite everywhere if it is at one v
 at some p it first had a null vector. P > 0 there, so W is regular: W Q W' > G P G'. But then
 X > M X M', where M moves s by a period, and X has a null vector: zero would exceed what is not
 negative.
+
+From initial states at a sample, without disturbances, the same holds with e = 0 where X holds them.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from fractions import Fraction
 from polefence.proof.between import Held
 from polefence.proof.claims.signal import Rows, Subject
 from polefence.proof.claims.storage import Stretched, arriving
+from polefence.proof.matrices import ZERO
 from polefence.proof.polynomials import Polynomial, Sizes, bernstein, number
 from polefence.proof.work import FormatError
 
@@ -50,7 +53,11 @@ def require_reached(subject: Subject, held: Held | None) -> None:
 
 
 def rows_of_reached(
-    subject: Subject, held: Held, parts: Sequence[Stretched], square: Fraction, energy: Fraction
+    subject: Subject,
+    held: Held,
+    parts: Sequence[Stretched],
+    square: Fraction,
+    energy: Fraction = ZERO,
 ) -> Rows:
     """Return the blocks that bound a peak at all times, given squares of the level and the norm."""
     sizes = subject.sizes
@@ -67,8 +74,10 @@ def rows_of_reached(
         form, end = stretch.polynomial(sizes), sum(sizes)
         slope = (form.derivative(end + 1) - form.derivative(end)).times(1 / length)
         NP = N * form
-        driven = E.half_times(E.T).times(energy)
-        rows[f"of the storage, stretch {k + 1}"] = [[slope - (NP + NP.T) - driven]]
+        rising = slope - (NP + NP.T)
+        if energy:
+            rising = rising - E.half_times(E.T).times(energy)
+        rows[f"of the storage, stretch {k + 1}"] = [[rising]]
         rows[f"of the output, stretch {k + 1}"] = [[number(square, form.sizes) - shown[k]]]
     return rows
 

@@ -27,7 +27,6 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Verdict, undecided
-from polefence.proof.claims.initial_peak import is_semidefinite
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     acting_text,
@@ -38,6 +37,7 @@ from polefence.proof.claims.signal import (
     require_shapes,
     write_outputs,
 )
+from polefence.proof.claims.started import is_semidefinite
 from polefence.proof.dampers import SemiActive, dampers_text, read_dampers
 from polefence.proof.matrices import Rationals, common_denominator, is_symmetric, product
 from polefence.proof.plant import Output, Plant

@@ -28,8 +28,8 @@ from fractions import Fraction
 from itertools import combinations
 from typing import Any, ClassVar, Self
 
-from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.signal import Rows, Subject, moving, outputs_text
+from polefence.proof.claims.started import StartedClaim
 from polefence.proof.laws import degree_of
 from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Output, Plant
@@ -51,7 +51,7 @@ MAX_INPUTS = 6  # that are held back, and signals
 
 
 @dataclass(frozen=True)
-class Saturation(InitialPeak):
+class Saturation(StartedClaim):
     """The loop comes to rest though signals saturate at ``level``: from each initial state.
 
     Or, with ``norms`` (one a disturbance) in place of initial states, it stays in an ellipsoid from

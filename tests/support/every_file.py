@@ -15,14 +15,12 @@ from polefence.certify.evidence import Search, certificate_of
 from polefence.certify.given import analyse
 from polefence.certify.margins.gain_scales import gain_claim
 from polefence.cli.main import main
-from polefence.law.laws import FixedGain, PolynomialGain
+from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
-from polefence.region.regions import Disk, HalfPlane, Sector
+from polefence.region.regions import HalfPlane, Sector
 from polefence.requirements.gain import Gain
-from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
-from polefence.response.samples import at_sample_time
 
 EARLIER = Path(__file__).parents[1] / "proof" / "format2" / "one-gain-1.json"
 SPEC = """name = "mass"
@@ -113,7 +111,6 @@ FILES = (
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json",
-    "started/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -249,7 +246,6 @@ def write_every_file(made: Path) -> None:
         assert quiet(words)[0] == 0, words
     _write_polynomial(made)
     _write_gain_error(made)
-    _write_started(made)
     (made / "earlier").mkdir()  # of a claim that no command writes any more
     shutil.copy(EARLIER, made / "earlier" / "sampled.json")
 
@@ -282,16 +278,3 @@ def _write_gain_error(made: Path) -> None:
     assert 0 < claim.error < largest
     (made / "whole").mkdir()
     (made / "whole" / "gain.json").write_text(design.certificate.file([claim]).dumps())
-
-
-def _write_started(made: Path) -> None:
-    """Write a file of peaks at all times, from points and an ellipsoid."""
-    plant = at_sample_time(load(made / "plain.toml"), 0.1, 0.5)
-    law = FixedGain(np.array([[-3.0, -4.0, 0.0]]))
-    certificate = analyse(plant, law, Disk(0.0, 1.0)).design.certificate
-    own = (
-        InitialPeak("x", points=((1.0, 0.0, 0.0), (0.0, 1.0, 0.5))),
-        InitialPeak("v", ellipsoid=((1, 0, 0), (0, 0.5, 0), (0, 0, 0))),
-    )
-    found = [bounds.best_bound(plant, law, asked).claim for asked in own]
-    bounds.save(certificate, found, made / "started")

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -69,7 +68,7 @@ def spring():
     return loads(SPRING)
 
 
-@pytest.mark.parametrize(("T", "delay"), [*product((0.002, 0.02), (0, 0.5, 1)), (0.1, 0)])
+@pytest.mark.parametrize(("T", "delay"), [(0.002, 0), (0.02, 0), (0.1, 0)])
 def test_a_spring_is_bounded_just_above_the_truth(spring, T, delay):
     plant, law = at_sample_time(spring, T, delay), FixedGain(LATE if delay else K)
     n, row = plant.shape[0], np.array([1.0, 0.0])
@@ -80,8 +79,7 @@ def test_a_spring_is_bounded_just_above_the_truth(spring, T, delay):
         assert own.values(plant, law, np.eye(4)).max() == pytest.approx(worst, rel=1e-3)
         bound = best_bound(plant, law, own)
         assert bound.claim.held is not None
-        most = 1.15 if k and delay else 1.01  # from late inputs ellipsoids prove no less
-        assert worst * (1 - 1e-6) <= bound.level <= most * worst
+        assert worst * (1 - 1e-6) <= bound.level <= 1.01 * worst
         assert own.values(plant, law, seeded(plant, 1000)).max() <= bound.level
         assert bound.claim.time_text == f", at all times, with inputs held for {1000 * T:g} ms"
 
@@ -131,7 +129,7 @@ def test_random_plants_from_points_never_exceed_a_bound(seed):
     ends = (np.array([1 - a, a]) for a in (0.0, 0.25, 0.5, 0.75, 1.0))
     worst = max(truth(plant, at, gain, T, row, 0, points)[0] for at in ends)
     assert bound.claim.held is not None
-    assert worst * (1 - 1e-6) <= bound.level <= 1.5 * worst  # ellipsoids prove no less
+    assert worst * (1 - 1e-6) <= bound.level <= 1.5 * worst  # ellipsoids lose more of points
 
 
 @pytest.mark.parametrize("delay", [0, 0.5])
@@ -158,7 +156,7 @@ def test_slopes_are_those_of_differences(spring, delay, signal):
 
 
 def test_a_law_polynomial_in_the_parameters_and_a_file(spring, tmp_path):
-    plant, own = at_sample_time(spring, 0.05, 1), InitialPeak("x", points=((1.0, 0.0, 0.0),))
+    plant, own = at_sample_time(spring, 0.05), InitialPeak("x", points=((1.0, 0.0),))
     measured = tuple(plant.signal(name) for name in ("x", "v"))
     law = PolynomialGain(
         ((0, 0), (1, 0)), [[[-20.0, -8.0]], [[3.0, 1.0]]], measured, plant.parameters
@@ -171,6 +169,14 @@ def test_a_law_polynomial_in_the_parameters_and_a_file(spring, tmp_path):
     document = read((tmp_path / "design.json").read_text())
     assert all(verdict.proved for verdict in map(prove, document.claims))
     assert bound.claim in document.claims
+
+
+@pytest.mark.parametrize("delay", [0.5, 1])
+def test_of_late_inputs_it_stays_at_the_samples(spring, delay):
+    plant, own = at_sample_time(spring, 0.02, delay), InitialPeak("x", points=((1.0, 0.0, 0.0),))
+    bound = best_bound(plant, FixedGain(LATE), own)
+    assert bound.claim.held is None
+    assert bound.claim.time_text == ", at samples every 20 ms"
 
 
 def test_between_samples_there_is_more(spring):

@@ -110,7 +110,7 @@ FILES = (
     "observer/design.json", "observed/guarantee.json", "tuned/design.json", "parts/design.json",
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
-    "earlier/sampled.json", "half/design.json", "clock/design.json",
+    "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
 )  # fmt: skip
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
@@ -167,6 +167,20 @@ limits = [4, 40]
 points = [[1]]
 """
 )
+STARTS = (
+    SPEC
+    + """[[specification]]
+kind = "initial peak"
+signal = "x"
+points = [[1, 0], [0, 1]]
+at_most = 5
+[[specification]]
+kind = "initial peak"
+signal = "v"
+ellipsoid = [[1, 0], [0, 0.5]]
+at_most = 5
+"""
+)
 LATE = [
     "optimise", "plain.toml", "--sample-time", "0.05", "--delay", "1", "--method", "quadratic",
     "--limit", "rms of u <= 50 with density 1", "--limit", "energy peak of v <= 20 with norm 1",
@@ -179,6 +193,10 @@ HALF = [
 CLOCK = [
     "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "disk(0, 1)", "--sample-time",
     "0.05", "--jitter", "0.1", "--limit", "rms of x <= 5 with density 1",
+]  # fmt: skip
+STARTED = [
+    "verify", "starts.toml", "--gain", "[[-3, -4]]", "--region", "disk(0, 1)", "--sample-time",
+    "0.1",
 ]  # fmt: skip
 MOVING = [
     "optimise", "moving.toml", "--limit", "rms of u <= 50 with density 1",
@@ -215,6 +233,7 @@ def write_every_file(made: Path) -> None:
     (made / "two.toml").write_text(TWO)
     (made / "damper.toml").write_text(DAMPER)
     (made / "both.toml").write_text(BOTH)
+    (made / "starts.toml").write_text(STARTS)
     (made / "discrete.toml").write_text(DISCRETE)
     (made / "moving.toml").write_text(SPEC.replace('through = "k"', "rate = [-1, 2]"))
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
@@ -233,6 +252,7 @@ def write_every_file(made: Path) -> None:
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         [*LATE, "-o", "late"],
         [*CLOCK, "-o", "clock"],
+        [*STARTED, "-o", "started"],
         [*MOVING, "-o", "moving"],
         [*HALF, "-o", "half"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],

@@ -239,7 +239,7 @@ class _Question:
                 nearest = in_any_order(wide.specification, wide.plant, wide.law, corners).max()
                 dual = dual if np.isfinite(nearest) else None  # nor is there one for more
                 worst = max(worst, float(nearest))
-            if dual is not None and dual.starts is not None:  # ellipsoids prove no less
+            if dual is not None and dual.starts is not None:  # no bound by ellipsoids is lower
                 worst = max(worst, StartedSearch(dual, 1).nearest)
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)

@@ -22,8 +22,11 @@ from polefence.lmi.solve.stretches import DOUBLINGS, NODES, STEPS, Cuts
 from polefence.plant.system import Array
 from polefence.response.held import Storing
 
-GAP = 1e-3  # of the least square of a level, by which the centre's exceeds it
-ABOVE = 2e-3  # of the largest at the nodes, by which the square of one level for all exceeds it
+GAP = 1e-4  # of the least square of a level, by which the centre's exceeds it
+# Of the way from the least level to one that is wanted, where the centre's is: with 0.5 and 1 as
+# well, parts of a box prove what they prove with it.
+SHARE = 0.8
+ABOVE = 5e-4  # of the largest at the nodes, by which the square of one level for all exceeds it
 HARDER = 8.0  # times, from one centre on the way to the next
 MOST_CENTRES, MOST_STEPS, HALVINGS = 40, 60, 20  # of Newton's method, and of one step of it
 CENTRED = 1e-9  # the square of its decrement that ends it
@@ -114,7 +117,15 @@ def _inside(blocks: Sequence[Block], x: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class StartedSearch(ReachedSearch):
-    """The search for X and P at one degree of them in the parameters."""
+    """The search for X and P at one degree of them in the parameters.
+
+    Attributes
+    ----------
+    wanted : float
+        The square of a level: at the nodes it is one, or a little above the least if that is more.
+    """
+
+    wanted: float = 0.0
 
     @cached_property
     def storing(self) -> Storing:
@@ -130,19 +141,25 @@ class StartedSearch(ReachedSearch):
 
     def least(self, worst: float) -> Dual | None:
         """Return the dual in as many stretches as bring it near the least level at nodes."""
-        return self._of_stretches(max(worst, self.nearest) * (1 + NEAR))
+        return self._below(max(worst, self.nearest) * (1 + NEAR))
 
     def proving(self, level: float) -> Dual | None:
         """Return a dual of less than the level."""
-        return super().proving(level) if self.nearest < level else None
+        dual = self._below(level * (1 - ROOM)) if self.nearest < level else None
+        return dual if dual is not None and dual.level < level else None
+
+    def _below(self, enough: float) -> Dual | None:
+        """Return the best dual, of stretches that are halved until its level is enough."""
+        between = (1 - SHARE) * self.nearest + SHARE * enough
+        return replace(self, wanted=between**2)._of_stretches(enough)
 
     @cached_property
     def nearest(self) -> float:
         """The least level at the nodes, in one stretch of each phase."""
         cuts, (n, k) = ((0,),) * len(self._spans), self._nodes[3].shape[1:]
         chain = self._chain(np.zeros((len(cuts), k, k)), np.zeros((k, k)), cuts)
-        x = self._centre(chain, np.zeros((n, n)), cuts)
-        return np.inf if x is None else float((x[:, -1].max() / (1 + ABOVE) * (1 - GAP)) ** 0.5)
+        x = self._least(self._blocks(chain, np.zeros((n, n)), cuts))
+        return np.inf if x is None else float((x[:, -1].max() * (1 - GAP)) ** 0.5)
 
     def _solved(self, slack: tuple[Array, Array, Array], cuts: Cuts) -> tuple[Array, Array] | None:
         noise, early, late = slack
@@ -233,13 +250,17 @@ class StartedSearch(ReachedSearch):
     def _centre(self, chain: Sequence[Block], late: Array, cuts: Cuts) -> Array | None:
         """Return X and the square of the level at the nodes; None where there is none."""
         blocks = self._blocks(chain, late, cuts)
-        begun = self._begun(blocks)
-        found = None if begun is None else nearly_least(blocks, begun)
+        found = self._least(blocks)
         if found is None:
             return None
-        found[:, -1] = (1 + ABOVE) * found[:, -1].max()
+        found[:, -1] = max((1 + ABOVE) * found[:, -1].max(), self.wanted)
         rows, columns = np.triu_indices(len(late))
         return _centred(blocks, found, PULL * np.append(rows == columns, 0.0), fixed=True)
+
+    def _least(self, blocks: Sequence[Block]) -> Array | None:
+        """Return X and the square of a level that is nearly the least at each node."""
+        begun = self._begun(blocks)
+        return None if begun is None else nearly_least(blocks, begun)
 
     def _begun(self, blocks: Sequence[Block]) -> Array | None:
         """Return a start: X that holds initial states and what they lead to, and a level."""

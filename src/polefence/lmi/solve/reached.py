@@ -32,6 +32,7 @@ from polefence.plant.system import Array
 from polefence.response.discrete import exponential
 
 NEAR = 1e-3  # of the worst sample: a level so near it ends the halving of stretches
+MOST_VAIN = 2  # times that halving stretches lowers no level: of a van's, one did after two
 
 
 def _t(M: Array) -> Array:
@@ -95,10 +96,11 @@ class ReachedSearch(PeriodSearch):
         """Return the best dual, of stretches that are halved until its level is enough."""
         cuts: Cuts = ((0,),) * len(self._spans)
         best: Dual | None = None
-        while sum(map(len, cuts)) <= MOST_STRETCHES:
-            dual = self._grown(cuts)
+        vain = 0  # halvings after the best
+        while sum(map(len, cuts)) <= MOST_STRETCHES and vain < MOST_VAIN:
+            dual, vain = self._grown(cuts), vain + 1
             if dual is not None and (best is None or dual.level < best.level):
-                best = dual
+                best, vain = dual, 0
             if best is not None and best.level <= enough:
                 return best
             # what is missed at nodes already is missed along time

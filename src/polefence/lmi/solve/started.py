@@ -23,14 +23,14 @@ from polefence.plant.system import Array
 from polefence.response.held import Storing
 
 GAP = 1e-4  # of the least square of a level, by which the centre's exceeds it
-# Of the way from the least level to one that is wanted, where the centre's is: with 0.5 and 1 as
-# well, parts of a box prove what they prove with it.
-SHARE = 0.8
+# A centre's level: times the least one; or of the way from the least to one that is wanted, where
+# with 0.5 and 1 as well parts of a box prove what they prove with it.
+FAR, NEARER = 1.05, 0.8
 ABOVE = 5e-4  # of the largest at the nodes, by which the square of one level for all exceeds it
 HARDER = 8.0  # times, from one centre on the way to the next
 MOST_CENTRES, MOST_STEPS, HALVINGS = 40, 60, 20  # of Newton's method, and of one step of it
 CENTRED = 1e-9  # the square of its decrement that ends it
-PULL = 10.0  # on X in its units: states that are hardly seen would make it large, and less smooth
+PULL = 10.0  # on X in its units
 LESS, TINY = 1e-2, 1e-6  # of units: what a start has more of than it must; states at rest
 
 
@@ -39,38 +39,44 @@ def _t(M: Array) -> Array:
 
 
 class Block(NamedTuple):
-    """S = sum_k x_k A_k + C > 0 at points: A (count, d, p, p), C (count, p, p)."""
+    """S = sum_k x_k A_k + C > 0 at points: A (count, ..., d, p, p), C (count, ..., p, p)."""
 
     A: Array
     C: Array
 
     def at(self, x: Array) -> Array:
         """Return S."""
-        return np.asarray(np.einsum("pd,pdij->pij", x, self.A) + self.C)
+        return np.asarray(np.einsum("pd,p...dij->p...ij", x, self.A) + self.C)
 
 
-def nearly_least(blocks: Sequence[Block], x: Array) -> Array | None:
+def nearly_least(
+    blocks: Sequence[Block], x: Array, pull: Array, enough: float = 0.0
+) -> Array | None:
     """Return where the last entry of x is nearly as small as it can be at each point.
 
     Parameters
     ----------
     x : (count, d) array
         Where all blocks are positive definite.
+    pull : (d - 1,) array
+        Weights of the other entries.
+    enough : float
+        Of the last entry: a point is returned where it is less everywhere.
 
     Returns
     -------
     (count, d) array or None
         None where Newton's method is lost, or where the entry falls on.
     """
-    parameter = sum(block.C.shape[-1] for block in blocks)
-    weight = parameter / x[:, -1]
+    parameter = sum(block.C.shape[1] * block.C.shape[-1] for block in blocks)
+    weight, last = parameter / x[:, -1], np.eye(x.shape[1])[-1]
     for _ in range(MOST_CENTRES):
         weight = np.minimum(weight * HARDER, parameter / (GAP * x[:, -1]))
-        found = _centred(blocks, x, weight[:, None] * np.eye(x.shape[1])[-1])
+        found = _centred(blocks, x, np.append(pull, 0.0) + weight[:, None] * last)
         if found is None:
             return None
         x = found
-        if np.all(weight >= 0.9 * parameter / (GAP * x[:, -1])):
+        if x[:, -1].max() < enough or np.all(weight >= 0.9 * parameter / (GAP * x[:, -1])):
             return x
     return None
 
@@ -83,8 +89,8 @@ def _centred(
         slope, bend = np.zeros(x.shape) + weights, np.zeros((*x.shape, x.shape[1]))
         for block in blocks:
             L = np.linalg.inv(np.linalg.cholesky(block.at(x)))
-            scaled = L[:, None] @ block.A @ _t(L)[:, None]
-            slope -= np.trace(scaled, axis1=2, axis2=3)
+            scaled = np.swapaxes(L[:, :, None] @ block.A @ _t(L)[:, :, None], 1, 2)
+            slope -= np.trace(scaled, axis1=3, axis2=4).sum(axis=2)
             flat = scaled.reshape(*scaled.shape[:2], -1)
             bend += flat @ _t(flat)
         if fixed:
@@ -112,7 +118,12 @@ def _centred(
 
 def _inside(blocks: Sequence[Block], x: Array) -> bool:
     """Whether all blocks are positive definite."""
-    return all(np.linalg.eigvalsh(block.at(x)).min() > 0 for block in blocks)
+    try:
+        for block in blocks:
+            np.linalg.cholesky(block.at(x))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +160,19 @@ class StartedSearch(ReachedSearch):
         return dual if dual is not None and dual.level < level else None
 
     def _below(self, enough: float) -> Dual | None:
-        """Return the best dual, of stretches that are halved until its level is enough."""
-        between = (1 - SHARE) * self.nearest + SHARE * enough
-        return replace(self, wanted=between**2)._of_stretches(enough)
+        """Return the best dual, of stretches that are halved until its level is enough.
+
+        A centre far from the least level is smoother; where it proves little, a near one does not.
+        """
+        best, far = None, FAR * self.nearest
+        near = self.nearest + NEARER * (enough - self.nearest)
+        for wanted in (far, near) if near < far else (near,):
+            dual = replace(self, wanted=wanted**2)._of_stretches(enough)
+            if dual is not None and (best is None or dual.level < best.level):
+                best = dual
+            if best is None or best.level <= enough or best.level > FAR * far:
+                break
+        return best
 
     @cached_property
     def nearest(self) -> float:
@@ -213,6 +234,12 @@ class StartedSearch(ReachedSearch):
         basis[every, rows, columns] = basis[every, columns, rows] = units[rows] * units[columns]
         return basis
 
+    @property
+    def _pull(self) -> Array:
+        """Weights of X: without them states that are hardly seen would make it grow on."""
+        rows, columns = np.triu_indices(len(self._scales))
+        return np.asarray(PULL * (rows == columns))
+
     def _chain(self, noise: Array, begin: Array, cuts: Cuts) -> list[Block]:
         """Return P, which begins as J X J' and more, at all steps of all stretches."""
         J, (count, k, _) = self._J, self._nodes[1].shape
@@ -229,52 +256,55 @@ class StartedSearch(ReachedSearch):
         return every
 
     def _blocks(self, chain: Sequence[Block], late: Array, cuts: Cuts) -> list[Block]:
-        """Return the inequalities."""
-        G = self._nodes[3]
-        count, d = chain[0].A.shape[:2]
-        X = np.zeros((count, d, *late.shape))
-        X[:, :-1] = self._basis
+        """Return the inequalities: of X in its units, a sample's first; and of the output."""
+        G, square = self._nodes[3], self._scales * self._scales[:, None]
         A, C = chain[-1]
-        blocks = [Block(X - G[:, None] @ A @ _t(G)[:, None], -(G @ C @ _t(G)) - late)]
+        X = np.zeros((len(A), 1, A.shape[1], *square.shape))
+        X[:, :, :-1] = self._basis
         held = [x[:, None] * x for x in self.starts.points.T]
         held += [] if self.starts.ellipsoid is None else [self.starts.ellipsoid]
-        blocks += [Block(X, np.broadcast_to(-M, (count, *late.shape))) for M in held]
+        falls = X - (G[:, None] @ A @ _t(G)[:, None])[:, None]
+        left = -(G @ C @ _t(G)) - late
+        every = [left, *(np.broadcast_to(-M, left.shape) for M in held)]
+        states = np.concatenate([falls, *[X] * len(held)], axis=1), np.stack(every, axis=1)
+        slopes, levels = list[Array](), list[Array]()
         for place, (phase, _) in enumerate(self._places(cuts)):
             Y = self._nodes[0][2][phase]
             for A, C in chain[STEPS * place : STEPS * (place + 1) + 1]:
-                shown = -(Y[:, None] @ A @ _t(Y)[:, None])
-                shown[:, -1] += 1.0
-                blocks.append(Block(shown, -(Y @ C @ _t(Y))))
-        return blocks
+                slopes.append(-(Y[:, None] @ A @ _t(Y)[:, None]))
+                slopes[-1][:, -1] += 1.0
+                levels.append(-(Y @ C @ _t(Y)))
+        output = Block(np.stack(slopes, axis=1), np.stack(levels, axis=1))
+        return [Block(*(M / square for M in states)), output]
 
     def _centre(self, chain: Sequence[Block], late: Array, cuts: Cuts) -> Array | None:
         """Return X and the square of the level at the nodes; None where there is none."""
         blocks = self._blocks(chain, late, cuts)
-        found = self._least(blocks)
+        found = self._least(blocks, self.wanted / (1 + ABOVE))
         if found is None:
             return None
         found[:, -1] = max((1 + ABOVE) * found[:, -1].max(), self.wanted)
-        rows, columns = np.triu_indices(len(late))
-        return _centred(blocks, found, PULL * np.append(rows == columns, 0.0), fixed=True)
+        return _centred(blocks, found, np.append(self._pull, 0.0), fixed=True)
 
-    def _least(self, blocks: Sequence[Block]) -> Array | None:
-        """Return X and the square of a level that is nearly the least at each node."""
+    def _least(self, blocks: Sequence[Block], enough: float = 0.0) -> Array | None:
+        """Return X and the square of a level that is nearly the least at each node, or enough."""
         begun = self._begun(blocks)
-        return None if begun is None else nearly_least(blocks, begun)
+        return None if begun is None else nearly_least(blocks, begun, self._pull, enough)
 
     def _begun(self, blocks: Sequence[Block]) -> Array | None:
         """Return a start: X that holds initial states and what they lead to, and a level."""
         units, rows = self._scales, np.triu_indices(len(self._scales))
-        X = summed(self._period, -blocks[0].C + LESS * np.diag(units**2))
+        X = summed(
+            self._period, (LESS * np.eye(len(units)) - blocks[0].C[:, 0]) * units * units[:, None]
+        )
         if X is None:
             return None
         x = X[:, *rows] / (units[rows[0]] * units[rows[1]])
         x = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
-        levels = [block for block in blocks if block.A[:, -1].any()]
         for _ in range(DOUBLINGS):
             x = 2 * x
             x[:, -1] = 0.0
-            x[:, -1] = 2 * np.max([-block.at(x)[:, 0, 0] for block in levels], axis=0)
+            x[:, -1] = 2 * -blocks[1].at(x).min(axis=(1, 2, 3))
             if _inside(blocks, x):
                 return x
         return None

@@ -319,7 +319,7 @@ class StartedSearch(ReachedSearch):
     def _asked(self, Q: Array) -> float:
         """Return how many times as large X and P must be at least."""
         domain, degree = self.problem.domain, self.degree
-        high = degree + 2 * max(1, self.problem.law.degree)
+        high = degree + 2 * self.problem.law.degree
         at = domain.nodes(high)
         W = self._loops(at)[2]
         here = np.tensordot(domain.basis(at, degree), domain.interpolated(Q, degree), 1)

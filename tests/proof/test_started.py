@@ -11,20 +11,11 @@ from polefence.certify.bounds import best_bound
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
-from polefence.response.between import held_evenly
 from support.specs import SPRING
 
 LATE = FixedGain(np.array([[-30.0, -12.0, -0.2]]))
 
-
-class AtAllTimes(InitialPeak):
-    """A peak at all times of late inputs too: a file may hold one, though none is searched for."""
-
-    def held(self, plant):
-        return held_evenly(plant, self.outputs(plant))
-
-
-ASKED = AtAllTimes("x", points=((1.0, 0.0, 0.0),), ellipsoid=((0.5, 0, 0), (0, 1, 0), (0, 0, 0)))
+ASKED = InitialPeak("x", points=((1.0, 0.0, 0.0),), ellipsoid=((0.5, 0, 0), (0, 1, 0), (0, 0, 0)))
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,9 @@ def spring():
     return loads(SPRING)
 
 
-@pytest.mark.parametrize(("T", "delay"), [(0.002, 0), (0.02, 0), (0.1, 0)])
+@pytest.mark.parametrize(
+    ("T", "delay"), [(0.002, 0), (0.002, 0.5), (0.02, 0), (0.02, 0.5), (0.02, 1), (0.1, 0)]
+)
 def test_a_spring_is_bounded_just_above_the_truth(spring, T, delay):
     plant, law = at_sample_time(spring, T, delay), FixedGain(LATE if delay else K)
     n, row = plant.shape[0], np.array([1.0, 0.0])
@@ -79,9 +81,9 @@ def test_a_spring_is_bounded_just_above_the_truth(spring, T, delay):
         assert own.values(plant, law, np.eye(4)).max() == pytest.approx(worst, rel=1e-3)
         bound = best_bound(plant, law, own)
         assert bound.claim.held is not None
-        assert worst * (1 - 1e-6) <= bound.level <= 1.01 * worst
+        assert worst * (1 - 1e-6) <= bound.level <= 1.015 * worst
         assert own.values(plant, law, seeded(plant, 1000)).max() <= bound.level
-        assert bound.claim.time_text == f", at all times, with inputs held for {1000 * T:g} ms"
+        assert f", at all times, with inputs held for {1000 * T:g} ms" in bound.claim.time_text
 
 
 def random_plant(seed):
@@ -169,14 +171,6 @@ def test_a_law_polynomial_in_the_parameters_and_a_file(spring, tmp_path):
     document = read((tmp_path / "design.json").read_text())
     assert all(verdict.proved for verdict in map(prove, document.claims))
     assert bound.claim in document.claims
-
-
-@pytest.mark.parametrize("delay", [0.5, 1])
-def test_of_late_inputs_it_stays_at_the_samples(spring, delay):
-    plant, own = at_sample_time(spring, 0.02, delay), InitialPeak("x", points=((1.0, 0.0, 0.0),))
-    bound = best_bound(plant, FixedGain(LATE), own)
-    assert bound.claim.held is None
-    assert bound.claim.time_text == ", at samples every 20 ms"
 
 
 def test_between_samples_there_is_more(spring):

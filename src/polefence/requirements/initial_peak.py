@@ -179,14 +179,10 @@ class InitialPeak(Specification):
         return proof.InitialPeak(subject, outputs, level, *self._exact(plant), held=held)
 
     def held(self, plant: UncertainPlant) -> Held | None:
-        """Return what is held between samples, where the peak is that at all times.
-
-        With inputs on their way it stays at the samples: bounds found at all times are too loose.
-        """
+        """Return what is held between samples, where the peak is that at all times."""
         if not self.at_all_times or self.impulse:
             return None
-        held = held_evenly(plant, self.outputs(plant))
-        return None if held is None or held.delay else held
+        return held_evenly(plant, self.outputs(plant))
 
     def has_primal(self, plant: UncertainPlant) -> bool:
         """Not of what goes on between samples: that is searched for at points of the box."""

@@ -3,6 +3,7 @@
 import gc
 import importlib.util
 import os
+import signal
 import sys
 
 import numpy as np
@@ -25,6 +26,9 @@ from support.slow import SLOW
 
 for _own in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS"):  # of a make that runs the tests, not of theirs
     os.environ.pop(_own, None)
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as of tests in a shell's background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Beside all modules of tests a search for cycles takes long: 8 % of the time with Python's own
 # thresholds, 3 % with these and without what is there before the first test.

@@ -23,8 +23,8 @@ from polefence.plant.system import Array
 from polefence.response.held import Storing
 
 GAP = 1e-4  # of the least square of a level, by which the centre's exceeds it
-# A centre's level: times the least one; or of the way from the least to one that is wanted, where
-# with 0.5 and 1 as well parts of a box prove what they prove with it.
+# The level of a centre: so many times the least, or so far on the way from it to the level that is
+# wanted. On the way 0.5 and 1 prove the same parts of a spring's box.
 FAR, NEARER = 1.05, 0.8
 ABOVE = 5e-4  # of the largest at the nodes, by which the square of one level for all exceeds it
 HARDER = 8.0  # times, from one centre on the way to the next
@@ -133,7 +133,7 @@ class StartedSearch(ReachedSearch):
     Attributes
     ----------
     wanted : float
-        The square of a level: at the nodes it is one, or a little above the least if that is more.
+        The square of the level of a centre at the nodes; a little above the least if that is more.
     """
 
     wanted: float = 0.0
@@ -162,7 +162,8 @@ class StartedSearch(ReachedSearch):
     def _below(self, enough: float) -> Dual | None:
         """Return the best dual, of stretches that are halved until its level is enough.
 
-        A centre far from the least level is smoother; where it proves little, a near one does not.
+        A centre far from the least level is tried first: between points it is smoother. Where it
+        proves little, one nearer proves no more.
         """
         best, far = None, FAR * self.nearest
         near = self.nearest + NEARER * (enough - self.nearest)

@@ -32,7 +32,7 @@ from polefence.plant.system import Array
 from polefence.response.discrete import exponential
 
 NEAR = 1e-3  # of the worst sample: a level so near it ends the halving of stretches
-MOST_VAIN = 2  # times that halving stretches lowers no level: of a van's, one did after two
+MOST_VAIN = 2  # halvings in a row that lower no level: after one, the next did of a van
 
 
 def _t(M: Array) -> Array:

@@ -180,6 +180,16 @@ def test_what_is_not_stable_has_none_and_others_keep_theirs(step):
 
 
 @pytest.mark.parametrize("step", [0.0, 0.01])
+@pytest.mark.parametrize("n", [2, 5, 12])
+def test_rounding_makes_no_pole_at_zero_stable(n, step):
+    random = np.random.default_rng(n)
+    A = np.array([plant("random", n, random, step) for _ in range(100)])
+    rows = random.integers(n, size=100)
+    A[np.arange(100), rows] = A[np.arange(100), (rows + 1) % n] * random.choice([0, 3], (100, 1))
+    assert np.isnan(lyapunov(A, np.tile(np.eye(n), (100, 1, 1)), step)).all()
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01])
 def test_parts_and_units_of_noise_and_time_change_nothing(step, monkeypatch):
     random = np.random.default_rng(6)
     A = np.array([plant("random", 10, random, step) for _ in range(9)])

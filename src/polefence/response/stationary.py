@@ -34,6 +34,9 @@ STABLE = 1e-12
 # Doublings at most, and the size of a power P^k after which P^2k adds nothing, not even to states
 # behind a chain of others, which are small in balanced units.
 POWERS, LEFT = 64, 1e-9
+# Of the largest entry, what the shift is at least; and doublings after which rounding alone may
+# have made a pole at zero stable: that of P = 1 is off by 1e-16 of the entry over the shift.
+FLOOR, MANY = 1e-8, 20
 
 # ISO 8608: Gd(n0) [m3] at n0 = 0.1 cycles/m, geometric means of the classes; Gd falls as n^-2.
 ROUGHNESS = {letter: 16e-6 * 4**i for i, letter in enumerate("ABCDEFGH")}
@@ -225,7 +228,7 @@ def _doubled(A: Array, Q: Array, step: float) -> Array:
     n = A.shape[-1]
     # Half of the poles' geometric mean: at it P of equal poles were zero but for what they couple.
     shift = np.exp(np.linalg.slogdet(A)[1] / n)[:, None, None] / 2
-    shift = np.maximum(shift, STABLE * np.abs(A).max(axis=(1, 2), keepdims=True))
+    shift = np.maximum(shift, FLOOR * np.abs(A).max(axis=(1, 2), keepdims=True))
     turn, eye = shift * (step / 2), np.eye(n)
     inverse = np.linalg.inv(shift * eye - (1 - turn) * A)
     J = np.sqrt(2 * shift) * inverse
@@ -239,13 +242,17 @@ def _doubled(A: Array, Q: Array, step: float) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         P = (2 * shift * inverse - (1 + turn) * eye) / (1 - turn)
         powers = [P]
+        doublings = np.zeros(len(A))
         while np.any((left := n * np.abs(P).max(axis=(1, 2))) > LEFT) and len(powers) < POWERS:
             powers.append(P := P @ P)
+            doublings += left > LEFT
         X = summed(Q)
         # Without it the covariance of slow modes beside fast ones loses half of its digits.
         half = A @ X
         half = half + step / 2 * half @ np.swapaxes(A, 1, 2)
         X = X + summed(Q + _symmetric(half))
+    slow = np.flatnonzero(doublings > MANY)
+    X[slow[unstable(A[slow], step)]] = np.nan
     X[~(left <= LEFT)] = np.nan
     return X
 

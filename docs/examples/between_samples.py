@@ -1,7 +1,7 @@
 """The van's law at sample times, late or not: an rms proved at all times, beside drives; figure.
 
 ``python docs/examples/between_samples.py [FOLDER]`` prints the page's table and writes
-between-samples.png into the folder, by default here. It takes three quarters of an hour.
+between-samples.png into the folder, by default here. It takes ten minutes.
 """
 
 import sys

@@ -12,6 +12,7 @@ from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.work import FormatError
 from support.specs import SPRING
+from support.stored import given, refused, stored, times
 
 LATE = FixedGain(np.array([[-30.0, -12.0, -0.2]]))
 
@@ -24,31 +25,6 @@ def claim():
     assert len(found.subject.evidence.storage) >= 2
     assert not found.subject.evidence.cells
     return found
-
-
-def given(claim, **changed):
-    """The claim with another part of its evidence."""
-    evidence = replace(claim.subject.evidence, **changed)
-    return replace(claim, subject=replace(claim.subject, evidence=evidence))
-
-
-def times(M, factor):
-    return [[Fraction(factor) * x for x in row] for row in M]
-
-
-def stored(claim, k, **changed):
-    """The claim with another stretch."""
-    storage = list(claim.subject.evidence.storage)
-    storage[k] = replace(storage[k], **changed)
-    return given(claim, storage=tuple(storage))
-
-
-def refused(claim):
-    """Whether it is not proved."""
-    try:
-        return not prove(claim).proved
-    except FormatError:
-        return True
 
 
 def test_it_is_proved_and_says_so(claim):

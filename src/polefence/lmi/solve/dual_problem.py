@@ -174,9 +174,9 @@ def _coefficients(P: ExactPolynomial, degrees: int | tuple[int, ...]) -> Array:
     )
 
 
-# Of Newton's method, times what one takes [n^6 multiplications a node]; measured by time on a van,
-# where 7 states and 8 nodes take 0.4 s a round.
-STEPS = 10.0
+# Multiplications of all Newton steps of a round at one node, as a share of n^6: a round of 8 nodes
+# of a van with 7 states took 0.4 s.
+NEWTON = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +309,7 @@ class DualProblem:
     def work(self, degree: int) -> float:
         """Return about how many multiplications a round takes for Q of a degree."""
         n, count = self.plant.shape[0], self.domain.count(self.degree + degree)
-        steps = 0.0 if self.starts is None else STEPS * self.domain.count(degree) * n**6
+        steps = 0.0 if self.starts is None else NEWTON * self.domain.count(degree) * n**6
         return float(count) ** 2 * n**2 + count * (2 * n) ** 3 * 10 + steps
 
     @property

@@ -92,7 +92,7 @@ def in_parts(
     most = most or (MOST_BENT if problem.plant.bent else MOST_PARTS)
     if problem.clocked:
         most = min(most, MOST_OVER_CLOCK)
-    by_level = problem.gain or problem.plant.remainder is not None
+    by_level = problem.gain or problem.starts is not None or problem.plant.remainder is not None
     if not problem.law.divisible(problem.plant) or problem.share is not None:
         return None
     begun = list(first) or [Box.whole(problem.domain)]
@@ -108,7 +108,7 @@ def in_parts(
         nonlocal done
         for degree in degrees:
             dual = known.get((box, degree))
-            # of a gain alone it hangs on the level whether there is one
+            # of some kinds it hangs on the level whether there is one
             if dual is None and (by_level or (box, degree) not in known):
                 dual = next(_duals(problem.inside(box), level, [degree]), None)
                 known[box, degree] = dual

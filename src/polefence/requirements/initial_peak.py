@@ -34,6 +34,7 @@ from polefence.requirements.specification import (
 from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
+from polefence.response.discrete import exponential
 from polefence.response.grid import MOST_CHOSEN
 from polefence.response.linear import simulate
 from polefence.response.stationary import STABLE, growth, stationary
@@ -337,8 +338,6 @@ class InitialPeak(Specification):
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the peaks with their slopes."""
-        from scipy.linalg import expm  # deferred: slow to import
-
         q = loops.E.shape[2]
         alone = q - len(self.ellipsoid)
         groups = [slice(k, k + 1) for k in range(alone)] + [slice(alone, q)] * (q > alone)
@@ -350,7 +349,7 @@ class InitialPeak(Specification):
         def moved(M: Array, one: Array) -> Array:
             """Return e^Mt, or (I + step M)^(t / step)."""
             if not step:
-                return np.asarray(expm(M * time[:, None, None]))
+                return exponential(M * time[:, None, None])
             pairs = zip(one + step * M, np.rint(time / step).astype(int).tolist(), strict=True)
             return np.stack([np.linalg.matrix_power(factor, count) for factor, count in pairs])
 

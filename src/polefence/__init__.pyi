@@ -51,6 +51,7 @@ from polefence.certify.refutation import Refutation as Refutation, refute_limits
 from polefence.certify.running import Running as Running, running as running
 from polefence.certify.table import TableAnalysis as TableAnalysis
 from polefence.fleet.run import study as study
+from polefence.law.compensator import Compensator as Compensator
 from polefence.law.control import from_control as from_control, to_control as to_control
 from polefence.law.coordinates import Coordinates as Coordinates
 from polefence.law.laws import (

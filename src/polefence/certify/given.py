@@ -32,11 +32,8 @@ from polefence.certify.evidence import (
 )
 from polefence.certify.promised import GivenLyapunov, VerifiedBound, bounded, matrices_given
 from polefence.certify.table import TableAnalysis, analyse_table
-from polefence.law.laws import (
-    GainTable,
-    Law,
-    given_law,
-)
+from polefence.law.compensator import beside
+from polefence.law.laws import GainTable, Law
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.loops import loop_of
@@ -215,9 +212,11 @@ def analyse(
     Parameters
     ----------
     plant : UncertainPlant
-    law : (m, n) matrix, any law of `polefence.law`, Design or control.StateSpace
-        u = K x. Of python-control's ``lqr``, whose u is -K x, give -K. A ``StateSpace`` must be a
-        static gain.
+    law : (m, n) matrix, any law of `polefence.law`, Design, Compensator, or of python-control
+        u = K x, or u = K y of a `Compensator`, a ``StateSpace`` or a ``TransferFunction``, which
+        may have states: `Analysis.plant` has them behind the plant's. Of python-control's ``lqr``,
+        whose u is -K x, give -K. Rows of texts are a gain in the parameters,
+        ``[["-3 - 2*L", "L**2"]]``, or transfer functions, ``[["(s + 50)/(s + 500)"]]``.
     region : Region
     budget : float, optional
         Time after which no higher degree is begun, and no cell halved [s]; the answer then says
@@ -240,11 +239,12 @@ def analyse(
     InputError
         If law, limits or matrices do not fit the plant, or the region the plant's time.
     """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    plant, law = beside(plant, law)
     if isinstance(law, GainTable):
         if len(limits) or len(lyapunov):
             raise InputError("of a table of gains poles are proved alone: no limits, no lyapunov")
         return analyse_table(plant, law, region, depth, budget)
-    law = given_law(plant, law)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     region = in_time_of(plant, region)
     require_region(plant, region)
@@ -409,7 +409,10 @@ def worst_case(
     InputError
         If the law does not fit the plant, or the question is incomplete.
     """
-    law = given_law(plant, law)
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    plant, law = beside(plant, law)
+    if isinstance(law, GainTable):
+        raise InputError("worst_case is for one law; analyse a table with a region")
     if (of == "disk") != (centre is not None):
         raise InputError("of = 'disk' needs a centre (centre=-40, say), other questions take none")
     measure = _measure(of, centre)

@@ -43,6 +43,7 @@ from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.law.laws import GainTable
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import own_states
 from polefence.plant.points import seeded, values_text, where_text
 from polefence.proof.claims.cells import Cell
 from polefence.proof.text import exactly, plural
@@ -66,11 +67,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gain",
         metavar="WHAT",
-        help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design or a "
-        "table; .mat, .npz, .npy or .csv with a K; default: the K of PLANT",
+        help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design, a table "
+        "or a compensator; .mat, .npz, .npy or .csv with a K, or Ac, Bc, Cc, Dc; or u = K y: "
+        "'(s + 50)/(s + 500)', rows of these, or of polynomials in the parameters; default: that "
+        "of PLANT",
     )
     parser.add_argument(
-        "--minus", action="store_true", help="the law is u = -K x, as lqr and place have it"
+        "--measured",
+        metavar="NAMES",
+        help="'A, B': what a compensator measures, in its order; default: the spec's [law], else "
+        "all states or all outputs, whichever are as many",
+    )
+    parser.add_argument(
+        "--minus",
+        action="store_true",
+        help="the law is u = -K x or -K y: negative feedback, as lqr, place and most tools have",
     )
     parser.add_argument(
         "--lyapunov",
@@ -144,9 +155,8 @@ def _command(options: Any, limits: str) -> int:
         raise InputError("--of is for one gain or law; analyse a table with --region")
     if options.limit or options.lyapunov is not None:
         raise InputError("--of asks how far the poles go: leave --limit and --lyapunov out")
-    return _worst(
-        plant, worst_case(plant, law, options.of, options.centre, options.budget), options
-    )
+    worst = worst_case(plant, law, options.of, options.centre, options.budget)
+    return _worst(given, worst, options)
 
 
 def _kept(given: Given, asked: Sequence[str], options: Any) -> int:
@@ -158,7 +168,7 @@ def _kept(given: Given, asked: Sequence[str], options: Any) -> int:
         return _one(analysis, region, given, options)
     if limits or P:
         raise InputError("of a table of gains the poles are proved alone; leave --limit and P out")
-    return _table(plant, law, region, options)
+    return _table(given, law, region, options)
 
 
 def _one(analysis: Analysis, asked: Region, given: Given, options: Any) -> int:
@@ -259,7 +269,8 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
+def _worst(given: Given, worst: WorstCase, options: Any) -> int:
+    plant = given.plant
     name = {"disk": "radius", "half_plane": "decay rate", "sector": "damping ratio"}[options.of]
     unit = "" if options.of == "sector" or plant.sample_time is not None else " 1/s"
     safe, beyond = (digits_up, digits_down) if options.of == "disk" else (digits_down, digits_up)
@@ -279,7 +290,7 @@ def _worst(plant: UncertainPlant, worst: WorstCase, options: Any) -> int:
     if worst.cut:
         say(CUT)
     say(f"sampled: {name} {beyond(worst.bound)}{unit}{where}; no proof can pass it")
-    say(*samples_text(plant))
+    say(*samples_text(plant), *given.text(options))
     design = None if worst.certificate is None else Design(worst.certificate)
     _finish(
         options,
@@ -307,13 +318,19 @@ def note_the_sign(analysis: Analysis, gain: str | None, remedy: str, other: str 
     The sign of a design's own file is known.
     """
     law, plant = analysis.law, analysis.plant
-    if analysis.answer != "refuted" or law.K is None:
+    if analysis.answer != "refuted":
         return
     if gain is not None and not is_written(gain) and claims_file(Path(gain)) is not None:
         return
     alpha = seeded(plant, len(plant.vertices) + 200)
     A, B = (np.tensordot(alpha, M, 1) for M in (plant.A, plant.B))
-    if analysis.region.contains(np.linalg.eigvals(A - B @ law.K)):
+    signs = np.ones(plant.shape[1])
+    signs[: plant.shape[1] - own_states(plant)] = -1  # of u, not of the law's own states
+    try:
+        poles = np.linalg.eigvals(A + B @ (signs[:, None] * law.gain(alpha)))
+    except np.linalg.LinAlgError:  # a law without a value somewhere
+        return
+    if analysis.region.contains(poles):
         more = len(alpha) - len(plant.vertices)
         between = f", and of {plural(more, 'point')} between" if more else ""
         say(
@@ -338,13 +355,14 @@ def _finish(options: Any, design: Design | None, summary: dict[str, Any]) -> Non
         write_json(options.json, summary)
 
 
-def _table(plant: UncertainPlant, table: GainTable, region: Region, options: Any) -> int:
+def _table(given: Given, table: GainTable, region: Region, options: Any) -> int:
+    plant = given.plant
     if options.plot is not None and len(plant.parameters) > 2:
         raise InputError(f"--plot draws one or two parameters; {plant.name} has more")
     with _finished_cells(table) as finished:
         analysis = analyse_table(plant, table, region, options.depth, options.budget, finished)
     say(f"{analysis.answer}: {analysis.summary}", verdict=analysis.answer)
-    say(*image_text(plant, region, analysis.answer == "proved"))
+    say(*image_text(plant, region, analysis.answer == "proved"), *given.text(options))
     if analysis.cut:
         say(CUT)
     for values in analysis.counterexamples[:SHOWN]:

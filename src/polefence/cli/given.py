@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.certify.certificate import Certificate, plant_of
 from polefence.certify.design import FILE_NAME, read_document, require_kind
-from polefence.cli.options import at_samples
+from polefence.cli.options import at_samples, note_sensors
 from polefence.cli.subjects import claims_file, with_law_of
-from polefence.law.arrays import law_from
+from polefence.law.arrays import compensator_from, law_from
+from polefence.law.compensator import Compensator, has_text, is_fields, written
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
+from polefence.law.structure import load_structure
 from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
@@ -27,10 +29,13 @@ from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.asked import promised
 from polefence.requirements.specification import Specification
-from polefence.requirements.text import parse_specification
+from polefence.requirements.text import parse_names, parse_specification
 
 OTHERS = (".mat", ".npz", ".npy", ".csv")  # files of other tools
-WANTED = 'give a matrix, a design.json, or a table {"grid": {name: knots}, "gains": nested lists}'
+WANTED = (
+    'give a matrix, a design.json, a table {"grid": {name: knots}, "gains": nested lists}, or a '
+    'compensator {"A": ..., "B": ..., "C": ..., "D": ...}'
+)
 NONE, SPEC = "none", "spec"  # of limits: the poles alone; all that a spec asks for
 
 
@@ -47,12 +52,15 @@ class Given:
         The file of another tool that the plant is from; None of a spec.
     names : dict
         What that file calls things.
+    compensator : str
+        What is known of a law with states of its own, or of named signals; else empty.
     """
 
     plant: UncertainPlant
     law: Law | GainTable
     arrays: Arrays | None
     names: dict[str, str]
+    compensator: str = ""
 
     def region(self, options: Any) -> Region:
         """Return the region of the options, else the spec's, else stability."""
@@ -77,18 +85,20 @@ class Given:
         return [] if self.arrays is None or "P" not in self.arrays else self.arrays["P"]
 
     def text(self, options: Any) -> list[str]:
-        """Say which matrices of the file stand for plant, law and Lyapunov function."""
+        """Say what the law is, and which matrices of the file stand for what."""
+        said = [self.compensator] if self.compensator else []
         if self.arrays is None:
-            return []
+            return said
         names = [*"ABECDF", "sample_time"]
         if options.gain is None:
-            names += ["K"] if "K" in self.arrays else ["Z", "W"]
+            own = compensator_from(self.arrays, alone=False)
+            names += [*own[1]] if own else ["K"] if "K" in self.arrays else ["Z", "W"]
         names += ["P"] if options.lyapunov is None else []
-        sign = "; u = -K x" if options.minus else ""
+        sign = "; u = -K x" if options.minus and not said else ""
         out = self.arrays.left_out(names)
         rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
         listed = ", ".join(self.arrays.listed(names))
-        return [f"read: {listed} from {self.arrays.place}{sign}{rest}"]
+        return [*said, f"read: {listed} from {self.arrays.place}{sign}{rest}"]
 
 
 def read_given(options: Any) -> Given:
@@ -105,16 +115,89 @@ def read_given(options: Any) -> Given:
     if arrays is None:
         seen = _with_own_states(seen, options)
         plant = plant if options.sample_time is not None else seen
-    law: Law | GainTable
+    given = _given(seen, arrays, names, options)
+    if isinstance(given, Compensator):
+        larger, law, said = _beside(plant, seen, given, options)
+        return Given(larger, law, arrays, names, said)
+    if options.measured is not None:
+        raise InputError(
+            "--measured is for a compensator, or a gain with texts; write u = K x of all states"
+        )
     if seen is plant:
-        law = _law(plant, arrays, names, options)
+        law = given or _law(plant, arrays, names, options)
     else:
         law = _sampled_law(plant, seen, arrays, names, options)
     if options.minus:
         if isinstance(law, GainTable):
             raise InputError("--minus is for one gain or law; write the table with u = K x")
+        if own_states(seen):
+            raise InputError("--minus is for a law that others have given; a design has its sign")
         law = law.negated()
     return Given(seen, law, arrays, names)
+
+
+def _given(
+    plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
+) -> Compensator | None:
+    """Return the compensator that the options name; None of any other law."""
+    if options.gain is not None:
+        try:
+            return read_compensator(plant, options.gain, names)
+        except InputError as problem:
+            raise type(problem)(_with_options(str(problem))) from problem
+    found = None if arrays is None else compensator_from(arrays, alone=False)
+    return None if found is None else found[0]
+
+
+def _beside(
+    plant: UncertainPlant, seen: UncertainPlant, given: Compensator, options: Any
+) -> tuple[UncertainPlant, Law | GainTable, str]:
+    """Return the plant with the states of a compensator, its gain, and what it is in words."""
+    try:
+        if given.measured is None:
+            given = replace(given, measured=_measured(plant, given, options))
+        elif options.measured is not None:
+            raise InputError("names what it measures itself; leave out --measured")
+        given = given.negated() if options.minus else given
+        larger, law = given.beside(seen)
+    except InputError as problem:
+        where = options.spec if options.gain is None else _told(options.gain)
+        text = _with_options(str(problem))
+        raise type(problem)(text if text.startswith(where) else f"{where}: {text}") from problem
+    if not given.order and given.measured is None:
+        return larger, law, ""
+    listed = ", ".join(y.label for y in given.signals(seen))
+    table = "a table of " * isinstance(law, GainTable)
+    what = f"{table}order {given.order}" if given.order else f"{table}gains"
+    return larger, law, f"law: {what}, u = {'-' * options.minus}K y of y = {listed}"
+
+
+def _measured(plant: UncertainPlant, given: Compensator, options: Any) -> tuple[str, ...] | None:
+    """Return what a compensator measures by --measured, or by the spec's [law]; None of neither."""
+    names = None if options.measured is None else parse_names(options.measured)
+    if names is None and not _is_file_of_others(options.spec):
+        structure = load_structure(options.spec)
+        names = None if structure is None else structure.measured
+        if names is not None and len(names) != given.width:
+            names = None  # of another law
+    if names is not None:
+        note_sensors(plant, names, "the law")
+        return tuple(names)
+    if not given.order and given.width == plant.shape[0]:
+        return None
+    # outputs of a spec are more often limited than measured
+    bare = plant if _is_file_of_others(options.spec) else replace(plant, outputs=())
+    return tuple(y.name for y in given.signals(bare))
+
+
+def _with_options(text: str) -> str:
+    """Return a message of the Python interface with the options that do the same."""
+    text = text.replace("measured=['A', 'B']", "--measured 'A, B'")
+    return text.replace("polefence.at_sample_time", "--sample-time")
+
+
+def _told(what: str) -> str:
+    return "--gain" if is_written(what) or not Path(what).exists() else what
 
 
 def _with_own_states(plant: UncertainPlant, options: Any) -> UncertainPlant:
@@ -145,10 +228,15 @@ def _plant(what: str, names: dict[str, str]) -> tuple[UncertainPlant, Arrays | N
     path = Path(what)
     if claims_file(path) is not None:
         raise InputError(f"{path}: a file of claims; polefence check proves it afresh")
-    if path.is_dir() or path.suffix.lower() in (*OTHERS, ".json"):
+    if _is_file_of_others(what):
         arrays = read_arrays(what, names)
         return plant_from(arrays), arrays
     return load(path), None
+
+
+def _is_file_of_others(what: str) -> bool:
+    path = Path(what)
+    return path.is_dir() or path.suffix.lower() in (*OTHERS, ".json")
 
 
 def _law(
@@ -222,20 +310,22 @@ def read_gain(
     InputError
         If it cannot be read, or does not fit the plant; the file is named.
     """
-    if is_written(what):
-        name, text = option, what
-        if len(text) > 100_000:
-            raise InputError(f"{option} has {len(text)} characters; write a file")
-    else:
-        path = Path(what)
-        path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
-        if path.is_dir() or path.suffix.lower() in OTHERS:
-            return law_from(read_arrays(path, names), plant)
-        name, text = str(path), read_text(path, reading.MAX_BYTES, InputError)
-    try:
-        data = reading.parse(_as_json(text))
-    except work.FormatError as error:
-        raise InputError(f"{name}: {error}") from error
+    given = read_compensator(plant, what, names, option)
+    if given is not None:
+        name = option if is_written(what) else what
+        if given.order:
+            raise InputError(
+                f"{name}: a law with states of its own; prove it by polefence verify --gain, with "
+                "-o DIR, and give DIR here"
+            )
+        try:
+            return given.beside(plant)[1]
+        except InputError as error:
+            raise type(error)(f"{name}: {error}") from error
+    name, text = _read(what, option)
+    if text is None:
+        return law_from(read_arrays(name, names), plant)
+    data = _parsed(name, text)
     try:
         if isinstance(data, dict) and data.get("format") == FORMAT:
             certificate = Certificate.loads(text)
@@ -252,8 +342,70 @@ def read_gain(
         raise type(error)(f"{name}: {error}") from error
 
 
+def read_compensator(
+    plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES, option: str = "--gain"
+) -> Compensator | None:
+    """Read a law with states, or with texts in it, as `read_gain` does; None of any other law.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read; the file is named.
+    """
+    if _is_transfer(what):
+        try:
+            return written(plant, what)
+        except InputError as error:
+            raise type(error)(f"{option}: {error}") from error
+    name, text = _read(what, option)
+    if text is None:
+        found = compensator_from(read_arrays(name, names), alone=True)
+        return None if found is None else found[0]
+    data = _parsed(name, text)
+    own = names.get("K", "K")
+    if isinstance(data, dict) and isinstance(data.get(own), dict):
+        data = data[own]
+    try:
+        if isinstance(data, dict) and "format" not in data and is_fields(data):
+            return Compensator.from_fields(data)
+        return written(plant, data) if has_text(data) else None
+    except InputError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _read(what: str, option: str) -> tuple[str, str | None]:
+    """Return where a law is from, and its text; None of a file that `read_arrays` reads."""
+    if is_written(what):
+        if len(what) > 100_000:
+            raise InputError(f"{option} has {len(what)} characters; write a file")
+        return option, what
+    path = Path(what)
+    path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
+    if path.is_dir() or path.suffix.lower() in OTHERS:
+        return str(path), None
+    return str(path), read_text(path, reading.MAX_BYTES, InputError)
+
+
+def _parsed(name: str, text: str) -> Any:
+    try:
+        return reading.parse(_as_json(text))
+    except work.FormatError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _is_transfer(what: str) -> bool:
+    """Whether a word is a transfer function, as "(s + 50)/(s + 500)"; no file has its name."""
+    formula = re.fullmatch(r"[-+*/().^0-9eE\s]*[sz][-+*/().^0-9eEsz\s]*", what)
+    return formula is not None and not Path(what).exists()
+
+
 def _as_json(text: str) -> str:
-    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is."""
+    """Return a matrix as commands print it, ``[1 2; 3 4]``, as JSON; any other text as it is.
+
+    Texts may be in single quotes, as shells and Python have them.
+    """
+    if '"' not in text:
+        text = text.replace("'", '"')
     matrix = re.fullmatch(r"\[([-+.0-9eE\s,;]+)\]", text.strip())
     if matrix is None:
         return text

@@ -93,8 +93,8 @@ def _matrix(plant: UncertainPlant, law: Any) -> Any:
     if hasattr(law, "nstates"):  # of python-control
         if law.nstates or not hasattr(law, "D"):
             raise InputError(
-                "the controller is a dynamic system; give a static gain, u = K x, and put states "
-                "of the controller, such as integrals, into the plant"
+                "the controller is a dynamic system; polefence.analyse takes it, and its saved "
+                "design goes on from there; here give a static gain, u = K x"
             )
         law = law.D
     try:

@@ -52,6 +52,8 @@ class Arrays(Short):
         Why other variables of the file are not matrices; raised when one is asked for.
     objects : dict of name to text
         Variables among these that hold no numbers, and their type.
+    structures : dict of name to fields
+        Structures and tables as they are: nested lists, arrays and texts by their names.
     """
 
     place: str
@@ -60,6 +62,7 @@ class Arrays(Short):
     names: Mapping[str, str] = field(default_factory=dict)
     faults: Mapping[str, str] = field(default_factory=dict)
     objects: Mapping[str, str] = field(default_factory=dict)
+    structures: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         """Whether a name is known; `__getitem__` may still raise why it is no matrix."""
@@ -77,6 +80,8 @@ class Arrays(Short):
             called, known = self.names.get(name, name), sorted(self.matrices)
             if called in self.faults:
                 raise InputError(self.faults[called])
+            if self.systems and not known:
+                raise InputError(self.faults[self.systems[0]])
             raise InputError(f"{self.place}: no matrix {shown(called)}; {suggest(called, known)}")
         given = self.matrices[name]
         try:
@@ -91,6 +96,11 @@ class Arrays(Short):
             told = " and ".join(f"{n} x {m}" for n, m in shapes) or "none"
             raise InputError(f"{self.place}: {name} holds matrices of different shapes: {told}")
         return exact
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Names of those objects that are linear systems."""
+        return tuple(name for name, what in self.objects.items() if _is_system(what))
 
     def one(self, name: str) -> Exact:
         """Return the matrix of a name.
@@ -183,7 +193,11 @@ def _read_arrays(path: Path) -> Arrays:
     read = {".mat": _mat, ".npz": _npz, ".npy": _one_npy, ".json": _json}[kind]
     matrices, words, faults = dict[str, list[Matrix]](), dict[str, list[str]](), dict[str, str]()
     objects, count = dict[str, str](), 0
+    structures = dict[str, Mapping[str, Any]]()
     for name, value in read(path, raw):
+        if isinstance(value, dict):
+            structures[name] = value
+            continue
         if isinstance(value, _ObjectError):
             objects[name] = value.what
         if isinstance(value, InputError):
@@ -196,7 +210,8 @@ def _read_arrays(path: Path) -> Arrays:
         count += sum(len(row) for matrix in value for row in matrix)
         if count > MAX_ENTRIES:
             raise InputError(f"{path}: more than {MAX_ENTRIES} numbers; {WANTED}")
-    return _with_series(Arrays(str(path), matrices, words, faults=faults, objects=objects))
+    read_so = Arrays(str(path), matrices, words, {}, faults, objects, structures)
+    return _with_series(read_so)
 
 
 def _read(path: Path) -> bytes:
@@ -257,7 +272,7 @@ def _json(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     if not isinstance(document, dict):
         raise InputError(f'{path}: must be a table of matrices, {{"A": [[...]], ...}}')
     for name, value in document.items():
-        if isinstance(value, str):
+        if isinstance(value, str | dict):
             yield name, value
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield name, [[[value]]]
@@ -306,9 +321,25 @@ class _ObjectError(InputError):
 
     def __init__(self, where: str, what: str) -> None:
         self.what = what
-        super().__init__(
-            f"{where} is {what}; only matrices of numbers are read: save it as one, under this name"
-        )
+        name = where.rpartition(": ")[2]
+        remedy = "only matrices of numbers are read: save it as one, under this name"
+        if _is_system(what):
+            own = "c" if name[0] in "CK" else ""  # of a law, or of a plant
+            letters = [f"{letter}{own}" for letter in "ABCD"]
+            saved = ", ".join(f"'{letter}'" for letter in letters)
+            remedy = (
+                "only MATLAB reads that; there type "
+                f"[{', '.join(letters)}] = ssdata(ss({name})); save('{name}.mat', {saved}, '-v7')"
+            )
+        super().__init__(f"{where} is {what}; {remedy}")
+
+
+_SYSTEMS = ("ss", "tf", "zpk", "pid", "pidstd", "genss", "idss", "idtf", "idpoly", "idproc")
+
+
+def _is_system(what: str) -> bool:
+    """Whether an object of MATLAB is a linear system."""
+    return what.removeprefix("an object of class ").strip("'") in _SYSTEMS
 
 
 def _or_fault(read: Callable[..., Any], *given: Any) -> Any:
@@ -339,14 +370,23 @@ def _array(where: str, value: Any, first: bool) -> Any:
 
 
 def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
-    given, fields = dict[str, Any](), dict[str, list[Any]]()
+    given, structures = dict[str, Any](), dict[str, tuple[dict[str, Any], ...]]()
+    fields = dict[str, list[Any]]()
     for name, value in matlab.variables(path, raw):
         members = _members(value)
-        for key in members[0] if members else ():
-            cells = matlab.Cells(tuple(member[key] for member in members))
-            fields.setdefault(key, []).append(cells)
-        if not members:
+        if len(members) == 1:
+            yield name, _plain(members[0])
+        if members:
+            structures[name] = members
+        else:
             given[name] = value
+    systems = [name for name, members in structures.items() if {*"ABC"} <= members[0].keys()]
+    laws = systems if "A" in given else ["K"] if len(systems) > 1 else []  # beside their plant
+    for name, members in structures.items():
+        for key in () if name in systems and name in laws else members[0]:
+            values = [member[key] for member in members]
+            value = values[0] if len(values) == 1 else matlab.Cells(tuple(values))
+            fields.setdefault(key, []).append(value)
     for key, lists in fields.items():
         if len(lists) == 1 and key not in given:
             given[key] = lists[0]
@@ -354,6 +394,22 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
         matrices = _or_fault(_of_matlab, f"{path}: {name}", value)
         if matrices is not None:
             yield name, matrices
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of MATLAB as nested lists and tables; objects by what they are."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, matlab.Structures):
+        members = [_plain(member) for member in value.members]
+        return members[0] if len(members) == 1 else members
+    if isinstance(value, matlab.Cells):
+        cells = [_plain(entry) for entry in value.values]
+        rows = value.sizes[0] if len(value.sizes) == 2 and value.sizes[0] > 0 else 1
+        return [cells[i::rows] for i in range(rows)]
+    if isinstance(value, list):
+        return value[0] if len(value) == 1 else value
+    return None if isinstance(value, matlab.Unread) else value
 
 
 def _members(value: Any) -> tuple[dict[str, Any], ...]:

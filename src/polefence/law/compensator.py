@@ -1,0 +1,660 @@
+"""Laws that others have designed: compensators, tables of these, gains written in the parameters.
+
+A compensator is a gain of the larger plant that has its states; see `plant.larger.with_states`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, PlantError, SpecError, shown
+from polefence.base.explained import explained, explained_fields
+from polefence.law.control import valid_names
+from polefence.law.fixed import FixedGain
+from polefence.law.law import Law
+from polefence.law.laws import given_law
+from polefence.law.polynomial import PolynomialGain
+from polefence.law.structure import MAX_DEGREE, Structure
+from polefence.law.table import GainTable
+from polefence.law.transfer import (
+    LETTERS,
+    Quotient,
+    letters_in,
+    of_roots,
+    quotient,
+    read_quotient,
+    realised,
+)
+from polefence.plant.expression import RationalFunction, counted, evaluate
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import require_order
+from polefence.plant.outputs import LATE, Output, split, states
+from polefence.plant.parameters import exact
+from polefence.plant.system import as_array, floats
+from polefence.proof.matrices import ONE, ZERO
+from polefence.proof.short import Short
+from polefence.proof.text import milliseconds_text, plural
+
+LETTERED = ("A", "B", "C", "D")
+# Keys of a system in plain data, in small letters; the first are those of the documentation.
+_MATRICES = {letter: (letter.lower(),) for letter in LETTERED}
+_FRACTION = {"numerator": ("numerator", "num"), "denominator": ("denominator", "den")}
+_ROOTS = {"zeros": ("zeros", "z"), "poles": ("poles", "p"), "gain": ("gain", "k")}
+_TIME = ("sample_time", "ts", "dt")
+_NUMBERED = "u["  # how python-control names inputs that have no name
+WANTED = "give A, B, C and D, or numerator and denominator, or zeros, poles and gain"
+
+Entry = Fraction | str
+Rows = tuple[tuple[Entry, ...], ...]
+Term = dict[tuple[int, ...], Fraction]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Compensator(Short):
+    """x_c' = A x_c + B y, u = C x_c + D y: a law that is given, beside any plant that has y.
+
+    In discrete time x_c(t + T) is in place of x_c'. Without A, B and C it is the gain u = D y.
+
+    Parameters
+    ----------
+    A, B, C, D : (k, k), (k, r), (m, k) and (m, r) matrices
+        D is zero where it is left out. Entries are numbers, or texts of expressions that are
+        polynomials in the plant's parameters; of a table, of `grid`, numbers.
+    measured : sequence of str, optional
+        The plant's signals y. By default all states, or all outputs, whichever are as many as the
+        columns of D.
+    sample_time : number, optional
+        [s]; None in continuous time.
+    grid : mapping, optional
+        Of a table, the knots of each parameter. The matrices have its axes first, in the order of
+        the plant's parameters, and are multi-linear between knots.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit together, or an entry is no number.
+    """
+
+    A: Any = ()
+    B: Any = ()
+    C: Any = ()
+    D: Any = ()
+    measured: Sequence[str] | None = None
+    sample_time: Any = None
+    grid: Mapping[str, Sequence[Any]] | None = None
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        if self.measured is not None:
+            names = (self.measured,) if isinstance(self.measured, str) else tuple(self.measured)
+            object.__setattr__(self, "measured", names)
+        if self.sample_time is not None:
+            T = exact(self.sample_time, "sample_time")
+            if T <= 0:
+                raise InputError(f"sample_time = {shown(self.sample_time)} must be positive [s]")
+            object.__setattr__(self, "sample_time", T)
+        read = _read_rows if self.grid is None else _read_knots
+        given = {letter: read(getattr(self, letter), letter) for letter in LETTERED}
+        shapes = {letter: np.shape(M)[-2:] for letter, M in given.items() if len(M)}
+        k = shapes["A"][0] if "A" in shapes else 0
+        if not k and not {"A", "B", "C"} & set(shapes):
+            if "D" not in shapes:
+                raise InputError(f"a compensator without matrices; {WANTED}")
+            shapes |= {"B": (0, shapes["D"][1]), "C": (shapes["D"][0], 0)}
+        missing = [letter for letter in "ABC" if k and letter not in shapes]
+        if missing or ("A" not in shapes and k == 0 and shapes["B"][0]):
+            raise InputError(f"{(missing or ['A'])[0]} is missing; {WANTED}")
+        r, m = shapes["B"][1], shapes["C"][0]
+        wanted = {"A": (k, k), "B": (k, r), "C": (m, k), "D": (m, r)}
+        for letter, shape in shapes.items():
+            if shape != wanted[letter] and 0 not in shape:
+                (a, b), (c, d) = shape, wanted[letter]
+                raise InputError(f"{letter} is {a} x {b}; beside the others it must be {c} x {d}")
+        require_order(k)
+        if "D" not in shapes:
+            given["D"] = _zeros(np.shape(given["C"])[:-2], m, r, self.grid is None)
+        for letter, matrix in given.items():
+            object.__setattr__(self, letter, matrix)
+
+    @classmethod
+    @explained
+    def from_text(
+        cls, text: Any, measured: Sequence[str] | None = None, sample_time: Any = None
+    ) -> Compensator:
+        """Return the compensator of a transfer function as text, ``"(s + 50)/(s + 500)"``.
+
+        Parameters
+        ----------
+        text : str, or rows of them
+            In s, or in z with a sample time: parsed exactly, never executed. Rows are outputs u,
+            columns signals y; numbers may be among them.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read, or is improper.
+        """
+        rows = _as_rows(text)
+        read = [
+            [read_quotient(entry, _place("transfer", i, j, rows)) for j, entry in enumerate(row)]
+            for i, row in enumerate(rows)
+        ]
+        letters = {letter for row in read for _, letter in row if letter}
+        if len(letters) > 1:
+            raise InputError("a transfer function in s beside one in z; write all in one letter")
+        if letters == {"z"} and sample_time is None:
+            raise InputError(
+                "a transfer function in z, and no sample time; sample the plant by "
+                "polefence.at_sample_time, or give sample_time [s]"
+            )
+        if letters == {"s"} and sample_time is not None:
+            raise InputError(
+                "a transfer function in s, and a plant in steps of "
+                f"{milliseconds_text(sample_time)} ms; write it in z, by c2d or "
+                "scipy.signal.cont2discrete"
+            )
+        return cls._of([[value for value, _ in row] for row in read], measured, sample_time)
+
+    @classmethod
+    @explained
+    def from_control(cls, system: Any, measured: Sequence[str] | None = None) -> Compensator:
+        """Return a ``StateSpace`` or ``TransferFunction`` of python-control as a law u = K y.
+
+        Parameters
+        ----------
+        measured : sequence of str, optional
+            By default the names of the system's inputs, where it was given some.
+
+        Raises
+        ------
+        InputError
+            If it is neither, or in discrete time without a sample time.
+        """
+        if getattr(system, "dt", None) is True:
+            raise InputError("the law is in discrete time without a sample time; give its dt [s]")
+        T = getattr(system, "dt", None) or None
+        labels = tuple(getattr(system, "input_labels", ()))
+        if measured is None and labels and not all(x.startswith(_NUMBERED) for x in labels):
+            measured = labels
+        if hasattr(system, "nstates") and hasattr(system, "D"):
+            matrices = {letter: getattr(system, letter) for letter in LETTERED}
+            if not system.nstates:
+                matrices = {"D": system.D}
+            return cls(**matrices, measured=measured, sample_time=T)
+        if hasattr(system, "num") and hasattr(system, "den"):
+            rows = _fractions(system.num, system.den, "transfer")
+            return cls._of(rows, measured, T)
+        raise InputError(
+            f"{type(system).__name__} is no linear system; give a StateSpace or a TransferFunction"
+        )
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any], what: str = "") -> Compensator:
+        """Return the compensator of plain data: a structure of MATLAB, a table of JSON.
+
+        Parameters
+        ----------
+        fields : mapping
+            ``A``, ``B``, ``C``, ``D``; or ``numerator``, ``denominator``, rows of coefficients, or
+            lists of such rows; or ``zeros``, ``poles``, ``gain``. Beside these ``sample_time``,
+            ``measured`` and ``grid``. Short names and small letters are known too.
+        what : str
+            What it is called, for messages.
+
+        Raises
+        ------
+        InputError
+            If something is missing or cannot be read.
+        """
+        own = {key.lower(): value for key, value in fields.items()}
+        known = _known(own)
+        T = next((own[key] for key in _TIME if _is_there(own.get(key))), None)
+        T = None if T is None else exact(np.asarray(T, dtype=object).ravel()[0], "sample_time")
+        if T is not None and T < 0:
+            raise InputError("its sample time is not said (-1); set its Ts [s]")
+        more: dict[str, Any] = {"sample_time": T or None}
+        if "measured" in own:
+            more["measured"] = own["measured"]
+        if known is _MATRICES:
+            if _is_there(own.get("e")) and not _is_identity(own["e"]):
+                raise InputError(f"{what or 'the law'} is a descriptor system, with an E; ss() of "
+                                 "MATLAB with 'explicit' makes one without")  # fmt: skip
+            if "grid" in own:
+                more["grid"] = own["grid"]
+            matrices = {x: own[x.lower()] for x in LETTERED if _is_there(own.get(x.lower()))}
+            return cls(**matrices, **more)
+        if known is _FRACTION:
+            top, bottom = _picked(own, known)
+            rows = _fractions(top, bottom, what or "transfer")
+        elif known is _ROOTS:
+            zeros, poles, gain = _picked(own, known)
+            rows = [[of_roots(zeros, poles, gain, what or "transfer")]]
+        else:
+            raise InputError(f"{what or 'a compensator'}: {WANTED}")
+        return cls._of(rows, more.get("measured"), more["sample_time"])
+
+    @classmethod
+    def _of(
+        cls, rows: Sequence[Sequence[Quotient]], measured: Sequence[str] | None, T: Any
+    ) -> Compensator:
+        A, B, C, D = realised(rows, "transfer")
+        names = None if measured is None else tuple(measured)
+        if not A:
+            return cls(D=D, measured=names, sample_time=T)
+        return cls(A, B, C, D, names, T)
+
+    def __repr__(self) -> str:
+        m, r = np.shape(self.D)[-2:]
+        table = ", a table" if self.grid is not None else ""
+        return f"<Compensator {m} x {r}, order {self.order}{table}>"
+
+    @property
+    def order(self) -> int:
+        """Number of its states."""
+        return int(np.shape(self.A)[-1]) if np.size(self.A) else 0
+
+    @property
+    def width(self) -> int:
+        """Number of the signals that it measures."""
+        return int(np.shape(self.D)[-1])
+
+    def negated(self) -> Compensator:
+        """Return u = -K y: C and D with the other sign."""
+        if self.grid is not None:
+            return replace(self, C=-self.C if self.order else (), D=-self.D)
+        C, D = (tuple(tuple(map(_negative, row)) for row in M) for M in (self.C, self.D))
+        return replace(self, C=C, D=D)
+
+    @explained
+    def signals(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return what it measures of a plant.
+
+        Raises
+        ------
+        InputError
+            If there is no signal of a name, or it is not clear which are meant.
+        """
+        r = self.width
+        if self.measured is None:
+            return _by_count(plant, r, self.order == 0)
+        if len(self.measured) != r:
+            raise InputError(
+                f"{plural(len(self.measured), 'signal')} measured by name, and the law takes {r}; "
+                "name one for each column of D"
+            )
+        known = [*states(plant), *plant.every_output]
+        control = dict(zip(valid_names(y.name for y in known), known, strict=True))
+        names = {y.name for y in known}
+        return tuple(
+            control[name] if split(name)[0] not in names and name in control
+            else plant.signal(split(name)[0])
+            for name in self.measured
+        )  # fmt: skip
+
+    @explained
+    def beside(self, plant: UncertainPlant) -> tuple[UncertainPlant, Law | GainTable]:
+        """Return the plant with the states of the compensator, and the gain that it is of that.
+
+        Raises
+        ------
+        InputError
+            If it does not fit the plant: inputs, signals, sample time, parameters.
+        """
+        self._require_time(plant)
+        m, (rows, _) = plant.shape[1], np.shape(self.D)[-2:]
+        if rows != m:
+            raise InputError(
+                f"the law gives {plural(rows, 'input')} u; {plant.name} has {plural(m, 'input')}"
+            )
+        signals = self.signals(plant)
+        every = [y.name for y in signals] == [x.name for x in states(plant)]
+        names = None if every else tuple(y.name for y in signals)
+        larger, structure = Structure(names, (), order=self.order).extended(plant)
+        measured = () if every else structure.outputs(larger)
+        if self.grid is not None:
+            table = GainTable(plant.parameters, self.grid, self._of_states(larger, measured))
+            return larger, table
+        return larger, given_law(larger, self._law(plant, measured))
+
+    def _require_time(self, plant: UncertainPlant) -> None:
+        T, theirs = self.sample_time, plant.sample_time
+        if theirs == T or not self.order:
+            return
+        if T is None and theirs is not None:
+            raise InputError(
+                f"the law is in continuous time, and {plant.name} in steps of "
+                f"{milliseconds_text(theirs)} ms; make it discrete by c2d, or "
+                "scipy.signal.cont2discrete, and give its sample_time"
+            )
+        if theirs is None:
+            raise InputError(
+                f"the law moves every {milliseconds_text(T)} ms, and {plant.name} in continuous "
+                f"time; sample the plant by polefence.at_sample_time, every {float(T):g} s"
+            )
+        if abs(T - theirs) <= theirs / 10**12:  # a float is not the decimal
+            return
+        raise InputError(
+            f"the law moves every {milliseconds_text(T)} ms, and {plant.name} every "
+            f"{milliseconds_text(theirs)} ms; give both one sample time, by d2d, say"
+        )
+
+    def _law(self, plant: UncertainPlant, measured: tuple[Output, ...]) -> Law:
+        terms = self._terms(plant)
+        count = len(plant.parameters) or len(plant.vertices)
+        powers = sorted({e for _, _, term in terms for e in term} | {(0,) * count})
+        k, (m, r) = self.order, np.shape(self.D)
+        gains = np.zeros((len(powers), m + k, r + k))
+        for i, j, term in terms:
+            for e, value in term.items():
+                gains[powers.index(e), i, j] = float(value)
+        kept = [index for index, e in enumerate(powers) if np.any(gains[index]) or not any(e)]
+        powers, gains = [powers[index] for index in kept], gains[kept]
+        if len(powers) == 1 and not measured:
+            return FixedGain(gains[0])
+        return PolynomialGain(tuple(powers), gains, measured, plant.parameters)
+
+    def _terms(self, plant: UncertainPlant) -> list[tuple[int, int, Term]]:
+        """Return row, column and polynomial of every entry of [D, C; B, A], of rates A and B."""
+        k, (m, _), T = self.order, np.shape(self.D), plant.sample_time
+        r = np.shape(self.D)[1]
+        reader = _Entries(plant)
+        terms = []
+        places = {"D": (0, 0), "C": (0, r), "B": (m, 0), "A": (m, r)}
+        for letter, (top, left) in places.items():
+            for i, row in enumerate(getattr(self, letter)):
+                for j, entry in enumerate(row):
+                    term = reader.term(entry, f"{letter}[{i + 1}][{j + 1}]")
+                    if T is not None and letter in "AB" and k:
+                        term = _rate(term, letter == "A" and i == j, T, reader.count)
+                    terms.append((top + i, left + j, term))
+        return terms
+
+    def _of_states(self, larger: UncertainPlant, measured: tuple[Output, ...]) -> Any:
+        """Return the gains of all states of the larger plant at every knot."""
+        k, T = self.order, larger.sample_time
+        A, B, C, D = self.A, self.B, self.C, self.D
+        if k and T is not None:
+            A, B = (A - np.eye(k)) / float(T), B / float(T)
+        gains = np.concatenate([D, B], axis=-2) if k else D
+        if k:
+            gains = np.concatenate([gains, np.concatenate([C, A], axis=-2)], axis=-1)
+        if not measured:
+            return gains
+        for y in measured:
+            if len(y.C) > 1:
+                raise InputError(
+                    f"a table measures {y.name!r}, whose row changes with the parameters: beside "
+                    "it only signals with constant rows are proved; measure states, or a sensor"
+                )
+        return gains @ as_array(tuple(y.C[0] for y in measured))
+
+
+class _Entries:
+    """Entries as polynomials in the coordinates of a plant's parameters, from -1 to 1."""
+
+    def __init__(self, plant: UncertainPlant) -> None:
+        self.plant, q = plant, len(plant.parameters)
+        self.count = q or len(plant.vertices)
+        self.one = RationalFunction.constant(ONE, q)
+        self.names, self.shifted = {}, list[RationalFunction]()
+        for index, p in enumerate(plant.parameters):
+            s = RationalFunction.variable(index, q)
+            self.names[p.name] = 1 / s if p.inverted else s
+            low, high = p.scheduling(p.low), p.scheduling(p.high)
+            self.shifted.append(s * ((high - low) / 2) + (low + high) / 2)
+
+    def term(self, entry: Entry, place: str) -> Term:
+        """Return exponents and coefficients."""
+        zero = (0,) * self.count
+        if not isinstance(entry, str):
+            return {zero: entry} if entry else {}
+        try:
+            with counted():
+                value = self._shifted(evaluate(entry, self.names, self.one), entry)
+        except (SpecError, PlantError) as problem:
+            raise type(problem)(f"{place}: {problem}") from problem
+        if value.is_constant:
+            number = value([ZERO] * value.count)
+            return {zero: number} if number else {}
+        degree = max(map(sum, value.numerator))
+        if degree > MAX_DEGREE:
+            raise InputError(
+                f"{place} = {shown(entry)} has degree {degree} in the parameters; at most "
+                f"{MAX_DEGREE} is supported: give a table of gains at knots"
+            )
+        return value.numerator
+
+    def _shifted(self, value: RationalFunction, entry: str) -> RationalFunction:
+        (constant, *others) = [*value.denominator]
+        if others or any(constant):
+            through = ", ".join(p.through for p in self.plant.parameters)
+            raise PlantError(
+                f"{shown(entry)} is no polynomial in {through}; give a polynomial near to it, or a "
+                "table at knots, {grid: {name: knots}, gains: ...}"
+            )
+        total = RationalFunction.constant(ZERO, value.count)
+        for e, c in value.numerator.items():
+            term = self.one * (c / value.denominator[constant])
+            for variable, power in zip(self.shifted, e, strict=True):
+                term = term * variable**power
+            total = total + term
+        return total
+
+
+@explained
+def beside(plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Law | GainTable]:
+    """Return a law in any form, and the plant with the states that the law has.
+
+    Raises
+    ------
+    InputError
+        If it is none, or does not fit.
+    """
+    if isinstance(law, GainTable):
+        return plant, law
+    if isinstance(law, Compensator) or _is_system(law) or has_text(law):
+        return as_compensator(plant, law).beside(plant)
+    return plant, given_law(plant, law)
+
+
+def as_compensator(plant: UncertainPlant, law: Any) -> Compensator:
+    """Return a compensator of a system of python-control, of texts, or as it is."""
+    if isinstance(law, Compensator):
+        return law
+    if not _is_system(law):
+        return written(plant, law)
+    own = Compensator.from_control(law)
+    if own.measured and not own.order and np.shape(own.D)[1] == plant.shape[0]:
+        return replace(own, measured=None)  # a gain of all states, whatever it calls them
+    return own
+
+
+def written(plant: UncertainPlant, data: Any) -> Compensator:
+    """Return the compensator of a text, or of rows with texts: in s or z, or in the parameters.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read.
+    """
+    rows = _as_rows(data)
+    names = {p.name for p in plant.parameters}
+    found = set[str]().union(*(letters_in(e) for row in rows for e in row if isinstance(e, str)))
+    strange = sorted(found - names - set(LETTERS))
+    if strange:
+        raise InputError(
+            f"unknown name {shown(strange[0])} in the law; known are the parameters "
+            f"({', '.join(sorted(names)) or 'none'}), and s or z of a transfer function"
+        )
+    if found - names:
+        return Compensator.from_text(rows, sample_time=plant.sample_time)
+    return Compensator(D=rows)
+
+
+def has_text(law: Any) -> bool:
+    """Whether a law is a text, or rows with texts among their entries."""
+    if isinstance(law, str):
+        return True
+    if not isinstance(law, list | tuple):
+        return False
+    return any(isinstance(e, str) for row in law if isinstance(row, list | tuple) for e in row)
+
+
+def is_fields(data: Any) -> bool:
+    """Whether plain data are a compensator, as `Compensator.from_fields` reads it."""
+    return isinstance(data, Mapping) and _known({key.lower(): v for key, v in data.items()}) != {}
+
+
+def _is_system(law: Any) -> bool:
+    return hasattr(law, "ninputs") and hasattr(law, "dt")
+
+
+def _by_count(plant: UncertainPlant, r: int, gain: bool) -> tuple[Output, ...]:
+    """Return all states, or all outputs, whichever are r; of a gain states, as u = K x has it."""
+    every = states(plant)
+    own = tuple(x for x in every if not x.name.endswith(LATE))
+    choices = [signals for signals in (own, plant.outputs) if len(signals) == r]
+    if gain and len(every) == r:
+        return every
+    if len(choices) == 1:
+        return choices[0]
+    there = "both have" if choices else "neither has"
+    names = ", ".join(y.name for y in (*own, *plant.outputs)[:12])
+    raise InputError(
+        f"the law measures {plural(r, 'signal')}; {plant.name} has {plural(len(own), 'state')} and "
+        f"{plural(len(plant.outputs), 'output')}: {there} as many; name what it measures by "
+        f"measured=['A', 'B'], of: {names}"
+    )
+
+
+def _rate(term: Term, diagonal: bool, T: Fraction, count: int) -> Term:
+    """Return an entry of (A - I) / T or B / T."""
+    zero = (0,) * count
+    if diagonal:
+        term = term | {zero: term.get(zero, ZERO) - 1}
+    return {e: value / T for e, value in term.items() if value}
+
+
+def _negative(entry: Entry) -> Entry:
+    return f"-({entry})" if isinstance(entry, str) else -entry
+
+
+def _zeros(lead: tuple[int, ...], m: int, r: int, plain: bool) -> Any:
+    return ((ZERO,) * r,) * m if plain else np.zeros((*lead, m, r))
+
+
+def _read_rows(value: Any, letter: str) -> Rows:
+    rows = _as_rows(value)
+    widths = {len(row) for row in rows}
+    if len(widths) > 1:
+        raise InputError(f"{letter} is ragged: rows of {' and '.join(map(str, sorted(widths)))}")
+    return tuple(
+        tuple(_entry(e, f"{letter}[{i + 1}][{j + 1}]") for j, e in enumerate(row))
+        for i, row in enumerate(rows)
+    )
+
+
+def _read_knots(value: Any, letter: str) -> Any:
+    if not np.size(value):
+        return ()
+    array = floats(value, letter)
+    if array.ndim < 3 or not np.all(np.isfinite(array)):
+        raise InputError(f"{letter} must be finite matrices at every knot, nested lists of them")
+    return array
+
+
+def _entry(value: Any, what: str) -> Entry:
+    if isinstance(value, str):
+        try:
+            return exact(value, what)
+        except PlantError:
+            return value
+    return exact(value.item() if isinstance(value, np.generic) else value, what)
+
+
+def _as_rows(value: Any) -> list[list[Any]]:
+    """Return rows of entries; one number or text is one row of one."""
+    if isinstance(value, str):
+        return [[value]]
+    array = value if isinstance(value, list | tuple) else np.asarray(value).tolist()
+    if not isinstance(array, list | tuple):
+        return [[array]]
+    rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in array]
+    if array and not any(isinstance(row, list | tuple | np.ndarray) for row in array):
+        return [list(array)]
+    return [row for row in rows if row]
+
+
+def _place(what: str, i: int, j: int, rows: Sequence[Sequence[Any]]) -> str:
+    return f"{what}[{i + 1}][{j + 1}]" if len(rows) * len(rows[0]) > 1 else what
+
+
+def _known(own: Mapping[str, Any]) -> Any:
+    """Return which keys a table of small-lettered names has: matrices, coefficients or roots."""
+    if {"a", "b", "c"} <= own.keys() or ({"d"} <= own.keys() and not {"z", "num"} & own.keys()):
+        return _MATRICES
+    for keys in (_FRACTION, _ROOTS):
+        if all(any(name in own for name in names) for names in keys.values()):
+            return keys
+    return {}
+
+
+def _picked(own: Mapping[str, Any], keys: Mapping[str, tuple[str, ...]]) -> Iterator[Any]:
+    return (next(own[name] for name in names if name in own) for names in keys.values())
+
+
+def _fractions(top: Any, bottom: Any, what: str) -> list[list[Quotient]]:
+    """Return quotients of coefficients: one row of them, or one row an entry of a matrix."""
+    tops, bottoms = _cells(top), _cells(bottom)
+    if len(bottoms) == 1 and len(bottoms[0]) == 1:  # one denominator for all
+        bottoms = [[bottoms[0][0]] * len(row) for row in tops]
+    if [len(row) for row in tops] != [len(row) for row in bottoms] or len(set(map(len, tops))) > 1:
+        raise InputError(f"{what}: numerators and denominators must be matrices of one shape")
+    return [
+        [
+            quotient(a, b, _place(what, i, j, tops))
+            for j, (a, b) in enumerate(zip(above, below, strict=True))
+        ]
+        for i, (above, below) in enumerate(zip(tops, bottoms, strict=True))
+    ]
+
+
+def _cells(value: Any) -> list[list[Any]]:
+    """Return rows of what is a row of coefficients each; of one such row [[it]]."""
+    if isinstance(value, list | tuple):
+        inner = [list(x) if isinstance(x, list | tuple) else x for x in value]
+        nested = [x for x in inner if isinstance(x, list | np.ndarray)]
+        deep = any(isinstance(y, list | np.ndarray) for x in nested for y in x)
+        if deep:
+            return [list(row) for row in inner]
+        if nested and len(nested) == len(inner) and len(inner) > 1:
+            return [inner]
+        return [[inner[0] if nested else inner]]
+    array = np.asarray(value)
+    if array.dtype == object and array.ndim == 2:
+        return [list(row) for row in array]
+    return [[array]]
+
+
+def _is_there(value: Any) -> bool:
+    return value is not None and np.size(np.asarray(value, dtype=object)) > 0
+
+
+def _is_identity(value: Any) -> bool:
+    array = np.asarray(value, dtype=float)
+    return array.ndim == 2 and bool(np.array_equal(array, np.eye(len(array))))
+
+
+def names_of(known: Callable[[str], bool]) -> tuple[str, ...]:
+    """Return which of the usual names of a compensator's A, B, C and D are known: Ac, A_k, KA."""
+    forms = [f"{{}}{mark}{tail}" for tail in "ckCK" for mark in ("", "_")]
+    for form in (*forms, "K{}", "K_{}"):
+        names = tuple(form.format(letter) for letter in LETTERED)
+        if all(map(known, names[:3])):
+            return names
+    return ()

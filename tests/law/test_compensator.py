@@ -318,7 +318,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
         ({"A": [[1]], "B": [[1]], "C": [[1]], "E": [[2]]}, "a descriptor system"),
         (
             {"A": np.eye(21), "B": np.ones((21, 1)), "C": np.ones((1, 21))},
-            "order = 21 must be 0 to 20",
+            "the law has 21 states; at most 20 are supported: reduce it",
         ),
     ],
 )

@@ -215,7 +215,6 @@ BAD = {
     "cut.mat": (cut, "a damaged one"),
     "bomb.mat": (bomb, "once unpacked"),
     "bomb.npz": (zip_bomb, "once unpacked"),
-    "new.mat": (written(b"MATLAB 7.3 MAT-file" + bytes(600)), "save"),
     "empty.mat": (written(b""), "damaged"),
     "no.npz": (written(b"PK"), "not an .npz file"),
     "words.csv": (written(b"1, 2\n3, x\n"), "line 2: '3, x' are not numbers"),

@@ -282,8 +282,41 @@ def test_short_files_that_announce_much_are_refused(tmp_path):
         read_arrays(path)
 
 
-def test_a_newer_file_says_how_to_write_one_that_is_read(tmp_path):
-    path = tmp_path / "new.mat"
-    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(InputError, match=r"save\('new.mat', 'A', 'B', 'K', '-v7'\).*h5py"):
-        read_arrays(path)
+def test_systems_are_refused_with_what_to_type(tmp_path, capsys):
+    """A file that holds a system alone, its law or its plant, is no law of zero."""
+    w = Order()
+    plant = tmp_path / "plant.mat"
+    plant.write_bytes(w.file(w.numbers("A", A), w.numbers("B", B)))
+    for name, kind in (("C", "pid"), ("K", "ss"), ("K", "tf")):
+        law = tmp_path / "law.mat"
+        law.write_bytes(w.file(w.opaque(name, kind)))
+        line = refused(capsys, "verify", plant, "--gain", law)
+        assert f"law.mat: {name} is an object of class '{kind}'; only MATLAB reads that" in line
+        assert f"[Ac, Bc, Cc, Dc] = ssdata(ss({name})); save('{name}.mat', 'Ac', 'Bc'" in line
+    law.write_bytes(w.file(w.opaque("ctrl", "zpk"), w.numbers("w", np.ones((9, 1)))))
+    assert "ctrl is an object of class 'zpk'" in refused(capsys, "verify", plant, "--gain", law)
+    plant.write_bytes(w.file(w.opaque("sys", "idss"), w.numbers("t", np.ones((9, 1)))))
+    line = refused(capsys, "verify", plant)
+    assert "[A, B, C, D] = ssdata(ss(sys)); save('sys.mat', 'A', 'B', 'C', 'D', '-v7')" in line
+
+
+def test_a_law_file_without_a_law_is_refused(tmp_path, capsys):
+    """Matrices of two names, neither a law's: it was taken for no law, u = 0."""
+    w = Order()
+    plant, law = tmp_path / "plant.mat", tmp_path / "law.mat"
+    plant.write_bytes(w.file(w.numbers("A", A), w.numbers("B", B)))
+    law.write_bytes(w.file(w.numbers("t", np.ones((9, 1))), w.numbers("y", np.ones((9, 1)))))
+    line = refused(capsys, "verify", plant, "--gain", law)
+    assert "law.mat: holds neither a gain K nor W and Z, nor a compensator" in line
+    law.write_bytes(w.file(w.numbers("K1", K), w.numbers("K21", K)))
+    line = refused(capsys, "verify", plant, "--gain", law)
+    assert "K21 is there, K2 is missing; K1, K2, ... are one a vertex" in line
+
+
+def test_rows_that_are_of_no_outputs_are_refused(tmp_path, capsys):
+    w = Order()
+    path = tmp_path / "w.mat"
+    every = [w.numbers("A", A), w.numbers("B", B), w.numbers("K", K)]
+    path.write_bytes(w.file(*every, w.numbers("D", np.ones((1, 3)))))
+    line = refused(capsys, "verify", path)
+    assert "D has 3 columns, and the plant 1 input; save what is no row of outputs" in line

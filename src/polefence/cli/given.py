@@ -324,7 +324,7 @@ def read_gain(
             raise type(error)(f"{name}: {error}") from error
     name, text = _read(what, option)
     if text is None:
-        return law_from(read_arrays(name, names), plant)
+        return law_from(read_arrays(name, names), plant, alone=True)
     data = _parsed(name, text)
     try:
         if isinstance(data, dict) and data.get("format") == FORMAT:
@@ -332,7 +332,7 @@ def read_gain(
             require_kind(certificate)
             return given_law(plant, certificate.law)
         if isinstance(data, dict) and "grid" not in data and {"K", "W", *names} & data.keys():
-            return law_from(read_arrays(name, names), plant)
+            return law_from(read_arrays(name, names), plant, alone=True)
         if isinstance(data, dict) and "format" in data:
             raise InputError(f"format = {shown(data['format'])} is not read here; {WANTED}")
         if isinstance(data, dict):

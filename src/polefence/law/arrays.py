@@ -19,15 +19,22 @@ ALONE = (("A", "B", "C", "D"), ("a", "b", "c", "d"))  # in a file that has no pl
 
 
 @explained
-def law_from(arrays: Arrays, plant: UncertainPlant) -> Law:
+def law_from(arrays: Arrays, plant: UncertainPlant, alone: bool = False) -> Law:
     """Return the law of a file: K, one or one a vertex, or Z and W of K = Z W^-1, one each.
+
+    Where the file has the plant too, and that has no B, its A are closed loops, with no law.
+
+    Parameters
+    ----------
+    alone : bool
+        Whether the file is named for its law.
 
     Raises
     ------
     InputError
         If there is none, or it does not fit.
     """
-    law = _law(arrays, plant)
+    law = _law(arrays, plant, alone)
     try:
         return given_law(plant, law)
     except InputError as problem:
@@ -98,15 +105,15 @@ def _of_matrices(
     return (*there, *known[: int(alone)]), fields
 
 
-def _law(arrays: Arrays, plant: UncertainPlant) -> Law:
-    if "K" in arrays or len(arrays.matrices) == 1:
+def _law(arrays: Arrays, plant: UncertainPlant, alone: bool) -> Law:
+    if "K" in arrays or (len(arrays.matrices) == 1 and not arrays.systems):
         K = _floats(arrays.only("K"))
         if len(K) == 1:
             return FixedGain(K[0])
         return PolynomialGain(tuple(map(tuple, np.eye(len(K), dtype=int))), K)
     if "W" in arrays and "Z" in arrays:
         return ScheduledGain(_floats(arrays["W"]), _floats(arrays["Z"]))
-    if "B" not in arrays:
+    if "B" not in arrays and not alone:
         return FixedGain(np.zeros(plant.shape[::-1]))
     if arrays.systems:
         raise InputError(arrays.faults[arrays.systems[0]])

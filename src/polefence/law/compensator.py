@@ -32,7 +32,7 @@ from polefence.law.transfer import (
 )
 from polefence.plant.expression import RationalFunction, counted, evaluate
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import require_order
+from polefence.plant.larger import MOST_STATES
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
@@ -115,7 +115,11 @@ class Compensator(Short):
             if shape != wanted[letter] and 0 not in shape:
                 (a, b), (c, d) = shape, wanted[letter]
                 raise InputError(f"{letter} is {a} x {b}; beside the others it must be {c} x {d}")
-        require_order(k)
+        if k > MOST_STATES:
+            raise InputError(
+                f"the law has {k} states; at most {MOST_STATES} are supported: reduce it, by "
+                "balred, say, and look at what is proved of that"
+            )
         if "D" not in shapes:
             given["D"] = _zeros(np.shape(given["C"])[:-2], m, r, self.grid is None)
         for letter, matrix in given.items():

@@ -18,18 +18,20 @@ import numpy as np
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained
 from polefence.base.files import read_bytes
-from polefence.plant import matlab
+from polefence.plant import matlab, matlab73
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, split
 from polefence.plant.system import Exact, read_matrix
 from polefence.proof import reading
 from polefence.proof.reading import MAX_ENTRIES
 from polefence.proof.short import Short
+from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 
 WANTED = "name a .mat, .npz, .npy, .json or .csv file, or a folder of .csv files"
 _NUMBERED = re.compile(r"(.*?[A-Za-z])_?([1-9][0-9]{0,2})")
 NO_NAMES: Mapping[str, str] = MappingProxyType({})
+HDF5 = b"\x89HDF\r\n\x1a\n"  # behind the first 512 bytes
 _BETWEEN = re.compile(r"[,;\t]| +")
 
 Matrix = list[list[Any]]  # of floats, whole numbers, rationals, or texts of these
@@ -80,9 +82,13 @@ class Arrays(Short):
             called, known = self.names.get(name, name), sorted(self.matrices)
             if called in self.faults:
                 raise InputError(self.faults[called])
-            if self.systems and not known:
+            if self.systems and name in ("A", "B", "K"):
                 raise InputError(self.faults[self.systems[0]])
-            raise InputError(f"{self.place}: no matrix {shown(called)}; {suggest(called, known)}")
+            others = "; ".join(f"{own} is {what}" for own, what in [*self.objects.items()][:4])
+            raise InputError(
+                f"{self.place}: no matrix {shown(called)}; {suggest(called, known)}"
+                + (f"; not read: {others}" if others else "")
+            )
         given = self.matrices[name]
         try:
             exact = [
@@ -234,7 +240,7 @@ def _with_series(arrays: Arrays) -> Arrays:
             more[name] = [numbered[k] for k in sorted(numbered)]
         else:
             there = f"{name}{max(numbered)} is there, {name}{missing} is missing"
-            faults[name] = f"{arrays.place}: {there}"
+            faults[name] = f"{arrays.place}: {there}; {name}1, {name}2, ... are one a vertex"
     return replace(arrays, matrices=more, faults=faults)
 
 
@@ -372,7 +378,8 @@ def _array(where: str, value: Any, first: bool) -> Any:
 def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     given, structures = dict[str, Any](), dict[str, tuple[dict[str, Any], ...]]()
     fields = dict[str, list[Any]]()
-    for name, value in matlab.variables(path, raw):
+    new = raw.startswith(b"MATLAB 7.3") or raw[512:520] == HDF5
+    for name, value in (matlab73 if new else matlab).variables(path, raw):
         members = _members(value)
         if len(members) == 1:
             yield name, _plain(members[0])
@@ -484,6 +491,13 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
     given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
+    (n, m), q = plant.shape, plant.disturbance_count
+    for key, width, what in (("C", n, "state"), ("D", m, "input"), ("F", q, "disturbance")):
+        if key in given and len(given[key][0][0]) != width:
+            raise InputError(
+                f"{key} has {plural(len(given[key][0][0]), 'column')}, and the plant "
+                f"{plural(width, what)}; save what is no row of outputs under another name"
+            )
     counts = {len(matrices[0]) for matrices in given.values()}
     if len(counts) > 1:
         raise InputError(f"{', '.join(given)} must have as many rows each, one an output")

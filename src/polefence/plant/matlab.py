@@ -32,7 +32,6 @@ TEXTS = {1: "latin1", 2: "latin1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "
 CELL, STRUCTURE, OLD_OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4"}
 CLASSES |= {14: "i8", 15: "u8"}
-HDF5 = b"\x89HDF\r\n\x1a\n"
 COMPLEX = 0x800  # among the flags of a matrix
 OLDER = ("f8", "f4", "i4", "i2", "u2", "u1")  # numbers of version 4
 
@@ -73,11 +72,6 @@ def variables(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     InputError
         If it is no such file, or unpacks to more, or nests deeper, than is read here.
     """
-    if raw.startswith(b"MATLAB 7.3") or raw[512:520] == HDF5:
-        raise InputError(
-            f"{path}: MATLAB 7.3 files (HDF5) are not read; in MATLAB save({path.name!r}, 'A', "
-            "'B', 'K', '-v7') writes one that is, in Python h5py and numpy.savez an .npz"
-        )
     reader = _Reader(path, "<" if raw[126:128] == b"IM" else ">")
     try:
         if b"\0" in raw[:4]:

@@ -1,0 +1,521 @@
+"""Functions of the parameters as polynomials on a part of the box, with what these are off by.
+
+On a part, in coordinates t from 0 to 1 of the scheduling variables, a function is interpolated in
+each coordinate at the nodes (1 - cos(pi j / d)) / 2. A polynomial of no higher degree is
+interpolated exactly. Of a function of one parameter the error is bounded on intervals of t, from
+its Taylor series about their middles less the polynomial's. Of one of several parameters it is at
+most the sum over these of
+
+    L^(i - 1) K max |c_i|,
+
+with c_i the Taylor coefficient of order d + 1 along the parameter, K the largest magnitude of the
+product of t - t_j, and L, the Lebesgue constant, for the interpolations that follow one another.
+Where a table has a knot inside, the function is interpolated between the corners alone: with slopes
+from a to b the error is at most (b - a) / 4.
+
+All is computed in intervals, the same wherever the part is asked for: a file holds the functions,
+and no approximation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from itertools import product as cartesian
+
+from polefence.proof import intervals
+from polefence.proof.functions import KinkError, Series, Table, Tree
+from polefence.proof.intervals import ONE, ZERO, Interval, NoValueError, enclosing
+from polefence.proof.plant import Range
+from polefence.proof.polynomials import monomials
+from polefence.proof.short import Short
+from polefence.proof.work import RATIONAL, FormatError, spend
+
+Point = tuple[Fraction, ...]
+
+HIGHEST = (0, 8, 4, 3, 2, 2, 1, 1, 1)  # degree, of so many parameters: 125 coefficients at most
+ENOUGH = Fraction(1, 2**17)  # of a function's size: a smaller error asks for no higher degree
+ROUNDED = 44  # bits of coefficients, of a function's size
+ORDER = 11  # of Taylor series with which errors are bounded
+LEAST_HALVINGS, MOST_HALVINGS = 4, 6  # of an interval of t
+PIECES = 4  # along each parameter, on which coefficients are bounded
+# Of degree 1, 2, ...: upper bounds on K and L.
+PRODUCT = tuple(Fraction(x, 2**22) for x in (1048577, 201799, 65537, 15209, 4081, 989, 256, 63))
+LEBESGUE = tuple(Fraction(x, 1000) for x in (1001, 1251, 1667, 1799, 1985, 2082, 2202, 2276))
+
+
+def nodes(degree: int) -> list[Fraction]:
+    """Return where it is interpolated, in whole multiples of 1/1024."""
+    turns = (math.pi * j / degree for j in range(degree + 1))
+    return [Fraction(round(512 * (1 - math.cos(turn))), 1024) for turn in turns]
+
+
+@dataclass(frozen=True)
+class Approximation(Short):
+    """A function on a part of the box.
+
+    Attributes
+    ----------
+    corners : tuple of Fraction
+        Values at the corners of the part, the last parameter varying fastest.
+    curve : tuple of Fraction
+        Bernstein coefficients of what is added to their interpolation, as `monomials` orders them.
+    error : Fraction
+        What the sum of both is off by at most.
+    """
+
+    corners: tuple[Fraction, ...]
+    curve: tuple[Fraction, ...]
+    error: Fraction
+
+
+@dataclass(frozen=True)
+class Functions(Short):
+    """Functions of the parameters of a box."""
+
+    ranges: tuple[Range, ...]
+    trees: tuple[Tree, ...]
+    tables: tuple[tuple[str, Table], ...] = ()
+    _known: dict[tuple[Point, Point], tuple[int, tuple[Approximation, ...]]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Table]:
+        """The tables."""
+        return dict(self.tables)
+
+    def on_part(self, low: Point, high: Point) -> tuple[int, tuple[Approximation, ...]]:
+        """Return the degree of their polynomials on a part of the box, and these.
+
+        Raises
+        ------
+        NoValueError
+            If a function has no value somewhere: a denominator may be zero there.
+        """
+        if (low, high) not in self._known:
+            parts = [_Part(self, tree, low, high) for tree in self.trees]
+            degree = max((part.degree for part in parts), default=1)
+            known = degree, tuple(part.approximation(degree) for part in parts)
+            self._known[low, high] = known
+        return self._known[low, high]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A function on a part of the box."""
+
+    functions: Functions
+    tree: Tree
+    low: Point
+    high: Point
+
+    @cached_property
+    def axes(self) -> list[int]:
+        """Numbers of the parameters that it is a function of."""
+        names = self.tree.names
+        return [i for i, r in enumerate(self.functions.ranges) if r.name in names]
+
+    def _place(self, i: int, t: Interval, along: bool, order: int) -> Series:
+        """Return the series of parameter i about t, from 0 to 1 of the part."""
+        r = self.functions.ranges[i]
+        ends = (1 / r.low, 1 / r.high) if r.inverted else (r.low, r.high)
+        first, last = (ends[0] + (ends[1] - ends[0]) * at[i] for at in (self.low, self.high))
+        value = intervals.plus(enclosing(first), intervals.times(enclosing(last - first), t))
+        # what rounding adds beyond the range is no value of the parameter
+        bottom, top = sorted((first, last))
+        value = max(value[0], enclosing(bottom)[0]), min(value[1], enclosing(top)[1])
+        series = [value, *[ZERO] * order]
+        if along and order:
+            series[1] = enclosing(last - first)
+        return _inverse(series) if r.inverted else series
+
+    def series(self, t: Sequence[Interval], along: int | None, order: int) -> Series:
+        """Return the function's series along a parameter, about each point of a box of t.
+
+        Intervals may say that a denominator has a zero where it has none. The box is halved then.
+        """
+        waiting, found = [(list(t), 0)], list[Series]()
+        while waiting:
+            box, halvings = waiting.pop()
+            try:
+                found.append(self._series(box, along, order))
+            except NoValueError as error:
+                if halvings == MOST_HALVINGS * len(self.axes):
+                    raise NoValueError(f"{error}, at {self._place_text(box)}") from error
+                i = max(self.axes, key=lambda axis: box[axis][1] - box[axis][0])
+                a, b = box[i]
+                if b - a < 2:
+                    raise NoValueError(f"{error}, at {self._place_text(box)}") from error
+                halves = ((a, (a + b) // 2), ((a + b) // 2, b))
+                waiting += [([*box[:i], half, *box[i + 1 :]], halvings + 1) for half in halves]
+        return [intervals.hull(column) for column in zip(*found, strict=True)]
+
+    def _series(self, t: Sequence[Interval], along: int | None, order: int) -> Series:
+        ranges = self.functions.ranges
+        known = {ranges[i].name: self._place(i, t[i], i == along, order) for i in self.axes}
+        return self.tree.series(known or {"": [ZERO] * (order + 1)}, self.functions.by_name)
+
+    def _place_text(self, t: Sequence[Interval]) -> str:
+        """Say where in the box something is."""
+        places = []
+        for i in self.axes:
+            r = self.functions.ranges[i]
+            a, b = (float(Fraction(x, ONE)) for x in self._place(i, t[i], False, 0)[0])
+            about = "about " if a < b else ""
+            places.append(f"{r.name} {about or '= '}{(a + b) / 2:.4g}")
+        return ", ".join(places)
+
+    def value(self, t: Sequence[Fraction]) -> Interval:
+        """Return the function at a point, from 0 to 1 of the part."""
+        return self.series([enclosing(x) for x in t], None, 0)[0]
+
+    @cached_property
+    def exact_degree(self) -> int | None:
+        """Its degree as a polynomial in t, None where it is none that is known exactly."""
+        inverted = frozenset(r.name for r in self.functions.ranges if r.inverted)
+        degrees = [_degree_in(self.tree, name, inverted) for name in self.tree.names]
+        return None if None in degrees else max((d for d in degrees if d is not None), default=0)
+
+    @cached_property
+    def highest(self) -> int:
+        """The highest degree that is tried."""
+        return HIGHEST[len(self.functions.ranges)]
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether it is a polynomial of a degree that is tried."""
+        return self.exact_degree is not None and self.exact_degree <= self.highest
+
+    @cached_property
+    def size(self) -> Fraction:
+        """Its largest magnitude, nearly."""
+        ends = cartesian(*([(0, 1, 2)] * len(self.axes)))
+        largest = Fraction(1, 2**60)
+        for end in ends:
+            t = [Fraction(0)] * len(self.low)
+            for i, x in zip(self.axes, end, strict=True):
+                t[i] = Fraction(x, 2)
+            largest = max(largest, intervals.size(self.value(t)))
+        return largest
+
+    @cached_property
+    def kinked(self) -> bool:
+        """Whether a table has a knot inside."""
+        try:
+            for i in self.axes:
+                self.series(self._whole, i, 2)
+        except KinkError:
+            return True
+        return False
+
+    @property
+    def _whole(self) -> list[Interval]:
+        return [(0, ONE)] * len(self.low)
+
+    @cached_property
+    def degree(self) -> int:
+        """The lowest degree that is good enough, or as good as any."""
+        if self.is_exact:
+            return max(1, self.exact_degree or 0)
+        if self.kinked or not self.axes:
+            return 1
+        errors = list[Fraction]()
+        for degree in range(1, self.highest + 1):
+            errors.append(self.error(degree))
+            if errors[-1] <= ENOUGH * self.size:
+                return degree
+        least = min(errors)
+        return next(k + 1 for k, error in enumerate(errors) if error <= 2 * least)
+
+    def error(self, degree: int) -> Fraction:
+        """Return what the interpolation of a degree is off by, before any rounding."""
+        if len(self.axes) == 1:
+            return self._errors[degree]
+        grown, total = Fraction(1), Fraction(0)
+        for i in self.axes:
+            most = max(
+                intervals.size(self._coefficient(box, i, degree + 1)) for box in self._boxes(i)
+            )
+            total += grown * PRODUCT[degree - 1] * most
+            grown *= LEBESGUE[degree - 1]
+        return total
+
+    def _coefficient(self, box: Sequence[Interval], along: int, order: int) -> Interval:
+        return self.series(box, along, order)[order]
+
+    def _boxes(self, along: int) -> Iterator[list[Interval]]:
+        """Yield pieces of the part: more along one parameter than along others."""
+        counts = [
+            1 if i not in self.axes else PIECES if i == along else 2 for i in range(len(self.low))
+        ]
+        for numbers in cartesian(*map(range, counts)):
+            yield [
+                (ONE * k // count, -(-ONE * (k + 1) // count))
+                for k, count in zip(numbers, counts, strict=True)
+            ]
+
+    @cached_property
+    def _errors(self) -> list[Fraction]:
+        """Of a function of one parameter, what the interpolation of each degree is off by."""
+        (i,) = self.axes
+        polynomials = [self._along(i, degree) for degree in range(1, self.highest + 1)]
+        worst = [Fraction(0)] * len(polynomials)
+        waiting = [(Fraction(0), Fraction(1), 0)]
+        while waiting:
+            a, b, halvings = waiting.pop()
+            bounds, rest = self._off_on(i, a, b, polynomials)
+            most = LEAST_HALVINGS if 10 * rest <= ENOUGH * self.size else MOST_HALVINGS
+            if halvings < most:
+                middle = (a + b) / 2
+                waiting += [(a, middle, halvings + 1), (middle, b, halvings + 1)]
+            else:
+                worst = list(map(max, worst, bounds))
+        return [Fraction(0), *worst]
+
+    def _off_on(
+        self, i: int, a: Fraction, b: Fraction, polynomials: Sequence[Sequence[Fraction]]
+    ) -> tuple[list[Fraction], Fraction]:
+        """Return bounds on |function - polynomial| on an interval, and what is left of the series."""
+        middle, half = (a + b) / 2, (b - a) / 2
+        at = [(0, 0)] * len(self.low)
+        at[i] = enclosing(middle)
+        known = self.series(at, i, ORDER - 1)
+        at[i] = enclosing(a)[0], enclosing(b)[1]
+        rest = intervals.size(self.series(at, i, ORDER)[ORDER]) * half**ORDER
+        bounds = []
+        for polynomial in polynomials:
+            shifted, total = _shifted(polynomial, middle), rest
+            for k, x in enumerate(known):
+                y = enclosing(shifted[k]) if k < len(shifted) else ZERO
+                total += intervals.size(intervals.minus(x, y)) * half**k
+            bounds.append(_short_up(total))
+        return bounds, rest
+
+    def _along(self, i: int, degree: int) -> list[Fraction]:
+        """Return the coefficients of 1, t, t^2, ... of the interpolation, of one parameter."""
+        points = nodes(degree)
+        t = [Fraction(0)] * len(self.low)
+        values = []
+        for x in points:
+            t[i] = x
+            values.append(intervals.middle(self.value(t)))
+        return _through(points, values)
+
+    def approximation(self, degree: int) -> Approximation:
+        """Return it as a polynomial of that degree, with its error."""
+        count = len(self.low)
+        sizes = (2,) * count
+        unit = Fraction(1) if self.is_exact else _power_of_two(self.size) / 2**ROUNDED
+        chord = not self.is_exact and self.kinked
+        corners = [self._rounded(t, unit) for t in self._lattice((Fraction(0), Fraction(1)))]
+        exponents = list(monomials(sizes, degree))
+        if chord or degree == 1:
+            curve = [Fraction(0)] * len(exponents)
+        else:
+            curve = self._curve(degree, corners, exponents, unit)
+        if self.is_exact:
+            return Approximation(tuple(corners), tuple(curve), Fraction(0))
+        if chord:
+            error = self._chord_error()
+        elif not self.axes:
+            error = Fraction(0)
+        else:
+            error = self.error(degree)
+        # every value and every coefficient is rounded by a unit at most
+        grown = math.prod([LEBESGUE[degree - 1]] * len(self.axes), start=Fraction(1))
+        return Approximation(tuple(corners), tuple(curve), _short_up(error + (4 + grown) * unit))
+
+    def _chord_error(self) -> Fraction:
+        total = Fraction(0)
+        for i in self.axes:
+            slope = self.series(self._whole, i, 1)[1]
+            total += Fraction(slope[1] - slope[0], 4 * ONE)
+        return total
+
+    def _lattice(self, points: Sequence[Fraction]) -> list[list[Fraction]]:
+        return [list(t) for t in cartesian(points, repeat=len(self.low))]
+
+    def _rounded(self, t: Sequence[Fraction], unit: Fraction) -> Fraction:
+        """Return the value at a point, exactly or to the unit."""
+        if self.is_exact:
+            exact = self.tree.exact(self._parameters(t))
+            if exact is None:
+                raise FormatError("a function has no value at a corner")
+            return exact
+        return round(intervals.middle(self.value(t)) / unit) * unit
+
+    def _parameters(self, t: Sequence[Fraction]) -> dict[str, Fraction]:
+        values = {}
+        for i, r in enumerate(self.functions.ranges):
+            ends = (1 / r.low, 1 / r.high) if r.inverted else (r.low, r.high)
+            share = self.low[i] + (self.high[i] - self.low[i]) * t[i]
+            s = ends[0] + (ends[1] - ends[0]) * share
+            values[r.name] = 1 / s if r.inverted else s
+        return values
+
+    def _curve(
+        self,
+        degree: int,
+        corners: Sequence[Fraction],
+        exponents: Sequence[tuple[int, ...]],
+        unit: Fraction,
+    ) -> list[Fraction]:
+        """Return the Bernstein coefficients of what is added to the corners' interpolation."""
+        points, count = nodes(degree), len(self.low)
+        values = {}
+        for numbers in cartesian(range(degree + 1), repeat=count):
+            # along what it is no function of, values are those at the first node
+            key = tuple([k if i in self.axes else 0 for i, k in enumerate(numbers)])
+            if key not in values:
+                values[key] = self._rounded([points[k] for k in key], unit)
+            values[numbers] = values[key]
+        table = [values[numbers] for numbers in cartesian(range(degree + 1), repeat=count)]
+        matrix = _to_bernstein(degree)
+        spend(RATIONAL * count * len(table) * (degree + 1), 200, 100)
+        for axis in range(count):
+            table = _along_axis(table, axis, count, degree, matrix)
+        corner = dict(zip(cartesian((0, 1), repeat=count), corners, strict=True))
+        curve = []
+        for e in exponents:
+            upper = e[1::2]
+            place = sum(k * (degree + 1) ** (count - 1 - i) for i, k in enumerate(upper))
+            chord = sum(
+                value
+                * math.prod(
+                    (
+                        Fraction(k if c else degree - k, degree)
+                        for c, k in zip(at, upper, strict=True)
+                    ),
+                    start=Fraction(1),
+                )
+                for at, value in corner.items()
+            )
+            more = table[place] - chord
+            curve.append(more if self.is_exact else round(more / unit) * unit)
+        return curve
+
+
+def _inverse(series: Series) -> Series:
+    """Return the series of 1 / s, where s is affine."""
+    one = intervals.inverse(series[0])
+    inverted, step = [one], intervals.ZERO
+    step = intervals.negative(intervals.times(series[1], one)) if len(series) > 1 else step
+    for _ in series[1:]:
+        inverted.append(intervals.times(inverted[-1], step))
+    return inverted
+
+
+def _degree_in(tree: Tree, name: str, inverted: frozenset[str]) -> int | None:
+    """Return the degree in a parameter, or in its inverse; None of what is no polynomial in it."""
+    if tree.kind in ("number", "name"):
+        return None if tree.word == name in inverted else int(tree.word == name)
+    if tree.kind == "/":
+        above = _degree_in(tree.of[0], name, inverted)
+        power = _power_in(tree.of[1], name, inverted)
+        return None if above is None or power is None else above + power
+    parts = [_degree_in(part, name, inverted) for part in tree.of]
+    known = [d for d in parts if d is not None]
+    if len(known) < len(parts) or tree.kind == "call":
+        return None
+    if tree.kind == "+":
+        return max(known)
+    if tree.kind == "*":
+        return sum(known)
+    whole = tree.number.denominator == 1 and tree.number >= 0
+    return known[0] * int(tree.number) if whole else None
+
+
+def _power_in(tree: Tree, name: str, inverted: frozenset[str]) -> int | None:
+    """Return the power of a parameter in a product of powers of those in ``inverted``."""
+    if tree.kind == "number":
+        return 0
+    if tree.kind == "name":
+        return int(tree.word == name) if tree.word in inverted else None
+    powers = [_power_in(part, name, inverted) for part in tree.of]
+    if None in powers or tree.kind not in ("*", "**"):
+        return None
+    total = sum(p for p in powers if p is not None)
+    if tree.kind == "*":
+        return total
+    whole = tree.number.denominator == 1 and tree.number >= 0
+    return total * int(tree.number) if whole else None
+
+
+def _through(points: Sequence[Fraction], values: Sequence[Fraction]) -> list[Fraction]:
+    """Return the coefficients of 1, t, ... of the polynomial through values (Newton)."""
+    spend(RATIONAL * 2 * len(points) ** 2, 400, 200)
+    divided = list(values)
+    for k in range(1, len(points)):
+        for j in reversed(range(k, len(points))):
+            divided[j] = (divided[j] - divided[j - 1]) / (points[j] - points[j - k])
+    total = [divided[-1]]
+    for k in reversed(range(len(points) - 1)):
+        raised = [Fraction(0), *total]
+        for j, x in enumerate(total):
+            raised[j] -= points[k] * x
+        raised[0] += divided[k]
+        total = raised
+    return total
+
+
+def _shifted(polynomial: Sequence[Fraction], by: Fraction) -> list[Fraction]:
+    """Return the coefficients about another point."""
+    spend(RATIONAL * len(polynomial) ** 2, 400, 100)
+    shifted = list(polynomial)
+    for k in range(len(shifted) - 1):
+        for j in reversed(range(k, len(shifted) - 1)):
+            shifted[j] += by * shifted[j + 1]
+    return shifted
+
+
+def _to_bernstein(degree: int) -> list[list[Fraction]]:
+    """Return the matrix from values at the nodes to Bernstein coefficients."""
+    points, columns = nodes(degree), []
+    for j in range(degree + 1):
+        power = _through(points, [Fraction(int(k == j)) for k in range(degree + 1)])
+        columns.append(
+            [
+                sum(
+                    (
+                        Fraction(math.comb(i, k), math.comb(degree, k)) * power[k]
+                        for k in range(i + 1)
+                    ),
+                    Fraction(0),
+                )
+                for i in range(degree + 1)
+            ]
+        )
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _along_axis(
+    table: Sequence[Fraction],
+    axis: int,
+    count: int,
+    degree: int,
+    matrix: Sequence[Sequence[Fraction]],
+) -> list[Fraction]:
+    """Return a table (degree + 1)^count times a matrix along one axis."""
+    stride, result = (degree + 1) ** (count - 1 - axis), list(table)
+    for place in range(len(table)):
+        k = place // stride % (degree + 1)
+        first = place - k * stride
+        line = (table[first + j * stride] for j in range(degree + 1))
+        result[place] = sum((x * y for x, y in zip(matrix[k], line, strict=True)), Fraction(0))
+    return result
+
+
+def _power_of_two(x: Fraction) -> Fraction:
+    return Fraction(2) ** (x.numerator.bit_length() - x.denominator.bit_length())
+
+
+def _short_up(x: Fraction) -> Fraction:
+    """Return a number that is no less, of 24 bits."""
+    if not x:
+        return x
+    unit = _power_of_two(x) / 2**24
+    return math.ceil(x / unit) * unit

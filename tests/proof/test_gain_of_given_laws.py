@@ -33,7 +33,7 @@ from polefence.proof.claims.base import prove
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject
 from polefence.proof.matrices import least_work
-from polefence.proof.plant import Range
+from polefence.proof.ranges import Range
 from polefence.proof.work import FormatError
 from support.changes import changed
 from support.files import is_proved, only_claim_in

@@ -21,7 +21,7 @@ from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.margins import Subject, cells
 from polefence.proof.claims.rate import Rate
 from polefence.proof.document import loads
-from polefence.proof.plant import Range
+from polefence.proof.ranges import Range
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, Ellipse, HalfPlane, Sector, VerticalStrip
 from support.changes import changed

@@ -20,7 +20,7 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.document import check, loads
 from polefence.proof.laws import Evidence, read_law
-from polefence.proof.plant import Range
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table
 from polefence.proof.regions import HalfPlane as ExactHalfPlane
 from polefence.proof.work import FormatError

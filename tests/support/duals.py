@@ -15,7 +15,8 @@ from polefence.plant.polynomial import Domain
 from polefence.proof.claims import EnergyPeak, Gain, Output, Rms, Subject
 from polefence.proof.document import Document
 from polefence.proof.laws import Evidence, Law
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
+from polefence.proof.ranges import Range
 
 KINDS = ("rms", "energy peak", "gain")
 # law, parameters (0: a simplex of three vertices, -1: one vertex)

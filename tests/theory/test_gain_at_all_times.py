@@ -17,7 +17,7 @@ from polefence import FixedGain, Gain, Parameter, UncertainPlant, at_sample_time
 from polefence.certify.bounds import best_bound
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
-from polefence.proof.plant import Range
+from polefence.proof.ranges import Range
 from polefence.proof.work import FormatError
 from support.lifted import gain
 from support.specs import SPRING

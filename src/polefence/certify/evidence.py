@@ -37,8 +37,9 @@ from polefence.proof import matrices, work
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Piece
-from polefence.proof.plant import ANY, lattice
+from polefence.proof.plant import lattice
 from polefence.proof.polynomials import coordinates
+from polefence.proof.ranges import ANY
 from polefence.proof.remainder import Spread
 from polefence.region.regions import Region
 

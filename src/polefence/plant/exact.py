@@ -5,7 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 from polefence.plant.family import UncertainPlant
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
+from polefence.proof.ranges import Range
 
 Matrices = list[list[list[Fraction]]]  # of each vertex; none of a key that the plant has not
 

@@ -8,7 +8,7 @@ from polefence.base.errors import InputError
 from polefence.plant.family import UncertainPlant
 from polefence.plant.polynomial import Domain, Exponent
 from polefence.proof.motion import anywhere
-from polefence.proof.plant import ANY
+from polefence.proof.ranges import ANY
 
 
 @dataclass(frozen=True)

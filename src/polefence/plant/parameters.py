@@ -14,7 +14,7 @@ from typing import Any, Literal
 from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.plant.expression import decimal
-from polefence.proof.plant import ANY
+from polefence.proof.ranges import ANY
 from polefence.proof.short import Short
 
 # Larger or smaller magnitudes, or longer fractions, are no physical data: doubles must hold them,

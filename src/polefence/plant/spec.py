@@ -26,7 +26,7 @@ from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
-from polefence.proof.plant import ANY
+from polefence.proof.ranges import ANY
 
 MAX_BYTES = 1_000_000
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.

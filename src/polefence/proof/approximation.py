@@ -29,8 +29,8 @@ from itertools import product as cartesian
 from polefence.proof import intervals
 from polefence.proof.functions import KinkError, Series, Table, Tree
 from polefence.proof.intervals import ONE, ZERO, Interval, NoValueError, enclosing
-from polefence.proof.plant import Range
 from polefence.proof.polynomials import monomials
+from polefence.proof.ranges import Range
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -279,7 +279,7 @@ class _Part:
     def _off_on(
         self, i: int, a: Fraction, b: Fraction, polynomials: Sequence[Sequence[Fraction]]
     ) -> tuple[list[Fraction], Fraction]:
-        """Return bounds on |function - polynomial| on an interval, and what is left of the series."""
+        """Return bounds on |function - polynomial| on an interval, and what is left."""
         middle, half = (a + b) / 2, (b - a) / 2
         at = [(0, 0)] * len(self.low)
         at[i] = enclosing(middle)

@@ -19,8 +19,8 @@ from itertools import product
 from typing import Literal
 
 from polefence.proof.matrices import ZERO
-from polefence.proof.plant import ANY, Range
 from polefence.proof.polynomials import Polynomial, Sizes, number
+from polefence.proof.ranges import ANY, Range
 from polefence.proof.text import digits_down, name_text, rate_text, unit_text
 from polefence.proof.work import FormatError
 

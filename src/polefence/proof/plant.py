@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
+from polefence.proof.ranges import ANY, Range
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
 from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
 from polefence.proof.short import Short
@@ -19,23 +20,6 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS = 8
 RATE = "rate of "  # begins the name of a state's rate, or an input's
-ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
-
-
-@dataclass(frozen=True)
-class Range(Short):
-    """A parameter's interval; ``inverted`` where the plant is affine in 1/p.
-
-    ``rate`` holds the least and the largest dp/dt, or "any"; None of one that does not move.
-    """
-
-    low: Fraction
-    high: Fraction
-    inverted: bool = False
-    name: str = ""
-    unit: str = ""
-    label: str = ""
-    rate: tuple[Fraction, Fraction] | Literal["any"] | None = None
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.signal import SignalClaim, acting_text
 from polefence.proof.document import Document
-from polefence.proof.plant import ANY
+from polefence.proof.ranges import ANY
 from polefence.proof.text import rate_text, visible
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import slowest_seen, step

@@ -20,7 +20,8 @@ from polefence.proof.claims.base import Claim, Verdict, prove, untiled
 from polefence.proof.claims.poles import Poles
 from polefence.proof.laws import Evidence, Law, read_evidence
 from polefence.proof.matrices import Rationals, least_work, mix, quotient
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table, as_list, as_number, plain
 from polefence.proof.regions import MAX_PARTS, Part, read_whole, write_region
 from polefence.proof.roots import Outside, all_inside, inside_work, is_outside

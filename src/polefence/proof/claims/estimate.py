@@ -37,7 +37,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.pieces import numbered
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
 from polefence.proof.polynomials import (
     COORDINATES,
     Polynomial,
@@ -46,6 +46,7 @@ from polefence.proof.polynomials import (
     count_of,
     form,
 )
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table
 from polefence.proof.regions import factors, lyapunov
 from polefence.proof.text import digits_down, region_text

@@ -20,7 +20,7 @@ from polefence.proof.claims.poles import Poles, plant_form
 from polefence.proof.laws import Point, degree_of, lifted
 from polefence.proof.matrices import Rationals, least_work
 from polefence.proof.pieces import MAX_PIECES, coordinates_in, numbered
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Polynomial,
@@ -30,6 +30,7 @@ from polefence.proof.polynomials import (
     monomials,
     number,
 )
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import Part
 from polefence.proof.short import Short

@@ -70,7 +70,7 @@ from polefence.proof.matrices import (
 )
 from polefence.proof.motion import changes, is_moving, motion_text, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
-from polefence.proof.plant import Node, Plant, Range, sizes_of
+from polefence.proof.plant import Node, Plant, sizes_of
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -83,6 +83,7 @@ from polefence.proof.polynomials import (
     count_of,
     monomials,
 )
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,

@@ -68,7 +68,7 @@ from polefence.proof.matrices import (
     right_divide,
     scaled,
 )
-from polefence.proof.plant import MAX_PARAMETERS, Plant, Range
+from polefence.proof.plant import MAX_PARAMETERS, Plant
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -80,6 +80,7 @@ from polefence.proof.polynomials import (
     monomials,
     multinomial,
 )
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table, plain, require_shape
 from polefence.proof.short import Short
 from polefence.proof.text import region_text

@@ -35,7 +35,8 @@ from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rounding import Rounded, rounding_error
 from polefence.proof.laws import Evidence, Law, read_evidence
 from polefence.proof.matrices import MAX_BITS, ONE, ZERO, Rationals, common_denominator, identity
-from polefence.proof.plant import Plant, Range
+from polefence.proof.plant import Plant
+from polefence.proof.ranges import Range
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.regions import Disk
 from polefence.proof.short import Short

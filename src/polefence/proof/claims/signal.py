@@ -56,7 +56,7 @@ from polefence.proof.laws import (
 from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work
 from polefence.proof.motion import changes, extremes, is_moving, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
-from polefence.proof.plant import Node, Output, Plant, Range, sizes_of, split
+from polefence.proof.plant import Node, Output, Plant, sizes_of, split
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -70,6 +70,7 @@ from polefence.proof.polynomials import (
     multinomial,
     number,
 )
+from polefence.proof.ranges import Range
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
 from polefence.proof.remainder import SHARE, Remainder, Spread

@@ -20,7 +20,8 @@ from polefence.plant.system import Array, Exact, System
 from polefence.proof.interpolation import ONE, held_sample
 from polefence.proof.laws import on_corners
 from polefence.proof.matrices import Rationals, beside, mix
-from polefence.proof.plant import Node, corner_weights, corners, held_columns, lattice
+from polefence.proof.plant import Node, held_columns, lattice
+from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.remainder import LARGER, THIRD
 
 Point = tuple[Fraction, ...]

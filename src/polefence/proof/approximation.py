@@ -88,6 +88,12 @@ class Functions(Short):
         """The tables."""
         return dict(self.tables)
 
+    @property
+    def on_box(self) -> tuple[int, tuple[Approximation, ...]]:
+        """The same on the whole box."""
+        count = len(self.ranges)
+        return self.on_part((Fraction(0),) * count, (Fraction(1),) * count)
+
     def on_part(self, low: Point, high: Point) -> tuple[int, tuple[Approximation, ...]]:
         """Return the degree of their polynomials on a part of the box, and these.
 

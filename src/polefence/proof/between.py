@@ -65,15 +65,7 @@ from polefence.proof.matrices import (
     mix,
     transposed,
 )
-from polefence.proof.plant import (
-    Output,
-    corner_weights,
-    corners,
-    held_columns,
-    lattice,
-    read_early,
-    sizes_of,
-)
+from polefence.proof.plant import Output, held_columns, lattice, read_early, sizes_of
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -83,6 +75,7 @@ from polefence.proof.polynomials import (
     form,
     number,
 )
+from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.remainder import LARGER, THIRD, Remainder
 from polefence.proof.short import Short

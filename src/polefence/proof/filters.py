@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from polefence.proof.matrices import ONE, ZERO, Rationals, mix, product
-from polefence.proof.plant import Node, Output, corner_weights
+from polefence.proof.plant import Node, Output
+from polefence.proof.ranges import corner_weights
 from polefence.proof.reading import Table, plain
 from polefence.proof.work import RATIONAL, FormatError, spend
 

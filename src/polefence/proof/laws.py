@@ -18,7 +18,7 @@ from itertools import product as cartesian
 from typing import Any
 
 from polefence.proof.matrices import Rationals, beside, identity, longest, mix, product
-from polefence.proof.plant import Node, Plant, corner_weights, corners, lattice, split
+from polefence.proof.plant import Node, Plant, lattice, split
 from polefence.proof.polynomials import (
     MAX_DEGREE,
     Exponent,
@@ -32,6 +32,7 @@ from polefence.proof.polynomials import (
     count_of,
     restricted,
 )
+from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.short import Short
@@ -389,7 +390,12 @@ def on_part(
     """
     if remainder is None or not remainder.bends:
         at_corners = [on_corners(matrices, low, high) if matrices else [] for matrices in vertices]
-        return at_corners, remainder and remainder.inside(low, high)
+        if remainder is None:
+            return at_corners, None
+        widths = [len(matrices[0][0]) if matrices else 0 for matrices in vertices]
+        for k, more in enumerate(remainder.added(low, high, widths)):
+            at_corners[k] = list(map(add, at_corners[k], more))
+        return at_corners, remainder.inside(low, high)
     degree = remainder.parts_degree
     values = at_nodes(vertices, nodes, lattice(low, high, degree))
     if degree == 1:

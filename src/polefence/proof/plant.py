@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -283,11 +282,6 @@ class Plant(Short):
         return table
 
 
-def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:
-    """Return the corners of a part of the box, the first parameter's end varying slowest."""
-    return list(product(*zip(low, high, strict=True)))
-
-
 def read_early(table: Table, delay: int) -> Fraction:
     """Read by how much of a period inputs act sooner than so many samples late."""
     early = table.number("early", 0)
@@ -314,12 +308,6 @@ def lattice(
     steps = [Fraction(k, degree) for k in range(degree + 1)]
     sides = zip(low, high, strict=True)
     return list(product(*([a + (b - a) * t for t in steps] for a, b in sides)))
-
-
-def corner_weights(at: Sequence[Fraction]) -> list[Fraction]:
-    """Return the weights of the corners of the box at a point of it, in the order of `corners`."""
-    pairs = ((1 - t, t) for t in at)
-    return [math.prod(factors, start=Fraction(1)) for factors in product(*pairs)]
 
 
 def _difference(M: Rationals, T: Fraction) -> Rationals:

@@ -1,9 +1,12 @@
-"""Parameters' intervals."""
+"""Parameters' intervals, and the corners of parts of their box."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Literal
 
 from polefence.proof.short import Short
@@ -25,3 +28,14 @@ class Range(Short):
     unit: str = ""
     label: str = ""
     rate: tuple[Fraction, Fraction] | Literal["any"] | None = None
+
+
+def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:
+    """Return the corners of a part of the box, the first parameter's end varying slowest."""
+    return list(product(*zip(low, high, strict=True)))
+
+
+def corner_weights(at: Sequence[Fraction]) -> list[Fraction]:
+    """Return the weights of the corners of the box at a point of it, in the order of `corners`."""
+    pairs = ((1 - t, t) for t in at)
+    return [math.prod(factors, start=Fraction(1)) for factors in product(*pairs)]

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from operator import mul
 
+from polefence.proof.approximation import Functions
 from polefence.proof.matrices import (
     MAX_BITS,
     ONE,
@@ -42,6 +43,7 @@ from polefence.proof.polynomials import (
     monomials,
     restricted,
 )
+from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -57,6 +59,60 @@ SHARE = Fraction(1, 4096)
 
 
 @dataclass(frozen=True)
+class Source(Short):
+    """Functions of the parameters, and what [A, B, E] is of them.
+
+    [A, B, E] is the combination of the vertices and, for each function f_k, its matrix of
+    ``directions`` times f_k less the combination of its own values at the corners of the box.
+    """
+
+    functions: Functions
+    directions: tuple[Rows, ...]
+
+    def on_part(
+        self, low: tuple[Fraction, ...], high: tuple[Fraction, ...]
+    ) -> tuple[list[Rationals], Remainder]:
+        """Return what is added at the corners of a part of the box, and the remainder there.
+
+        Raises
+        ------
+        NoValueError
+            If a function has no value somewhere.
+        """
+        degree, parts = self.functions.on_part(low, high)
+        whole = self.functions.on_box[1]
+        weights = [corner_weights(corner) for corner in corners(low, high)]
+        known = [[sum(map(mul, w, f.corners), ZERO) for w in weights] for f in whole]
+        at_corners = [
+            self._sum([f.corners[j] - chord[j] for f, chord in zip(parts, known, strict=True)])
+            for j in range(len(weights))
+        ]
+        curve = [self._sum([f.curve[k] for f in parts]) for k in range(len(parts[0].curve))]
+        off = self._sum([f.error for f in parts], abs)
+        curve = curve if any(x for M in curve for row in M for x in row) else []
+        frozen = tuple(tuple(map(tuple, M)) for M in (off, *curve))
+        return at_corners, Remainder(frozen[0], frozen[1:], degree if curve else 1)
+
+    @property
+    def on_box(self) -> Remainder:
+        """The remainder on the whole box."""
+        count = len(self.functions.ranges)
+        return replace(self.on_part((ZERO,) * count, (ONE,) * count)[1], source=self)
+
+    def _sum(
+        self, factors: Sequence[Fraction], of: Callable[[Fraction], Fraction] = lambda x: x
+    ) -> Rationals:
+        rows, columns = len(self.directions[0]), len(self.directions[0][0])
+        total = [[ZERO] * columns for _ in range(rows)]
+        for factor, M in zip(factors, self.directions, strict=True):
+            for i, row in enumerate(M) if factor else ():
+                for j, x in enumerate(row):
+                    if x:
+                        total[i][j] += factor * of(x)
+        return total
+
+
+@dataclass(frozen=True)
 class Remainder(Short):
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
@@ -66,7 +122,8 @@ class Remainder(Short):
     are bounds on the second derivatives along the parameters: the smaller a part of the box, the
     smaller is its remainder. With ``third``, bounds on the third derivatives, parts have nodes in
     the middle of each parameter too, and a curve of degree 2 through them. Of such a part, with
-    ``middles``, products with inputs that are the same everywhere are of the least degree.
+    ``middles``, products with inputs that are the same everywhere are of the least degree. Where
+    ``source`` says what functions of the parameters there are, parts have what these are there.
     """
 
     entries: Rows
@@ -76,6 +133,7 @@ class Remainder(Short):
     bends: tuple[Rows, ...] = ()
     third: tuple[Rows, ...] = ()
     middles: bool = False
+    source: Source | None = None
 
     @classmethod
     def between(
@@ -125,7 +183,10 @@ class Remainder(Short):
         curve, bends, third = (
             tuple(map(change, matrices)) for matrices in (self.curve, self.bends, self.third)
         )
-        return Remainder(entries, curve, self.degree, rounding, bends, third, self.middles)
+        source = self.source and replace(
+            self.source, directions=tuple(map(change, self.source.directions))
+        )
+        return Remainder(entries, curve, self.degree, rounding, bends, third, self.middles, source)
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
@@ -176,8 +237,26 @@ class Remainder(Short):
             return Remainder(self.inside_alone(low, high).entries, curve, 2, middles=True)
         return self.inside_alone(low, high)
 
+    def added(
+        self, low: Sequence[Fraction], high: Sequence[Fraction], columns: Sequence[int]
+    ) -> list[list[Rationals]]:
+        """Return what functions add at the corners of a part, in so many columns each.
+
+        Nothing of a plant whose entries are no functions: an empty list.
+        """
+        if self.source is None:
+            return []
+        whole, first = self.source.on_part(tuple(low), tuple(high))[0], 0
+        blocks = list[list[Rationals]]()
+        for width in columns:
+            blocks.append([[row[first : first + width] for row in M] for M in whole])
+            first += width
+        return blocks
+
     def inside_alone(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
         """Return that of a part of the box, without the curve through its middles."""
+        if self.source is not None:
+            return self.source.on_part(tuple(low), tuple(high))[1]
         if self.third:
             grown, shares = ONE, list[Fraction]()
             for a, b in zip(low, high, strict=True):

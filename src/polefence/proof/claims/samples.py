@@ -25,15 +25,7 @@ from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
 from polefence.proof.interpolation import ONE, Bends, bends, held_sample, terms_needed
 from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, longest, mix
-from polefence.proof.plant import (
-    Node,
-    Plant,
-    corner_weights,
-    corners,
-    held_columns,
-    read_early,
-    sizes_of,
-)
+from polefence.proof.plant import Node, Plant, held_columns, read_early, sizes_of
 from polefence.proof.polynomials import (
     Polynomial,
     Sizes,
@@ -42,6 +34,7 @@ from polefence.proof.polynomials import (
     multinomial,
     side_by_side,
 )
+from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
 from polefence.proof.short import Short
 from polefence.proof.text import late_text, milliseconds_text

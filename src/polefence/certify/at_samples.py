@@ -92,5 +92,5 @@ def _narrowed(plant: UncertainPlant, n: int, m: int) -> Iterator[Output]:
     for output in plant.every_output:
         C, D, F = output.exact(plant)
         if not any(any(row[n:]) for row in C) and not any(any(row[m:]) for row in D):
-            rows = {"C": [row[:n] for row in C], "D": [row[:m] for row in D]}
-            yield Output(output.name, output.unit, **rows, F=F if plant.disturbance_count else ())
+            F = F if plant.disturbance_count else ()
+            yield Output(output.name, output.unit, [x[:n] for x in C], [x[:m] for x in D], F)

@@ -43,7 +43,6 @@ from polefence.lmi.solve.started import StartedSearch
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
@@ -772,7 +771,8 @@ def _parts(plant: UncertainPlant, law: Any, specification: Specification, alpha:
         for k in range(len(rows[0]) if rows else 0):
             alone = [[x if j == k else 0 for j, x in enumerate(row)] for row in rows]
             if any(map(any, alone)):
-                one = Output(signal.name, signal.unit, **{key: alone})
+                row: dict[str, Any] = {"C": (), "D": (), key: alone}
+                one = replace(signal, F=(), near=None, **row)
                 worst.append(sampled(plant, law, specification.of(one), alpha).worst)
     return max(worst)
 

@@ -308,7 +308,7 @@ def with_nodes(
     written: files.Plant, plant: UncertainPlant, points: Iterable[tuple[Fraction, ...]]
 ) -> files.Plant:
     """Return a plant of a file with nodes inside the box; as it is where it needs none."""
-    if not plant.bent:
+    if not plant.noded:
         return written
     return replace(written, nodes=tuple(node(plant, point) for point in sorted(points)))
 
@@ -427,7 +427,7 @@ def file_plant(plant: UncertainPlant) -> files.Plant:
 def _file_output(plant: UncertainPlant, output: Output) -> files.Output:
     C, D, F = ([[list(row)] for row in rows] for rows in output.exact(plant))
     driven = tuple(F) if any(any(f[0]) for f in F) else ()
-    return files.Output(C, D, output.name, driven, output.unit)
+    return files.Output(C, D, output.name, driven, output.unit, output.near)
 
 
 def sampling_of(
@@ -478,8 +478,12 @@ def _not_late(plant: UncertainPlant, claim: Samples) -> Iterator[Output]:
         if not claim.delay and any(any(row[n:]) for row in C):
             continue
         acting = [row[width - m : width] for row in C] if claim.delay else [row[:m] for row in D]
-        rows = {"C": [row[:n] for row in C], "D": acting}
-        yield Output(output.name, output.unit, **rows, F=F if claim.E else ())
+        F = F if claim.E else ()
+        yield Output(output.name, output.unit, [row[:n] for row in C], acting, F)
+
+
+def _rows(matrices: Sequence[list[list[Fraction]]]) -> list[list[Fraction]]:
+    return [row for (row,) in matrices]
 
 
 WHEELS = "wheels"  # what a car on two or four wheels has, and a quarter car has not
@@ -505,7 +509,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
     """
     try:
         outputs = tuple(
-            Output(z.name, z.unit, *([row for (row,) in rows] for rows in (z.C, z.D, z.F)))
+            Output(z.name, z.unit, _rows(z.C), _rows(z.D), _rows(z.F), z.near)
             for z in plant.outputs
         )
         family = UncertainPlant.from_vertices(
@@ -521,6 +525,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             vehicle=_quarter_car(plant.vehicle if plant.sample_time is None else None),
             noise=plant.noise,
             remainder=plant.remainder,
+            functions=plant.functions,
         )
         parameters = tuple(
             Parameter(

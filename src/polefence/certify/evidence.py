@@ -66,7 +66,7 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         If the plant is so large that the exact checker does not take even the first.
     """
     n = plant.shape[0]
-    for form in LADDER[:1] if plant.bent else LADDER:
+    for form in LADDER[:1] if plant.noded else LADDER:
         blocks = _blocks(plant, law, form)
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if form == LADDER[0]:
@@ -283,7 +283,7 @@ class _Inside:
 
     def _claim(self, piece: Piece) -> Poles:
         """Return the claim with the nodes of a part."""
-        if not self.plant.bent:
+        if not self.plant.noded:
             return self.claim
         points = lattice(piece.low, piece.high, self.plant.parts_degree)
         nodes = tuple(node(self.plant, at) for at in sorted(points) if set(at) - {0, 1})

@@ -20,7 +20,7 @@ from polefence.base.errors import (
 from polefence.base.explained import explained
 from polefence.law.laws import Law
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, split, stacked, states
+from polefence.plant.outputs import Output, rows_at, split, states
 from polefence.plant.system import Array, System, floats
 from polefence.proof.text import plural
 
@@ -125,7 +125,8 @@ def _outputs(
     known = {signal.name: signal for signal in plant.signals}
     plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
     for i, label in enumerate(systems[0].output_labels):
-        blocks = {"C": [s.C[i] for s in systems], "D": [s.D[i, controls] for s in systems]}
+        blocks: dict[str, Any] = {"C": [s.C[i] for s in systems]}
+        blocks["D"] = [s.D[i, controls] for s in systems]
         blocks["F"] = [s.D[i, others] for s in systems if others]
         if not any(np.any(row) for rows in blocks.values() for row in rows):
             continue
@@ -200,14 +201,12 @@ def to_control(plant: UncertainPlant | System, alpha: Any = None, outputs: bool 
     weights = _point(plant, alpha)
     A, B = plant.at(weights)
     if plant.vertices[0].E is not None:
-        E = np.tensordot(weights, [v.E for v in plant.vertices], 1)
-        B = np.hstack([B, E])
+        B = np.hstack([B, plant.driven(weights)])
     n, (x, u, w) = len(A), signal_names(plant)
     C, D = np.eye(n), np.zeros((n, B.shape[1]))
     more = plant.every_output if outputs else ()
     if more:
-        rows = (np.tensordot(weights, M, 1) for M in stacked(plant, more))
-        added = np.concatenate(list(rows), axis=1)
+        added = np.concatenate(rows_at(plant, more, weights), axis=1)
         C, D = np.vstack([C, added[:, :n]]), np.vstack([D, added[:, n:]])
     names = (output.name for output in more)
     y = valid_names((*u, *w, *x, *names))[len(u) + len(w) :]

@@ -160,6 +160,11 @@ class Structure(Short):
                 )
             if signal in signals:
                 raise InputError(f"measured: {signal.name!r} is given twice; give it once")
+            if signal.near is not None:
+                raise InputError(
+                    f"measured: {signal.name!r} holds functions of the parameters; give it "
+                    f'[sensor."{signal.name}"], and measure that'
+                )
             signals.append(signal)
         return tuple(signals)
 

@@ -509,4 +509,5 @@ def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     for i, label in enumerate(labels):
         output, unit = split(label)
         if output not in known:
-            yield Output(output, unit, **{key: [M[i] for M in rows] for key, rows in given.items()})
+            blocks: dict[str, Any] = {key: [M[i] for M in rows] for key, rows in given.items()}
+            yield Output(output, unit, **blocks)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from numbers import Rational
 from typing import Any
 
 from polefence.base.errors import InputError, PlantError, SpecError, shown, suggest
+from polefence.proof.functions import FUNCTIONS, Tree
 
 MAX_LENGTH = 1000
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -28,15 +29,21 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Div: lambda a, b: a / b,
     ast.Pow: lambda a, b: a**b,
 }
-_ALLOWED = "allowed: numbers, names, + - * / ** with integer powers, parentheses"
+_ALLOWED = (
+    "allowed: numbers, names, + - * / **, parentheses, sqrt, sin, cos, exp, log, tables of the spec"
+)
 
 Polynomial = dict[tuple[int, ...], Fraction]
 MAX_TERMS = 2000
 MAX_BITS = 8192
-MAX_POWER = 32
+MAX_POWER, MAX_ROOT = 32, 1000
 MAX_DEGREE = 64
 _LEFT: ContextVar[list[int] | None] = ContextVar("left", default=None)
 Box = Sequence[tuple[Fraction, Fraction]]
+
+
+class CallError(SpecError):
+    """An expression holds a function that is no quotient of polynomials; its tree has it."""
 
 
 def decimal(text: str) -> Fraction:
@@ -83,22 +90,28 @@ def decimal_text(value: Fraction) -> str:
     return str(exact).lower()
 
 
-def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
+def evaluate(
+    text: str, names: Mapping[str, Any], one: Any = None, tables: Collection[str] = ()
+) -> Any:
     """Evaluate an expression over the named values, exactly.
 
     Parameters
     ----------
     text : str
-        Numbers, names, ``+ - * /``, ``**`` with integer powers, parentheses.
+        Numbers, names, ``+ - * / **``, parentheses, functions and tables of one argument.
     names : mapping
-        Value of each name: a Fraction or a RationalFunction. Looked up lazily.
-    one : RationalFunction, optional
-        Where given, every number is lifted to a function of its variables.
+        Value of each name: a Fraction, a RationalFunction or a Tree. Looked up lazily.
+    one : RationalFunction or Tree, optional
+        Where given, every number is lifted to a function as it is one.
+    tables : collection of str
+        Names of tables.
 
     Raises
     ------
+    CallError
+        If it holds a function or a power that is not rational, and the values are no trees.
     SpecError
-        On anything else: an unknown name (with the nearest known one), a call, a syntax error.
+        On anything else: an unknown name (with the nearest known one), a syntax error.
     """
     if len(text) > MAX_LENGTH:
         raise SpecError(f"the expression is longer than {MAX_LENGTH} characters")
@@ -106,7 +119,7 @@ def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Python's hints on its own style
             tree = ast.parse(text.strip(), mode="eval")
-        return _Evaluator(text.strip(), names, one).visit(tree.body)
+        return _Evaluator(text.strip(), names, one, tables).visit(tree.body)
     except RecursionError as error:
         raise SpecError(f"{shown(text)} is nested too deeply; define its parts") from error
     except (SyntaxError, ValueError, MemoryError) as error:
@@ -116,8 +129,10 @@ def evaluate(text: str, names: Mapping[str, Any], one: Any = None) -> Any:
 
 
 class _Evaluator:
-    def __init__(self, text: str, names: Mapping[str, Any], one: Any) -> None:
-        self.text, self.names, self.one = text, names, one
+    def __init__(
+        self, text: str, names: Mapping[str, Any], one: Any, tables: Collection[str]
+    ) -> None:
+        self.text, self.names, self.one, self.tables = text, names, one, tables
 
     def visit(self, node: ast.expr) -> Any:
         if isinstance(node, ast.Constant):
@@ -131,15 +146,35 @@ class _Evaluator:
             return -value if isinstance(node.op, ast.USub) else value
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
             return self.binary(node)
-        what = "a call" if isinstance(node, ast.Call) else f"{type(node).__name__!r}"
+        if isinstance(node, ast.Call):
+            return self.call(node)
+        what = f"{type(node).__name__!r}"
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
             what = "^ (write ** for powers)"
         raise SpecError(f"{what} is not allowed in {shown(self.text)}; {_ALLOWED}")
 
+    def call(self, node: ast.Call) -> Any:
+        """Return a function of an argument."""
+        name = node.func.id if isinstance(node.func, ast.Name) else ""
+        known = [*FUNCTIONS, *self.tables]
+        if name not in known:
+            raise SpecError(
+                f"{shown(self.text)} calls {shown(name or 'something without a name')}, which is "
+                f"neither a function nor a table here; {suggest(name, known)}"
+            )
+        if len(node.args) != 1 or node.keywords or isinstance(node.args[0], ast.Starred):
+            raise SpecError(f"{name} in {shown(self.text)} takes one argument")
+        value = self.visit(node.args[0])
+        if not isinstance(value, Tree):
+            raise CallError(f"{name} is not allowed in {shown(self.text)}")
+        return value.called(name)
+
     def binary(self, node: ast.BinOp) -> Any:
         left = self.visit(node.left)
         power = isinstance(node.op, ast.Pow)
-        right = self.power(node.right) if power else self.visit(node.right)
+        right: Any = self.power(node.right) if power else self.visit(node.right)
+        if power and right.denominator > 1 and not isinstance(left, Tree):
+            raise CallError(f"a power in {shown(self.text)} is not a whole number")
         try:
             value = _OPERATORS[type(node.op)](left, right)
         except ZeroDivisionError as error:
@@ -148,15 +183,20 @@ class _Evaluator:
             raise SpecError(f"{shown(self.text)} is out of range")
         return value
 
-    def power(self, node: ast.expr) -> int:
-        """Return a power: a small integer, written as such."""
-        sign = 1
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            sign, node = -1, node.operand
-        value = node.value if isinstance(node, ast.Constant) else None
-        if type(value) is not int or value > MAX_POWER:
-            raise SpecError(f"a power in {shown(self.text)} is not a small integer; {_ALLOWED}")
-        return sign * value
+    def power(self, node: ast.expr) -> Fraction | int:
+        """Return a power: a number, written as such or as a quotient of two."""
+        try:
+            value = Fraction(_Evaluator(self.text, {}, None, ()).visit(node))
+        except InputError as error:
+            raise SpecError(
+                f"a power in {shown(self.text)} is not a number, as 2, -1, 0.5 or (1/3) are"
+            ) from error
+        if abs(value) > MAX_POWER or value.denominator > MAX_ROOT:
+            raise SpecError(
+                f"a power in {shown(self.text)} is beyond {MAX_POWER}, or a root beyond the "
+                f"{MAX_ROOT}th"
+            )
+        return int(value) if value.denominator == 1 else value
 
     def number(self, node: ast.Constant) -> Any:
         if type(node.value) not in (int, float):

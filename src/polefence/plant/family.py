@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from polefence.base.errors import (
     InputError,
-    MultiAffinityError,
     PlantError,
     SpecError,
     shown,
@@ -25,7 +24,8 @@ from polefence.base.errors import (
 from polefence.base.explained import explained, explained_fields
 from polefence.plant.card import card
 from polefence.plant.controllability import PRIME, surely_controllable
-from polefence.plant.expression import RationalFunction, counted, evaluate
+from polefence.plant.entries import NOT_RATIONAL, OUTPUTS, Read
+from polefence.plant.expression import CallError, RationalFunction, counted, evaluate
 from polefence.plant.outputs import (
     Output,
     disturbances,
@@ -37,9 +37,11 @@ from polefence.plant.outputs import (
 )
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.polynomial import Domain
-from polefence.plant.system import Array, Exact, System, floats, read_matrix
+from polefence.plant.system import Array, Exact, System, floats
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
+from polefence.proof.approximation import Functions
 from polefence.proof.between import Clock, Held
+from polefence.proof.functions import FUNCTIONS, Table, Tree, lift, variable
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
 from polefence.proof.reading import MAX_VERTICES
@@ -49,8 +51,6 @@ from polefence.proof.text import plural
 
 if TYPE_CHECKING:
     from polefence.plant.cars import Car
-
-_OUTPUTS = "outputs."
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,8 @@ class UncertainPlant(Short):
         What it is the samples of.
     car : Car, optional
         Of a table [car], at its parameters' low ends; a quarter car has a ``vehicle``.
+    functions : Functions, optional
+        Of the parameters, where entries are some: the remainder says which, and outputs do.
 
     Raises
     ------
@@ -155,6 +157,7 @@ class UncertainPlant(Short):
     remainder: Remainder | None = None
     sampling: SamplesOf | None = None
     car: Car | None = field(default=None, compare=False)  # dumps writes its matrices alone
+    functions: Functions | None = None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -198,7 +201,7 @@ class UncertainPlant(Short):
         for name in self.noise:
             if name not in known:
                 raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
-        if self.moving and self.remainder is not None:
+        if self.moving and self.remainder is not None and self.functions is None:
             raise PlantError(
                 f"parameter {self.moving[0].name}: rate: samples of a plant in continuous time are "
                 "for constant parameters only; leave out rate"
@@ -288,24 +291,27 @@ class UncertainPlant(Short):
         constants: Mapping[str, Any] | None = None,
         definitions: Mapping[str, str] | None = None,
         outputs: Mapping[str, Mapping[str, Sequence[Any]]] | None = None,
+        tables: Mapping[str, Table] | None = None,
         **names: Any,
     ) -> UncertainPlant:
         """Return the family whose entries are expressions (or numbers) in the parameters.
 
         ``outputs`` holds for each "name [unit]" its rows ``C``, ``D`` and ``F``, as far as they are
-        not zero.
+        not zero, and ``tables`` values that expressions interpolate between. An entry that is not
+        multi-affine in the scheduling variables is a polynomial on each part of the box, with what
+        that is off by.
 
         Raises
         ------
         SpecError
-            If an expression cannot be read.
-        MultiAffinityError
-            If an entry is not multi-affine in the scheduling variables; the entry is named.
+            If an expression cannot be read, or a table is none.
+        PlantError
+            If an entry has no value somewhere in the box; the entry is named, and where that is.
         """
-        scope = Scope(parameters, constants or {}, definitions or {})
+        scope = Scope(parameters, constants or {}, definitions or {}, tables or {})
         matrices = {"A": A, "B": B} if E is None else {"A": A, "B": B, "E": E}
 
-        def function(**values: RationalFunction) -> dict[str, Any]:
+        def function(**values: Any) -> dict[str, Any]:
             scope.bind(values)
             return {
                 letter: [
@@ -315,7 +321,7 @@ class UncertainPlant(Short):
                 for letter, rows in (matrices | _output_rows(outputs or {})).items()
             }
 
-        return cls._from_symbolic(function, parameters, **names)
+        return cls._from_symbolic(function, parameters, tables, **names)
 
     @classmethod
     @explained
@@ -324,24 +330,25 @@ class UncertainPlant(Short):
     ) -> UncertainPlant:
         """Return the family of ``function(**parameters) -> (A, B)`` or ``(A, B, E)``.
 
-        It may return outputs behind these, as `from_expressions` takes them. It is called once,
-        with exact rational functions in place of numbers, so it may use ``+ - * /`` and integer
-        powers but no branches and no transcendental functions.
+        It may return outputs behind these, as `from_expressions` takes them. It is called with
+        functions in place of numbers, so it may use ``+ - * / **`` and NumPy's ``sqrt``, ``sin``,
+        ``cos``, ``exp`` and ``log`` but no branches.
 
         Raises
         ------
-        MultiAffinityError
-            If an entry is not multi-affine in the scheduling variables; the entry is named.
         PlantError
-            If the function does something that cannot be decided exactly.
+            If the function does something that cannot be decided exactly, or an entry has no value
+            somewhere in the box; the entry is named, and where that is.
         """
 
-        def lettered(**values: RationalFunction) -> dict[str, Any]:
+        def lettered(**values: Any) -> dict[str, Any]:
             try:
                 result = tuple(function(**values))
             except (TypeError, AttributeError, ValueError) as error:
                 if isinstance(error, InputError):
                     raise
+                if any(isinstance(value, RationalFunction) for value in values.values()):
+                    return lettered(**{name: variable(name) for name in values})
                 raise PlantError(
                     f"the plant function failed on symbolic parameters: {error}; it must return "
                     "A, B or A, B, E and use + - * / ** only"
@@ -357,7 +364,11 @@ class UncertainPlant(Short):
 
     @classmethod
     def _from_symbolic(
-        cls, function: Callable[..., dict[str, Any]], parameters: Sequence[Parameter], **names: Any
+        cls,
+        function: Callable[..., dict[str, Any]],
+        parameters: Sequence[Parameter],
+        tables: Mapping[str, Table] | None = None,
+        **names: Any,
     ) -> UncertainPlant:
         parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
         count = len(parameters)
@@ -368,11 +379,12 @@ class UncertainPlant(Short):
             s = RationalFunction.variable(index, count)
             values[parameter.name] = 1 / s if parameter.inverted else s
         with counted():
+            read = Read(parameters, function, tables or {})
             table = {
-                letter: corners(letter, rows, parameters)
-                for letter, rows in function(**values).items()
+                letter: read.corners(letter, rows) for letter, rows in function(**values).items()
             }
-        _require_used(table, parameters)
+        read.require_used(table)
+        placed = read.placed(table)
         order = list(itertools.product((0, 1), repeat=count))
         vertices = tuple(
             System(
@@ -386,9 +398,14 @@ class UncertainPlant(Short):
         rows = dict[str, dict[str, Any]]()
         for where, entries in table.items():
             if where not in ("A", "B", "E"):
-                label, key = where.removeprefix(_OUTPUTS).rsplit(".", 1)
+                label, key = where.removeprefix(OUTPUTS).rsplit(".", 1)
                 rows.setdefault(label, {})[key] = [entries[corner][0] for corner in order]
-        outputs = tuple(Output(*split(label), **keys) for label, keys in rows.items())
+        outputs = tuple(
+            Output(*split(label), **keys, near=None if placed is None else placed.of_output(label))
+            for label, keys in rows.items()
+        )
+        if placed is not None:
+            names |= {"remainder": placed.remainder(), "functions": placed.functions}
         return cls(vertices, parameters, outputs=outputs, **names)
 
     @property
@@ -560,7 +577,12 @@ class UncertainPlant(Short):
 
     @property
     def bent(self) -> bool:
-        """Whether it is sampled between nodes: the smaller a part of the box, the nearer to it."""
+        """Whether the smaller a part of the box is, the nearer it is to a polynomial there."""
+        return self.noded or self.functions is not None
+
+    @property
+    def noded(self) -> bool:
+        """Whether it is sampled between nodes, which files have."""
         return self.remainder is not None and bool(self.remainder.bends)
 
     @property
@@ -577,7 +599,7 @@ class UncertainPlant(Short):
 def _output_rows(outputs: Mapping[str, Mapping[str, Sequence[Any]]]) -> dict[str, Any]:
     """Return the rows of outputs as matrices of one row, by where they stand."""
     return {
-        f"{_OUTPUTS}{label}.{key}": [row]
+        f"{OUTPUTS}{label}.{key}": [row]
         for label, rows in outputs.items()
         for key, row in _table_of(label, rows).items()
     }
@@ -587,24 +609,6 @@ def _table_of(label: str, rows: Any) -> Mapping[str, Sequence[Any]]:
     if not isinstance(rows, Mapping):
         raise SpecError(f'outputs {shown(label)} must be a table of rows, {{"C": [1, 0]}}')
     return rows
-
-
-def _require_used(
-    table: Mapping[str, Mapping[tuple[int, ...], Exact]], parameters: Sequence[Parameter]
-) -> None:
-    """Refuse a parameter that changes nothing: it would double the vertices, and the work."""
-    for index, parameter in enumerate(parameters):
-        pairs = (
-            (M, corners[(*side[:index], 1, *side[index + 1 :])])
-            for corners in table.values()
-            for side, M in corners.items()
-            if not side[index]
-        )
-        if all(low == high for low, high in pairs):
-            raise PlantError(
-                f"parameter {parameter.name} changes no entry of A, B, E or an output, and "
-                "doubles the vertices; leave it out, or make it a constant"
-            )
 
 
 def _common_bits(vertices: tuple[System, ...]) -> int:
@@ -622,60 +626,6 @@ def _width(E: Exact | None) -> int:
     return 0 if E is None else len(E[0])
 
 
-def corners(
-    letter: str, rows: Any, parameters: tuple[Parameter, ...]
-) -> dict[tuple[int, ...], Exact]:
-    """Evaluate a matrix of rational functions at every corner, after the multi-affinity test."""
-    try:
-        table = [list(row) for row in rows]
-    except TypeError as error:
-        raise PlantError(f"{letter} must be a list of rows, [[...], [...]]") from error
-    box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]
-    sides = list(itertools.product((0, 1), repeat=len(box)))
-    one = RationalFunction.constant(Fraction(1), len(box))
-    box_corner = [low for low, _ in box]
-    values: dict[tuple[int, ...], list[list[Fraction]]] = {side: [] for side in sides}
-    for i, row in enumerate(table):
-        for side in sides:
-            values[side].append([])
-        for j, given in enumerate(row):
-            place = f"{letter}[{i + 1}][{j + 1}]"
-            entry = _lift(one, given, place)
-            if entry.is_constant:  # most entries of a large plant
-                value = entry(box_corner)
-                for side in sides:
-                    values[side][-1].append(value)
-                continue
-            corner = {}
-            for side in sides:
-                point = [pair[s] for pair, s in zip(box, side, strict=True)]
-                try:
-                    corner[side] = entry(point)
-                except ZeroDivisionError as error:
-                    raise PlantError(f"{place} divides by zero at a corner of the box") from error
-                values[side][-1].append(corner[side])
-            if not entry.equals_multiaffine(corner, box):
-                raise MultiAffinityError(_not_multiaffine(place, parameters))
-    return {side: read_matrix(values[side], letter) for side in sides}
-
-
-def _lift(one: RationalFunction, given: Any, place: str) -> RationalFunction:
-    try:
-        return one.lift(given if isinstance(given, RationalFunction) else exact(given, place))
-    except PlantError as error:
-        raise PlantError(f"{place}: {error}") from error
-
-
-def _not_multiaffine(place: str, parameters: tuple[Parameter, ...]) -> str:
-    variables = ", ".join(p.through for p in parameters)
-    return (
-        f"{place} is not multi-affine in the scheduling variables ({variables}), so the corners do "
-        'not cover the family; change a parameter\'s "through" (p or 1/p), make a product or a '
-        "power a parameter of its own (m2 = m**2, with its interval), or give vertices of a "
-        "polytope that contains the family"
-    )
-
-
 class Scope(Mapping[str, Any]):
     """Names of one spec: parameters, constants, and definitions evaluated when first used."""
 
@@ -684,23 +634,25 @@ class Scope(Mapping[str, Any]):
         parameters: Sequence[Parameter],
         constants: Mapping[str, Any],
         definitions: Mapping[str, str],
+        tables: Mapping[str, Table] | None = None,
     ) -> None:
+        self.tables = dict(tables or {})
         self.constants = {k: exact(v, f"constants.{k}") for k, v in constants.items()}
         self.definitions = dict(definitions)
         self.bound: dict[str, Any] = {}
         self.pending: list[str] = []
         names = [p.name for p in parameters]
-        for name in [*constants, *definitions]:
+        for name in [*constants, *definitions, *self.tables]:
             check_name(name)
-            if name in names:
+            if name in names or name in FUNCTIONS:
                 raise SpecError(f"name {name!r} is given twice; rename one")
             names.append(name)
-        self.names = names
+        self.names = [name for name in names if name not in self.tables]
 
-    def bind(self, values: dict[str, RationalFunction]) -> None:
+    def bind(self, values: dict[str, Any]) -> None:
         """Give the parameters their symbolic values; definitions are evaluated afresh."""
-        count = len(values)
-        self.one = RationalFunction.constant(Fraction(1), count)
+        trees = any(isinstance(value, Tree) for value in values.values())
+        self.one: Any = lift(1) if trees else RationalFunction.constant(Fraction(1), len(values))
         self.bound = dict(values) | {k: self.one.lift(v) for k, v in self.constants.items()}
 
     def bind_all(self, values: Mapping[str, Any]) -> None:
@@ -720,7 +672,9 @@ class Scope(Mapping[str, Any]):
         if not isinstance(given, str):
             return given
         try:
-            return evaluate(given, self, self.one)
+            return evaluate(given, self, self.one, self.tables)
+        except CallError:
+            return NOT_RATIONAL
         except (SpecError, PlantError) as error:
             raise type(error)(f"{place}: {error}") from error
 
@@ -733,6 +687,8 @@ class Scope(Mapping[str, Any]):
             self.pending.append(name)
             self.bound[name] = self.entry(self.definitions[name], f"definitions.{name}")
             self.pending.pop()
+        if self.bound[name] is NOT_RATIONAL:
+            raise CallError(f"{name} is no quotient of polynomials")
         return self.bound[name]
 
     def __contains__(self, name: object) -> bool:

@@ -11,11 +11,21 @@ from typing import Any
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, disturbances, inputs, padded, pick, split, states
+from polefence.plant.outputs import (
+    Output,
+    disturbances,
+    inputs,
+    padded,
+    pick,
+    split,
+    states,
+    with_inputs,
+)
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
 from polefence.proof.laws import OWN
 from polefence.proof.matrices import ONE, ZERO
+from polefence.proof.remainder import Remainder, Rows, Source
 
 MOST_STATES = 20  # bound on the order of a law
 # Prefixes of the names of its states and signals.
@@ -50,9 +60,28 @@ def with_dynamics(
         plant,
         vertices=tuple(vertices),
         states=(*_labels(states(plant)), *labels),
-        outputs=tuple(padded(output, k) for output in plant.outputs),
-        remainder=plant.remainder and plant.remainder.padded(*plant.shape, k),
+        outputs=tuple(padded(output, k, plant.shape[0]) for output in plant.outputs),
+        remainder=_beside(plant, signals, b),
     )
+
+
+def _beside(plant: UncertainPlant, signals: Sequence[Output], b: Exact) -> Remainder | None:
+    """Return the remainder of the plant with states appended that follow b times signals."""
+    (n, m), k = plant.shape, len(b)
+    remainder = plant.remainder and plant.remainder.padded(n, m, k)
+    if plant.functions is None or not any(signal.near for signal in signals):
+        return remainder
+    width = n + k + m + plant.disturbance_count
+    blank: Rows = ((ZERO,) * width,) * (n + k)
+    count = len(plant.functions.trees)
+    source = remainder and remainder.source
+    known = source.directions if source else (blank,) * count
+    wide = [padded(signal, k, n).near for signal in signals]
+    following = []
+    for j, M in enumerate(known):
+        rows = [near.source.directions[j][0] if near and near.source else blank[0] for near in wide]
+        following.append((*M[:n], *_product(b, rows)))
+    return Source(plant.functions, tuple(following)).on_box
 
 
 @explained
@@ -124,17 +153,29 @@ def _before(
         states=(*_labels(states(plant)), *labels),
         inputs=tuple(demands),
         outputs=tuple(_behind(plant, output, i, order) for output in plant.outputs),
+        remainder=plant.remainder
+        and plant.remainder.padded(n, m, order).mapped(lambda M: _moved(M, n + order + i, n)),
+    )
+
+
+def _moved(M: Rows, column: int, to: int) -> Rows:
+    """Return rows with one column in place of another, and zeros in its own."""
+    return tuple(
+        tuple(row[column] if j == to else ZERO if j == column else x for j, x in enumerate(row))
+        for row in M
     )
 
 
 def _behind(plant: UncertainPlant, output: Output, i: int, order: int) -> Output:
     """Move an output's coefficient of input i to the first added state."""
     C, D, _ = output.exact(plant)
-    more = (ZERO,) * (order - 1)
+    more, n = (ZERO,) * (order - 1), plant.shape[0]
+    near = padded(output, order, n).near
     return replace(
         output,
         C=[(*c, d[i], *more) for c, d in zip(C, D, strict=True)],
         D=[(*d[:i], ZERO, *d[i + 1 :]) for d in D],
+        near=near and near.mapped(lambda M: _moved(M, n + order + i, n)),
     )
 
 
@@ -208,12 +249,20 @@ def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainP
         rows = vertex.exact_E or ((),) * (last + 1)
         E = tuple((*row, size if i == last else ZERO) for i, row in enumerate(rows))
         vertices.append(System(vertex.exact_A, vertex.exact_B, E, vertex.name))
-    outputs = (replace(y, F=tuple((*row, ZERO) for row in y.F)) for y in plant.outputs)
+
+    def wider(M: Rows) -> Rows:
+        return tuple((*row, ZERO) for row in M)
+
+    outputs = (
+        replace(y, F=tuple((*row, ZERO) for row in y.F), near=y.near and y.near.mapped(wider))
+        for y in plant.outputs
+    )
     return replace(
         plant,
         vertices=tuple(vertices),
         disturbances=(*_labels(disturbances(plant)), label),
         outputs=tuple(outputs),
+        remainder=plant.remainder and plant.remainder.mapped(wider),
         noise=(*plant.noise, label),
     )
 
@@ -249,14 +298,13 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
         E = vertex.exact_E
         E = None if E is None else (*E, *((ZERO,) * len(E[0]),) * count)
         vertices.append(System(tuple(A), tuple(B), E, vertex.name))
-    more = (ZERO,) * count
-    outputs = (padded(y, count) for y in plant.outputs)
+    outputs = (padded(y, count, n) for y in plant.outputs)
     return replace(
         plant,
         vertices=tuple(vertices),
         states=(*_labels(states(plant)), *labels),
         inputs=(*_labels(inputs(plant)), *law_rates(count)),
-        outputs=tuple(replace(y, D=tuple((*row, *more) for row in y.D)) for y in outputs),
+        outputs=tuple(with_inputs(y, (n + count, m), count) for y in outputs),
         remainder=plant.remainder and plant.remainder.padded(n, m, count, count),
     )
 
@@ -275,7 +323,7 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
         plant,
         vertices=tuple(vertices),
         inputs=(*_labels(inputs(plant)), *rates),
-        outputs=tuple(replace(y, D=tuple((*d, *more) for d in y.D)) for y in plant.outputs),
+        outputs=tuple(with_inputs(y, (n, m), count) for y in plant.outputs),
         remainder=plant.remainder and plant.remainder.padded(n, m, 0, count),
     )
 

@@ -15,7 +15,9 @@ from polefence.base.errors import InputError, PlantError, suggest
 from polefence.base.explained import explained, explained_fields
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
+from polefence.proof.matrices import mix
 from polefence.proof.plant import RATE
+from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 
 if TYPE_CHECKING:
@@ -59,6 +61,9 @@ class Output(Signal):
         One row for all vertices, or one per vertex; zero where left out. Strings and Fractions
         are exact, a float is its binary value. They are stored as tuples of rows: an empty tuple
         if all are zero, one row if all are the same.
+    near : Remainder, optional
+        Where functions of the parameters are among the entries of [C, D, F]: what is added to the
+        combination of the vertices, and what that is off by.
 
     Raises
     ------
@@ -69,6 +74,7 @@ class Output(Signal):
     C: Any = ()
     D: Any = ()
     F: Any = ()
+    near: Remainder | None = None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -77,7 +83,7 @@ class Output(Signal):
         for key in "CDF":
             rows = _read(getattr(self, key), f"output {self.name!r}: {key}")
             object.__setattr__(self, key, rows)
-        if not (self.C or self.D or self.F):
+        if not (self.C or self.D or self.F or self.near):
             raise PlantError(f"output {self.name!r} is zero; give a row C, D or F")
 
     def exact(self, plant: UncertainPlant) -> tuple[Rows, Rows, Rows]:
@@ -134,7 +140,21 @@ def _floats(rows: Rows) -> Array:
 def weighted_sum(name: str, unit: str, terms: Iterable[tuple[Any, Output]]) -> Output:
     """Return the sum of outputs times numbers."""
     terms = [(Fraction(weight), output) for weight, output in terms]
-    return Output(name, unit, **{key: _summed(terms, key) for key in "CDF"})
+    C, D, F = (_summed(terms, key) for key in "CDF")
+    return Output(name, unit, C, D, F, together([(x, output.near) for x, output in terms]))
+
+
+def together(terms: Sequence[tuple[Fraction, Remainder | None]]) -> Remainder | None:
+    """Return what functions of the parameters add to a sum of rows, each times a number."""
+    sources = [(weight, near.source) for weight, near in terms if near and near.source]
+    if not sources:
+        return None
+    weights = [weight for weight, _ in sources]
+    total = tuple(
+        tuple(map(tuple, mix(weights, [list(map(list, M)) for M in matrices])))
+        for matrices in zip(*(source.directions for _, source in sources), strict=True)
+    )
+    return Source(sources[0][1].functions, total).on_box
 
 
 def _summed(terms: Sequence[tuple[Fraction, Output]], key: str) -> Rows:
@@ -153,10 +173,22 @@ def _summed(terms: Sequence[tuple[Fraction, Output]], key: str) -> Rows:
     return total
 
 
-def padded(output: Output, more: int) -> Output:
-    """Return the output for the plant with ``more`` states appended."""
+def padded(output: Output, more: int, n: int = 0) -> Output:
+    """Return the output for the plant of n states with ``more`` appended."""
     zeros = (Fraction(0),) * more
-    return replace(output, C=tuple((*row, *zeros) for row in output.C))
+    near = output.near and output.near.mapped(
+        lambda M: tuple((*row[:n], *zeros, *row[n:]) for row in M)
+    )
+    return replace(output, C=tuple((*row, *zeros) for row in output.C), near=near)
+
+
+def with_inputs(output: Output, shape: tuple[int, int], more: int) -> Output:
+    """Return the output for the plant of that shape with ``more`` inputs appended."""
+    zeros, k = (Fraction(0),) * more, sum(shape)
+    near = output.near and output.near.mapped(
+        lambda M: tuple((*row[:k], *zeros, *row[k:]) for row in M)
+    )
+    return replace(output, D=tuple((*row, *zeros) for row in output.D), near=near)
 
 
 @explained
@@ -330,8 +362,24 @@ def output_matrices(
     alpha : (..., N) array
     K : (..., m, n) array
     """
-    C, D, F = (np.tensordot(alpha, M, 1) for M in stacked(plant, outputs))
+    C, D, F = rows_at(plant, outputs, alpha)
     return C + D @ K, F
+
+
+def rows_at(
+    plant: UncertainPlant, outputs: Sequence[Output], alpha: Array
+) -> tuple[Array, Array, Array]:
+    """Return C (..., p, n), D (..., p, m) and F (..., p, q) of outputs at points alpha."""
+    C, D, F = (np.tensordot(alpha, M, 1) for M in stacked(plant, outputs))
+    n, m = plant.shape
+    for k, output in enumerate(outputs):
+        if output.near is not None and output.near.curve:
+            curve = np.array(output.near.curve, dtype=float)
+            basis = plant.domain.basis(alpha, output.near.degree)
+            row = np.tensordot(basis, curve, 1)[..., 0, :]
+            for M, more in zip((C, D, F), np.split(row, [n, n + m], axis=-1), strict=True):
+                M[..., k, :] += more
+    return C, D, F
 
 
 def stacked(plant: UncertainPlant, outputs: Sequence[Output]) -> tuple[Array, Array, Array]:

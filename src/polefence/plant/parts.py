@@ -18,11 +18,11 @@ from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, Exact, System
 from polefence.proof.interpolation import ONE, held_sample
-from polefence.proof.laws import on_corners
+from polefence.proof.laws import add, on_corners
 from polefence.proof.matrices import Rationals, beside, mix
 from polefence.proof.plant import Node, held_columns, lattice
 from polefence.proof.ranges import corner_weights, corners
-from polefence.proof.remainder import LARGER, THIRD
+from polefence.proof.remainder import LARGER, THIRD, Remainder
 
 Point = tuple[Fraction, ...]
 
@@ -41,8 +41,10 @@ def inside(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
 
 
 def _part(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
-    points = lattice(low, high, plant.parts_degree if plant.bent else 1)
+    points = lattice(low, high, plant.parts_degree if plant.noded else 1)
     nodes = [node(plant, at) for at in points]
+    if plant.remainder is not None and plant.remainder.source is not None:
+        nodes = _with_functions(plant, plant.remainder, low, high, nodes)
     values = [beside([M for M in (v.A, v.B, v.E) if M]) for v in nodes]
     outer = set(corners(low, high))
     vertices = tuple(
@@ -65,7 +67,20 @@ def _part(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
         vehicle=None,
         remainder=remainder,
         sampling=None,
+        functions=None,
     )
+
+
+def _with_functions(
+    plant: UncertainPlant, remainder: Remainder, low: Point, high: Point, nodes: list[Node]
+) -> list[Node]:
+    """Return the corners of a part with what functions of the parameters add there."""
+    widths = (*plant.shape, plant.disturbance_count)
+    more = zip(*remainder.added(low, high, widths), strict=True)
+    return [
+        Node(v.at, add(v.A, A), add(v.B, B), add(v.E, E) if v.E else [])
+        for v, (A, B, E) in zip(nodes, more, strict=True)
+    ]
 
 
 def off_along(plant: UncertainPlant, gain: Callable[[Array], Array], box: Box) -> Array | None:
@@ -117,7 +132,7 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
         for key in ("exact_A", "exact_B", "exact_E")
     )
     sampling = plant.sampling
-    if sampling is None or not plant.bent:
+    if sampling is None or not plant.noded:
         return Node(at, A, B, E)
     if at not in sampling.known:
         sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, weights)
@@ -168,11 +183,14 @@ def _narrowed(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:
 
 def _inside(plant: UncertainPlant, output: Output, low: Point, high: Point) -> Output:
     """Return an output whose rows are those at the corners of a part."""
-    C, D, F = (
-        tuple(tuple(row) for (row,) in on_corners([[list(row)] for row in rows], low, high))
-        for rows in output.exact(plant)
-    )
-    return replace(output, C=C, D=D, F=F if plant.disturbance_count else ())
+    rows = [on_corners([[list(row)] for row in rows], low, high) for rows in output.exact(plant)]
+    near = output.near
+    if near is not None:
+        more = near.added(low, high, (*plant.shape, plant.disturbance_count))
+        rows = [list(map(add, M, extra)) for M, extra in zip(rows, more, strict=True)]
+    C, D, F = (tuple(tuple(row) for (row,) in M) for M in rows)
+    F = F if plant.disturbance_count else ()
+    return replace(output, C=C, D=D, F=F, near=near and near.inside(low, high))
 
 
 def _exact(M: Rationals) -> Exact:

@@ -26,7 +26,9 @@ from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
+from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
+from polefence.proof.work import FormatError
 
 MAX_BYTES = 1_000_000
 # The parser's work grows with the square of a key's parts (a.b.c), of which ours have two.
@@ -37,7 +39,7 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "sensor", "damper", "law", "car"}
+_TOP |= {"actuator", "sensor", "damper", "law", "car", "table"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
@@ -232,13 +234,13 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
     if "vehicle" in data:
         names["vehicle"] = _vehicle(data["vehicle"])
     if "vertex" in data:
-        for key in ("constants", "parameter", "definitions", "matrices", "car"):
+        for key in ("constants", "parameter", "definitions", "matrices", "car", "table"):
             if key in data:
                 raise SpecError(f"{key} and vertex exclude each other; keep one")
         _without_tracks(data)
         return _from_vertices(data["vertex"], names | {"outputs": _outputs(data)})
     if "car" in data:
-        for key in ("matrices", "states", "inputs", "disturbances"):
+        for key in ("matrices", "states", "inputs", "disturbances", "table"):
             if key in data:
                 raise SpecError(f"{key} and car exclude each other; keep one")
         return _from_car(data, names)
@@ -376,8 +378,36 @@ def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> Uncerta
         constants=constants,
         definitions=definitions,
         outputs={label: _single(label, rows) for label, rows in _output_tables(data).items()},
+        tables=_interpolated(data),
         **names,
     )
+
+
+def _interpolated(data: Mapping[str, Any]) -> dict[str, Table]:
+    """Return the tables that expressions interpolate in, by name."""
+    tables = dict[str, Table]()
+    for name, row in _table(data, "table").items():
+        where = f"table.{shown(name)}"
+        if not isinstance(row, dict):
+            raise SpecError(f"{where} must be a table; write [table.NAME], arguments = [0, 1]")
+        _known(row, {"arguments", "values", "interpolation"}, f"{where}: ")
+        _need(row, ("arguments", "values"), where)
+        columns = list[tuple[Fraction, ...]]()
+        for key in ("arguments", "values"):
+            if not isinstance(row[key], list):
+                raise SpecError(f"{where}: {key} = {shown(row[key])} must be a list of numbers")
+            columns.append(
+                tuple(_finite(_constant(x, f"{where}: {key}"), f"{where}: {key}") for x in row[key])
+            )
+        kind = _text(row.get("interpolation", "linear"), f"{where}: interpolation")
+        if kind not in ("linear", "cubic"):
+            raise SpecError(f"{where}: interpolation = {shown(kind)} must be 'linear' or 'cubic'")
+        tables[name] = Table(columns[0], columns[1], kind == "cubic")
+        try:
+            tables[name].require(name)
+        except FormatError as error:
+            raise SpecError(str(error)) from error
+    return tables
 
 
 def _names_of(

@@ -175,7 +175,8 @@ def _read(table: Table) -> Document:
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")
     remainder = plant.remainder
-    curved = remainder is not None and (remainder.curve or remainder.bends)
+    sampled = remainder is not None and plant.functions is None
+    curved = sampled and remainder is not None and (remainder.curve or remainder.bends)
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError(
             "plant.remainder: a claim of kind samples has to say what the plant is of"

@@ -259,6 +259,15 @@ class Tree(Short):
             return frozenset([self.word])
         return frozenset().union(*(tree.names for tree in self.of))
 
+    @property
+    def factored(self) -> tuple[Fraction, Tree]:
+        """A number and another function, of which it is the product."""
+        factor, tree = Fraction(1), self
+        while tree.kind == "*" and "number" in (tree.of[0].kind, tree.of[1].kind):
+            number, tree = sorted(tree.of, key=lambda part: part.kind != "number")
+            factor *= number.number
+        return factor, tree
+
     @cached_property
     def text(self) -> str:
         """It as `parse` reads it."""
@@ -313,6 +322,10 @@ class Tree(Short):
         if self.kind == "number" and value.denominator == 1 and (self.number or value >= 0):
             return lift(self.number ** int(value))
         return Tree("**", (self,), number=value, size=self.size + 1)
+
+    def lift(self, value: Any) -> Tree:
+        """Return a number, or a tree, as a tree."""
+        return lift(value)
 
     def called(self, word: str) -> Tree:
         """Return a function of it."""

@@ -9,6 +9,8 @@ from functools import cached_property
 from itertools import product
 from typing import Any, Literal
 
+from polefence.proof.approximation import Functions
+from polefence.proof.entries import Placed, read_entries, write_entries
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.ranges import ANY, Range
@@ -23,13 +25,23 @@ RATE = "rate of "  # begins the name of a state's rate, or an input's
 
 @dataclass(frozen=True)
 class Output(Short):
-    """y = C x + D u + F w: at every vertex C (1 x n), D (1 x m), F (1 x q) unless it is zero."""
+    """y = C x + D u + F w: at every vertex C (1 x n), D (1 x m), F (1 x q) unless it is zero.
+
+    ``near``: what [C, D, F] is off by from their combination, where functions of the parameters
+    are among its entries.
+    """
 
     C: list[Rationals]
     D: list[Rationals]
     name: str = ""
     F: tuple[Rationals, ...] = ()
     unit: str = ""
+    near: Remainder | None = None
+
+    @property
+    def rows(self) -> tuple[Any, ...]:
+        """What it is, whatever its name."""
+        return self.C, self.D, self.F, self.near
 
 
 @dataclass(frozen=True)
@@ -50,6 +62,7 @@ class Plant(Short):
     given by its vertices. ``vehicle`` is plain data that no proof reads, and ``noise`` names
     disturbances. With a ``remainder`` it is only near the combinations of the vertices, or on a
     part of the box whose corners are among the ``nodes`` near what is interpolated between those.
+    Where entries are ``functions`` of the parameters its remainder says which, and so do outputs.
     """
 
     A: list[Rationals]
@@ -66,6 +79,7 @@ class Plant(Short):
     noise: tuple[str, ...] = ()
     remainder: Remainder | None = None
     nodes: tuple[Node, ...] = ()
+    functions: Functions | None = None
 
     @property
     def n(self) -> int:
@@ -217,19 +231,41 @@ class Plant(Short):
             _remainder(table, (n, m, q)) if "remainder" in table else None,
             _nodes(table, (n, m, q)) if "nodes" in table else (),
         )
+        if "functions" in table:
+            plant = plant._with_functions(table.table("functions"))
         if plant.remainder is not None:
             plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
             raise FormatError(f"{table.path('sample_time')} must be positive")
         if plant.nodes and (plant.remainder is None or not plant.remainder.bends):
             raise FormatError(f"{table.path('nodes')}: they belong to a plant with bends")
-        if plant.remainder is not None and any(
-            parameter.rate is not None for parameter in plant.ranges
-        ):
+        sampled = plant.remainder is not None and plant.functions is None
+        if sampled and any(parameter.rate is not None for parameter in plant.ranges):
             raise FormatError(
                 f"{table.path('remainder')}: samples with one need constant parameters"
             )
         return plant
+
+    def _with_functions(self, table: Table) -> Plant:
+        """Return it with functions of the parameters among its entries."""
+        if self.remainder is not None or len(self.A) != 2 ** len(self.ranges):
+            raise FormatError(f"{table.where}: they belong to a plant of parameters, not sampled")
+        names = [output.name for output in self.outputs]
+        placed = read_entries(table, self.ranges, (self.n, self.m, self.q), names)
+        outputs = tuple(replace(y, near=placed.of_output(y.name)) for y in self.outputs)
+        remainder = placed.remainder()
+        return replace(self, outputs=outputs, remainder=remainder, functions=placed.functions)
+
+    def _placed(self, functions: Functions) -> dict[str, Any]:
+        """Return where functions of the parameters stand, as a file has it."""
+        source = self.remainder and self.remainder.source
+        of_outputs = {
+            y.name: y.near.source.directions
+            for y in self.outputs
+            if y.near is not None and y.near.source is not None
+        }
+        placed = Placed(functions, source.directions if source else (), of_outputs)
+        return write_entries(placed, (self.n, self.m, self.q))
 
     def write(self) -> dict[str, Any]:
         """Return the plant as a file has it."""
@@ -249,7 +285,9 @@ class Plant(Short):
             table["vehicle"] = self.vehicle
         if self.noise:
             table["noise"] = list(self.noise)
-        if self.remainder is not None:
+        if self.functions is not None:
+            table["functions"] = self._placed(self.functions)
+        elif self.remainder is not None:
             table["remainder"] = plain(self.remainder.entries)
             if self.remainder.curve:
                 head = {"degree": self.remainder.degree}

@@ -17,7 +17,7 @@ from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.dual_problem import DualProblem, Starts
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import stacked, states
+from polefence.plant.outputs import rows_at, states
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
@@ -309,12 +309,11 @@ class InitialPeak(Specification):
         held = self.held(plant)
         if held is not None:
             return self._between(plant, held, alpha, SEARCHED)
-        C, D, _ = stacked(plant, self.outputs(plant))
+        C, D, _ = rows_at(plant, self.outputs(plant), alpha)
         impulses = np.zeros((len(alpha), plant.shape[0], 0))
         if self.impulse:
             E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
             impulses = np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1)
-        C, D = (np.tensordot(alpha, M, 1) for M in (C, D))
         E = self._columns(impulses)
         return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
 

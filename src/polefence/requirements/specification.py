@@ -21,7 +21,7 @@ from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of, ranges_of
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import Output, Signal, disturbances, stacked
+from polefence.plant.outputs import Output, Signal, disturbances, rows_at, stacked
 from polefence.plant.parts import node
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
@@ -349,9 +349,11 @@ class Specification(Short):
         self, plant: UncertainPlant, law: Law, size: float, gain: bool = False
     ) -> DualProblem:
         """Return the loops whose disturbances are so many times as large."""
-        C, D, F = stacked(plant, self.outputs(plant))
-        E = size * self.entering(plant)
-        return DualProblem(plant, law, C, D, E, np.asarray(self.scaled(plant, F)), gain)
+        outputs = self.outputs(plant)
+        C, D, F = stacked(plant, outputs)
+        E, F = size * self.entering(plant), np.asarray(self.scaled(plant, F))
+        near = tuple(output.near for output in outputs)
+        return DualProblem(plant, law, C, D, E, F, gain, near=near)
 
     def _storing(self, plant: UncertainPlant, held: Held, size: float = 1.0) -> Storing:
         """Return the plant between samples, whose disturbances are so many times as large."""
@@ -374,7 +376,7 @@ class Specification(Short):
             direct = self.direct or behind is not None
             C, D = rows(plant, replace(output, F=()) if output.F and not acts else output, direct)
             F = tuple([list(row)] for row in output.exact(plant)[2]) if output.F else ()
-            outputs.append(proof.Output(C, D, output.name, F))
+            outputs.append(proof.Output(C, D, output.name, F, near=output.near))
         return tuple(outputs)
 
     def claim(
@@ -424,11 +426,10 @@ class Specification(Short):
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the source and the signal as a channel at points alpha (count, N)."""
-        C, D, F = stacked(plant, self.outputs(plant))
         disturbance(plant)
-        E, moved = self.scaled(plant, plant.driven(alpha)), (C, D, self.scaled(plant, F))
-        C, D, F = (np.tensordot(alpha, M, 1) for M in moved)
-        return Channel(*plant.at(alpha), E, C, D, F)
+        E = self.scaled(plant, plant.driven(alpha))
+        C, D, F = rows_at(plant, self.outputs(plant), alpha)
+        return Channel(*plant.at(alpha), E, C, D, self.scaled(plant, F))
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the bounded quantity of stable closed loops of its `channel`, with slopes."""
@@ -600,7 +601,7 @@ def claim_of(
     plant = delta_form(plant)
     motion = ranges_of(plant) if plant.moving else ()
     matrices, timing = matrices_of(plant), (plant.step, plant.remainder, motion)
-    points = inner_points([evidence], plant.remainder) if plant.bent else ()
+    points = inner_points([evidence], plant.remainder) if plant.noded else ()
     nodes = tuple(node(plant, at) for at in points)
     subject = proof.Subject(*matrices, law, evidence, on, *timing, nodes=nodes)
     return specification.claim(subject, level, plant)

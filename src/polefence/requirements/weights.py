@@ -76,7 +76,7 @@ def with_weights(
     for specification in specifications:
         for signal, weighting in _pairs(bare, specification):
             if weighting is not None and (signal.name, weighting) not in made:
-                wide = padded(signal, plant.shape[0] - n)
+                wide = padded(signal, plant.shape[0] - n, n)
                 plant, made[signal.name, weighting] = _with_filter(plant, wide, weighting)
     without: list[Specification] = []
     more = plant.shape[0] - n
@@ -84,7 +84,10 @@ def with_weights(
         pairs = _pairs(bare, specification)
         if pairs:
             specification = specification.filtered(
-                [padded(y, more) if weight is None else made[y.name, weight] for y, weight in pairs]
+                [
+                    padded(y, more, n) if weight is None else made[y.name, weight]
+                    for y, weight in pairs
+                ]
             )
         else:
             specification = specification.extended(n, more) if more else specification

@@ -25,7 +25,7 @@ from polefence.plant.outputs import (
     inputs,
     output_matrices,
     pick,
-    stacked,
+    rows_at,
 )
 from polefence.plant.system import Array
 from polefence.proof.short import Short
@@ -326,7 +326,7 @@ def _path(
     if source in pushes:
         j = pushes.index(source)
         B = loops.B[:, :, j : j + 1]
-        D = np.tensordot(loops.alpha, stacked(plant, asked)[1][:, :, j : j + 1], 1)
+        D = rows_at(plant, asked, loops.alpha)[1][..., j : j + 1]
         return _Path(loops, asked, (inputs(plant)[j],), B, C, D)
     known = [wind.name for wind in winds]
     if source is not None and source not in known:

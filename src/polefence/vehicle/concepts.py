@@ -24,7 +24,7 @@ from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states, sensors, with_states
-from polefence.plant.outputs import Output, choose, stacked, states
+from polefence.plant.outputs import Output, choose, rows_at, stacked, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.short import Short
@@ -326,10 +326,10 @@ class _Task:
 
         plant, spec, alpha = self.plant, self.specification.unweighted(), nominal(self.plant)
         A, B = plant.at(alpha)
-        C, D, _ = (np.tensordot(alpha, M, 1) for M in stacked(plant, spec.outputs(plant)))
+        C, D, _ = rows_at(plant, spec.outputs(plant), alpha)
         E = np.tensordot(alpha, spec.entering(plant), 1) * (spec.density / 2) ** 0.5
         signals = choose(plant, self.measured)
-        seen = np.tensordot(alpha, stacked(plant, signals)[0], 1)
+        seen = rows_at(plant, signals, alpha)[0]
         noise = np.array([NOISE[signal.unit] ** 2 * 1e-3 for signal in signals])
         # a force costs one: sensors' states spoil the equation where it costs little
         C, D = (M / (np.linalg.norm(D, 2) or 1.0) for M in (C, D))

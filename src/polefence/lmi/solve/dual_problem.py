@@ -15,8 +15,10 @@ from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.between import Clock, Period, Step
+from polefence.proof.claims.signal import OUTPUTS_SHARE
 from polefence.proof.polynomials import Polynomial as ExactPolynomial
 from polefence.proof.polynomials import monomials_of, multinomial
+from polefence.proof.remainder import Remainder
 from polefence.response.between import factor
 from polefence.response.held import Storing
 from polefence.response.stationary import growth
@@ -211,6 +213,8 @@ class DualProblem:
         Of a gain, or a peak, that is bounded between samples too; the same holds.
     starts : Starts, optional
         Of a peak between samples, where it is one from initial states without disturbances.
+    near : tuple of Remainder, optional
+        Of the outputs, where functions of the parameters are among their entries.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """
@@ -229,6 +233,7 @@ class DualProblem:
     storing: Storing | None = None
     starts: Starts | None = None
     decay: float = 0.0
+    near: tuple[Remainder | None, ...] = ()
 
     @property
     def domain(self) -> Domain:
@@ -301,9 +306,16 @@ class DualProblem:
         plant = inside(self.plant, low, high)
         alpha = box.alpha(self.domain, self.domain.nodes(1))
         C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
+        for k, known in enumerate(self.near):
+            if known is not None:
+                rows = known.added(low, high, (*self.plant.shape, F.shape[-1]))
+                scales = (1.0, 1.0, self.scales)
+                for M, more, scale in zip((C, D, F), rows, scales, strict=True):
+                    M[:, k] += np.array(more, dtype=float).reshape(len(M), -1) * scale
+        near = tuple(known and known.inside(low, high) for known in self.near)
         E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
         law = self.law.inside(plant, low, high)
-        problem = replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F)
+        problem = replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F, near=near)
         return replace(problem, between=True, means=means, storing=storing)
 
     def work(self, degree: int) -> float:
@@ -356,7 +368,7 @@ class DualProblem:
         if self.box is not None:
             alpha = self.box.alpha(self.domain, alpha)
         A, B = self.plant.at(alpha)
-        C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
+        C, D, F = self._outputs(alpha)
         curved = self.plant.curve_degree > 1
         E = self.plant.driven(alpha) * self.scales if curved else np.tensordot(alpha, self.E, 1)
         W, Z = self.law.parts(alpha)
@@ -367,6 +379,37 @@ class DualProblem:
         E = np.zeros((len(W), W.shape[1], noise.shape[-1]))
         E[:, : noise.shape[1]] = noise
         return W, A @ W + B @ Z, Y, E, np.zeros((len(W), Y.shape[1], E.shape[2]))
+
+    def _outputs(self, alpha: Array) -> tuple[Array, Array, Array]:
+        """Return C, D and F at points, with what functions of the parameters add to them.
+
+        What these are off by are outputs behind the others: see `SignalClaim.widened`.
+        """
+        C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))
+        off = [known.entries[0] for known in self.near if known is not None]
+        if not off:
+            return C, D, F
+        n, m = self.plant.shape
+        for k, known in enumerate(self.near):
+            if known is not None and known.curve:
+                basis = self.domain.basis(alpha, known.degree)
+                row = np.tensordot(basis, np.array(known.curve, dtype=float), 1)[:, 0]
+                C[:, k] += row[:, :n]
+                D[:, k] += row[:, n : n + m]
+                F[:, k] += row[:, n + m :] * self.scales
+        if not any(map(any, off)):
+            return C, D, F
+        squares = np.square(np.array(off, dtype=float)).sum(axis=0)
+        share = float(OUTPUTS_SHARE)
+        sizes = np.sqrt((1 + 1 / share) * np.count_nonzero(squares) * squares)
+        behind = np.broadcast_to(
+            np.diag(sizes)[sizes > 0], (len(alpha), (sizes > 0).sum(), len(sizes))
+        )
+        scaled = np.concatenate([np.ones(n + m), self.scales])
+        more = np.split(behind * scaled, [n, n + m], axis=-1)
+        grown = (np.sqrt(1 + share) * M for M in (C, D, F))
+        C, D, F = (np.concatenate(pair, axis=1) for pair in zip(grown, more, strict=True))
+        return C, D, F
 
     def ticked(self, ticks: Ticks, alpha: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
         """Return what `at` does, and what no law changes, for periods of any length.

@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import ClassVar
 
 from polefence.proof.claims.held import StoredClaim
-from polefence.proof.claims.signal import MAX_ENTRIES, Rows, below_kappa, scaled, stacked
+from polefence.proof.claims.signal import MAX_ENTRIES, Rows, below_kappa
 from polefence.proof.claims.storage import least_of_storage, rows_of_storage
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
@@ -129,8 +129,7 @@ class Gain(StoredClaim):
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q
-        none = [[[Fraction(0)] * q]] * len(self.subject.A)
-        F = scaled(stacked([output.F or none for output in self.outputs]), self.scales, sizes)
+        F = self.subject.straight(self.outputs, self.scales)
         return [
             [minus, E.times(-1), Y.T.times(-1)],
             [diagonal([self.level] * q, sizes), F.T.times(-1)],

@@ -295,7 +295,7 @@ class Poles(Short, Claim):
             raise FormatError(
                 f"a {what} needs one X for the whole box while parameters move; slack has none"
             )
-        if self.remainder is not None:
+        if self.remainder is not None and self.remainder.source is None:
             raise FormatError("sampled plants with a remainder need constant parameters")
         for proof, parts in self._each_with_parts:
             if any(part.decays(self.step) for part in parts):

@@ -45,6 +45,7 @@ from polefence.proof.laws import (
     Law,
     Piece,
     Point,
+    add,
     inner_points,
     lifted,
     on_corners,
@@ -86,6 +87,8 @@ from polefence.proof.transfer import Tensor, Transfer, positive, transfer
 from polefence.proof.work import MAX_IN_PARTS, FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
+# What outputs are off by: see `SignalClaim.widened`. It costs half as much of a bound.
+OUTPUTS_SHARE = Fraction(1, 2**16)
 
 Rows = dict[str, list[list[Polynomial]]]  # blocks of inequalities, by their names
 
@@ -216,16 +219,18 @@ class Subject(Short):
             for A, B, c, d in zip(self.A, self.B, C, D, strict=True)
         ]
         both = bernstein(rows, self.sizes, 1, MAX_BITS)
-        if self.remainder is None or not self.remainder.curve:
+        curved = self.remainder is not None and self.remainder.curve
+        if not curved and not any(y.near for y in outputs):
             return both
         AB, CD = (both.part(rows) for rows in (slice(self.n), slice(self.n, None)))
-        AB = self.remainder.curved(AB)
-        return below(AB, CD) if outputs else AB
+        AB = AB if self.remainder is None else self.remainder.curved(AB)
+        return below(AB, curved_rows(outputs, CD)) if outputs else AB
 
     def _outputs(self, outputs: Sequence[Output]) -> Polynomial:
         """Return [C, D]."""
         C, D = stacked([y.C for y in outputs]), stacked([y.D for y in outputs])
-        return affine([beside(pair) for pair in zip(C, D, strict=True)], self.sizes)
+        both = affine([beside(pair) for pair in zip(C, D, strict=True)], self.sizes)
+        return curved_rows(outputs, both)
 
     @property
     def as_poles(self) -> Poles:
@@ -251,6 +256,13 @@ class Subject(Short):
         if self.remainder is not None:
             E = self.remainder.curved(E, self.n + self.m)
         return E * diagonal(scales, sizes) if scales else E
+
+    def straight(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Polynomial:
+        """Return F of outputs, each column times its scale."""
+        none = [[[Fraction(0)] * self.q]] * len(self.A)
+        F = affine(stacked([output.F or none for output in outputs]), self.sizes)
+        F = curved_rows(outputs, F, self.n + self.m)
+        return F * diagonal(scales, self.sizes) if scales else F
 
     def entering(self, sizes: Sizes) -> Polynomial:
         """Return B, with the curve of a remainder."""
@@ -321,10 +333,7 @@ class Subject(Short):
         n, form = self.n, self.law.form(self.sizes)
         both = self._plant(outputs) * form
         W, N, Y = form.part(slice(n)), both.part(slice(n)), both.part(slice(n, None))
-        none = [[[Fraction(0)] * self.q]] * len(self.A)
-        F = None
-        if any(output.F for output in outputs):
-            F = scaled(stacked([output.F or none for output in outputs]), scales, self.sizes)
+        F = self.straight(outputs, scales) if any(output.F for output in outputs) else None
         whole = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
         return whole.bilinear(self.step)
 
@@ -332,10 +341,11 @@ class Subject(Short):
         """Refuse evidence that does not hold while parameters move."""
         if not self.motion:
             return
-        if evidence.dual or evidence.cells or self.remainder is not None:
+        sampled = self.remainder is not None and self.remainder.source is None
+        if evidence.dual or evidence.cells or sampled:
             raise FormatError(
-                "parameters that move need one X of the whole box, not a dual form, and no "
-                "remainder"
+                "parameters that move need one X of the whole box, not a dual form, and no samples "
+                "with a remainder"
             )
         X = lifted(self.law, evidence, self.sizes).part(slice(self.n))
         require_motion(X, self.motion, self.step)
@@ -734,14 +744,32 @@ class SignalClaim(Short, Claim):
         (A, B, E), remainder = on_part(vertices, loop.nodes, loop.remainder, low, high)
         subject = replace(loop, A=A, B=B, E=E, law=law, evidence=piece.evidence)
         subject = replace(subject, remainder=remainder, nodes=())
-        outputs = []
-        for y in self.outputs:
-            C, D = (on_corners(rows, low, high) for rows in (y.C, y.D))
-            F = tuple(on_corners(list(y.F), low, high)) if y.F else ()
-            outputs.append(replace(y, C=C, D=D, F=F))
-        return replace(self, subject=subject, outputs=tuple(outputs))
+        outputs = tuple(_inside(y, low, high, loop.q) for y in self.outputs)
+        return replace(self, subject=subject, outputs=outputs)
+
+    @property
+    def widened(self) -> Self:
+        """The same claim with what the outputs are off by as outputs behind them.
+
+        With z off by d, |d_j| <= sum e_jk |v_k| of v = [x; u; w], |z + d|^2 is at most
+        (1 + s) |z|^2 + (1 + 1/s) |d|^2, of which the last is a sum of squares of all v_k.
+        """
+        off = [y.near.entries[0] for y in self.outputs if y.near is not None]
+        if not any(map(any, off)):
+            return self
+        subject, share = self.subject, 1 + OUTPUTS_SHARE
+        outputs = [_times(y, share) for y in self.outputs]
+        squares = [(1 + 1 / OUTPUTS_SHARE) * total for total in _sums_of_squares(off)]
+        for k, square in enumerate(squares):
+            if square:
+                outputs.append(_alone(subject, k, root_above(square)))
+        return replace(self, outputs=tuple(outputs))
 
     def _of_loop(self) -> Iterator[Inequality]:
+        widened = self.widened
+        if widened is not self:
+            yield from widened._of_loop()
+            return
         evidence, sizes = self.subject.evidence, self.subject.sizes
         if evidence.dual or evidence.storage:
             letter = "Q" if evidence.dual else "X"
@@ -830,7 +858,11 @@ def _read_output(table: Table, plant: Plant, named: Table) -> Output:
     C = table.rows("C", plant.n, count)
     D = table.rows("D", plant.m, count) if "D" in table else [[[Fraction(0)] * plant.m]] * count
     F = table.rows("F", plant.q, count) if "F" in table else []
-    return Output(C, D, named.text("name", ""), tuple(F) if any(any(f[0]) for f in F) else ())
+    driven = tuple(F) if any(any(f[0]) for f in F) else ()
+    output = Output(C, D, named.text("name", ""), driven)
+    signal = plant.signal(output.name)
+    # one of the plant's own has the functions that this one has
+    return output if signal is None else replace(output, near=signal.near)
 
 
 def write_outputs(outputs: Sequence[Output]) -> dict[str, Any]:
@@ -842,11 +874,88 @@ def _rows_of(output: Output) -> dict[str, Any]:
     return {key: plain_rows(getattr(output, key)) for key in "CDF" if getattr(output, key)}
 
 
+def curved_rows(outputs: Sequence[Output], rows: Polynomial, first: int = 0) -> Polynomial:
+    """Return rows of outputs, a row each, with what is added to the combination of the vertices.
+
+    Parameters
+    ----------
+    first : int
+        Which column of [C, D, F] is their first.
+    """
+    if not any(y.near is not None and y.near.curve for y in outputs):
+        return rows
+    curved = list[Polynomial]()
+    for k, output in enumerate(outputs):
+        row = rows.part(slice(k, k + 1))
+        curved.append(row if output.near is None else output.near.curved(row, first))
+    total = curved[0]
+    for row in curved[1:]:
+        total = below(total, row)
+    return total
+
+
+def _inside(output: Output, low: Point, high: Point, q: int) -> Output:
+    """Return an output on a part of the box."""
+    C, D = (on_corners(rows, low, high) for rows in (output.C, output.D))
+    F = on_corners(list(output.F), low, high) if output.F else []
+    near = output.near
+    if near is None:
+        return replace(output, C=C, D=D, F=tuple(F))
+    F = F or [[[Fraction(0)] * q]] * len(C)
+    n, m = len(C[0][0]), len(D[0][0])
+    C, D, F = (
+        list(map(add, rows, more))
+        for rows, more in zip((C, D, F), near.added(low, high, (n, m, q)), strict=True)
+    )
+    driven = tuple(F) if any(any(f[0]) for f in F) else ()
+    return replace(output, C=C, D=D, F=driven, near=near.inside(low, high))
+
+
+def _times(output: Output, factor: Fraction) -> Output:
+    """Return more than the root of a factor times an output, which is exact."""
+    root = root_above(factor)
+    C, D, F = (
+        [[[root * x for x in row] for row in M] for M in rows]
+        for rows in (output.C, output.D, output.F)
+    )
+    near = output.near and output.near.mapped(
+        lambda M: tuple(tuple(root * x for x in row) for row in M)
+    )
+    return replace(output, C=C, D=D, F=tuple(F), near=near and replace(near, entries=_none(near)))
+
+
+def _none(near: Remainder) -> tuple[tuple[Fraction, ...], ...]:
+    return tuple((Fraction(0),) * len(row) for row in near.entries)
+
+
+def _sums_of_squares(off: Sequence[Sequence[Fraction]]) -> list[Fraction]:
+    """Return c of sum_j (sum_k e_jk |v_k|)^2 <= sum_k c_k v_k^2: of r columns r sum_j e_jk^2."""
+    size = [max(column) for column in zip(*off, strict=True)]
+    count = sum(map(bool, size))
+    return [count * sum((row[k] ** 2 for row in off), Fraction(0)) for k in range(len(size))]
+
+
+def _alone(subject: Subject, k: int, factor: Fraction) -> Output:
+    """Return so many times the k-th of the states, inputs and disturbances as an output."""
+    n, m, q = subject.n, subject.m, subject.q
+    row = [factor if j == k else Fraction(0) for j in range(n + m + q)]
+    count = len(subject.A)
+    driven = row[n + m :]
+    F = ([[driven]] * count) if any(driven) else []
+    return Output([[row[:n]]] * count, [[row[n : n + m]]] * count, "", tuple(F))
+
+
+def root_above(square: Fraction) -> Fraction:
+    """Return a little more than the square root, of few digits."""
+    bits = max(0, 48 - (square.numerator.bit_length() - square.denominator.bit_length()) // 2)
+    return Fraction(math.isqrt((square.numerator << 2 * bits) // square.denominator) + 1, 1 << bits)
+
+
 def misnamed(outputs: Sequence[Output], plant: Plant) -> str:
     """Say that an output has the name of another signal of the plant; "" where none has."""
     for output in outputs:
         signal = plant.signal(output.name)
-        if signal and (signal.C, signal.D, signal.F) != (output.C, output.D, output.F):
+        if signal and signal.rows != output.rows:
             return f"the output called {quoted(output.name)} is another of the plant's"
     return ""
 

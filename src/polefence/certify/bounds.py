@@ -90,6 +90,9 @@ Points = Iterator[tuple[Iterable[Evidence], float]]
 # A sample is computed with rounding: it agrees with a bound that it passes by this share.
 AGREED = 1e-6
 FEW = 20  # samples beside the vertices
+# The same where entries are functions of the parameters: the worst is inside the box more often. Of
+# a pendulum's two parameters 20 samples missed 2.7 % of the rms, 500 none.
+MORE = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +231,8 @@ class _Question:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> _Question:
         """Return the question with what samples say."""
-        alpha, by_transfer, dual, worst = seeded(plant, len(plant.vertices) + FEW), None, None, 0.0
+        few = FEW if plant.functions is None else MORE
+        alpha, by_transfer, dual, worst = seeded(plant, len(plant.vertices) + few), None, None, 0.0
         with suppress(InputError, np.linalg.LinAlgError):
             by_transfer = ByTransfer.of(plant, law, specification)
         with suppress(InputError, np.linalg.LinAlgError):

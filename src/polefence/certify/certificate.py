@@ -211,7 +211,8 @@ class Certificate(Short):
                 raise FormatError(verdict.reason)
             remainder = self.plant.remainder
             named = self.plant if self.observed is None else self.observed
-            if remainder is not None and remainder.curve and named.sampling is None:
+            sampled = remainder is not None and self.plant.functions is None
+            if sampled and remainder is not None and remainder.curve and named.sampling is None:
                 return  # what its samples are of is not known here: there is no file of it alone
             self.file((claim, *claims)).require_checkable((claim, *claims))
         except FormatError as error:

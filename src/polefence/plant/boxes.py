@@ -143,13 +143,16 @@ def widest(
         What entries of the loops are off by along each parameter, of samples between nodes.
     """
     count = len(domain.sizes)
-    ends = np.full((2 * count, count), 0.5)
+    ends = np.full((2 * count + 1, count), 0.5)
     for k in range(count):
         ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
     poles = np.linalg.eigvals(loops(_alpha(domain, ends)))
     depth = np.maximum(inside(poles), NIL * np.abs(poles) + np.finfo(float).tiny)
-    low, high = (poles[::2], depth[::2]), (poles[1::2], depth[1::2])
-    moved = np.maximum(_moved(low, high), _moved(high, low)) ** 2 / 4
+    low, high = (poles[:-1:2], depth[:-1:2]), (poles[1::2], depth[1::2])
+    # both ends may be alike, and the middle another loop: where a parameter's cosine counts, say
+    middle = np.repeat(poles[-1:], count, axis=0), np.repeat(depth[-1:], count, axis=0)
+    pairs = ((low, high), (high, low), (low, middle), (high, middle))
+    moved = np.max([_moved(*pair) for pair in pairs], axis=0) ** 2 / 4
     if off is not None:
         middle = loops(_alpha(domain, np.full((1, count), 0.5)))[0]
         moved = moved + 2 * _shifted(middle, inside, off)

@@ -15,7 +15,13 @@ def bare_plant(plant: UncertainPlant) -> Plant:
     """Return a plant without its names and outputs."""
     A, B, E = matrices_of(plant)
     return Plant(
-        A, B, E, ranges_of(plant), sample_time=plant.sample_time, remainder=plant.remainder
+        A,
+        B,
+        E,
+        ranges_of(plant),
+        sample_time=plant.sample_time,
+        remainder=plant.remainder,
+        functions=plant.functions,
     )
 
 

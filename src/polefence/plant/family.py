@@ -25,6 +25,7 @@ from polefence.base.explained import explained, explained_fields
 from polefence.plant.card import card
 from polefence.plant.controllability import PRIME, surely_controllable
 from polefence.plant.entries import NOT_RATIONAL, OUTPUTS, Read
+from polefence.plant.evaluated import beyond
 from polefence.plant.expression import CallError, RationalFunction, counted, evaluate
 from polefence.plant.outputs import (
     Output,
@@ -45,7 +46,7 @@ from polefence.proof.functions import FUNCTIONS, Table, Tree, lift, variable
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
 from polefence.proof.reading import MAX_VERTICES
-from polefence.proof.remainder import Remainder
+from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 from polefence.proof.text import plural
 
@@ -545,7 +546,7 @@ class UncertainPlant(Short):
                 "one per vertex"
             )
         A, B = np.tensordot(weights, self.A, 1), np.tensordot(weights, self.B, 1)
-        if not len(self.curve):
+        if not self._curved:
             return A, B
         (n, m), more = self.shape, self._beyond(weights)
         return A + more[..., :n], B + more[..., n : n + m]
@@ -554,9 +555,25 @@ class UncertainPlant(Short):
         """Return E(alpha), batched over leading axes of alpha; every vertex has one."""
         weights = np.asarray(alpha, dtype=float)
         E = np.tensordot(weights, np.stack([v.E for v in self.vertices if v.E is not None]), 1)
-        return E + self._beyond(weights)[..., sum(self.shape) :] if len(self.curve) else E
+        return E + self._beyond(weights)[..., sum(self.shape) :] if self._curved else E
+
+    @property
+    def _curved(self) -> bool:
+        """Whether there is more than the combination of the vertices."""
+        return bool(len(self.curve)) or self._source is not None
+
+    @property
+    def _source(self) -> Source | None:
+        """Which entries are functions of the parameters, on the whole box."""
+        whole = self.remainder is not None and self.functions is not None
+        return self.remainder.source if whole and self.remainder is not None else None
 
     def _beyond(self, alpha: Array) -> Array:
+        """Return what is beyond the combination of the vertices: of functions what these are."""
+        source = self._source
+        if source is not None:
+            directions = np.array(source.directions, dtype=float)
+            return np.tensordot(beyond(source.functions, alpha), directions, 1)
         return np.tensordot(self.domain.basis(alpha, self.curve_degree), self.curve, 1)
 
     @property

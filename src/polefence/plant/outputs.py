@@ -13,6 +13,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, PlantError, suggest
 from polefence.base.explained import explained, explained_fields
+from polefence.plant.evaluated import beyond
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
 from polefence.proof.matrices import mix
@@ -373,10 +374,15 @@ def rows_at(
     C, D, F = (np.tensordot(alpha, M, 1) for M in stacked(plant, outputs))
     n, m = plant.shape
     for k, output in enumerate(outputs):
-        if output.near is not None and output.near.curve:
-            curve = np.array(output.near.curve, dtype=float)
-            basis = plant.domain.basis(alpha, output.near.degree)
-            row = np.tensordot(basis, curve, 1)[..., 0, :]
+        if output.near is not None:
+            if plant.functions is not None and output.near.source is not None:
+                matrices, weights = output.near.source.directions, beyond(plant.functions, alpha)
+            else:
+                matrices = output.near.curve
+                weights = plant.domain.basis(alpha, output.near.degree)
+            if not matrices:
+                continue
+            row = np.tensordot(weights, np.array(matrices, dtype=float), 1)[..., 0, :]
             for M, more in zip((C, D, F), np.split(row, [n, n + m], axis=-1), strict=True):
                 M[..., k, :] += more
     return C, D, F

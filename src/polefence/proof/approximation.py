@@ -2,14 +2,14 @@
 
 On a part, in coordinates t from 0 to 1 of the scheduling variables, a function is interpolated in
 each coordinate at the nodes (1 - cos(pi j / d)) / 2. A polynomial of no higher degree is
-interpolated exactly. Of a function of one parameter the error is bounded on intervals of t, from
-its Taylor series about their middles less the polynomial's. Of one of several parameters it is at
-most the sum over these of
+interpolated exactly. Of another function the error is at most the sum over its parameters of
 
     L^(i - 1) K max |c_i|,
 
 with c_i the Taylor coefficient of order d + 1 along the parameter, K the largest magnitude of the
-product of t - t_j, and L, the Lebesgue constant, for the interpolations that follow one another.
+product of t - t_j, and L, the Lebesgue constant, for the interpolations that follow one another. Of
+a function of one parameter, where that is not small, it is bounded on intervals of t, from its
+Taylor series about their middles less the polynomial's.
 Where a table has a knot inside, the function is interpolated between the corners alone: with slopes
 from a to b the error is at most (b - a) / 4.
 
@@ -229,8 +229,11 @@ class _Part:
             return max(1, self.exact_degree or 0)
         if self.kinked or not self.axes:
             return 1
-        errors = list[Fraction]()
-        for degree in range(1, self.highest + 1):
+        errors, every = list[Fraction](), range(1, self.highest + 1)
+        for degree in every:
+            if self._by_derivatives(degree) <= ENOUGH * self.size:
+                return degree
+        for degree in every:
             errors.append(self.error(degree))
             if errors[-1] <= ENOUGH * self.size:
                 return degree
@@ -239,8 +242,13 @@ class _Part:
 
     def error(self, degree: int) -> Fraction:
         """Return what the interpolation of a degree is off by, before any rounding."""
-        if len(self.axes) == 1:
-            return self._errors[degree]
+        error = self._by_derivatives(degree)
+        if len(self.axes) == 1 and error > ENOUGH * self.size:
+            error = min(error, self._errors[degree])
+        return error
+
+    def _by_derivatives(self, degree: int) -> Fraction:
+        """Return the bound of Taylor coefficients: less work than `_errors`, and often larger."""
         grown, total = Fraction(1), Fraction(0)
         for i in self.axes:
             most = max(

@@ -28,12 +28,10 @@ def beyond(functions: Functions, alpha: Array) -> Array:
         s = low + (high - low) * upper[..., k]
         values[name] = 1 / s if r.inverted else s
     corners = np.array([f.corners for f in functions.on_box[1]], dtype=float)
-    shape = alpha.shape[:-1]
-    rows = [
-        np.broadcast_to(value_of(tree, values, functions.by_name), shape)
-        for tree in functions.trees
-    ]
-    return np.stack(rows, axis=-1) - alpha @ corners.T
+    tables, shape = functions.by_name, alpha.shape[:-1]
+    known = (value_of(tree, values, tables) for tree in functions.trees)
+    rows = [np.broadcast_to(value, shape) for value in known]
+    return np.asarray(np.stack(rows, axis=-1) - alpha @ corners.T)
 
 
 def value_of(tree: Tree, values: Mapping[str, Array], tables: Mapping[str, Table]) -> Array:

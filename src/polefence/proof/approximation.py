@@ -9,7 +9,8 @@ interpolated exactly. Of another function the error is at most the sum over its 
 with c_i the Taylor coefficient of order d + 1 along the parameter, K the largest magnitude of the
 product of t - t_j, and L, the Lebesgue constant, for the interpolations that follow one another. Of
 a function of one parameter, where that is not small, it is bounded on intervals of t, from its
-Taylor series about their middles less the polynomial's.
+Taylor series about their middles less the polynomial's; and of sums of products of such functions
+from those of the factors.
 Where a table has a knot inside, the function is interpolated between the corners alone: with slopes
 from a to b the error is at most (b - a) / 4.
 
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import product as cartesian
@@ -243,9 +244,54 @@ class _Part:
     def error(self, degree: int) -> Fraction:
         """Return what the interpolation of a degree is off by, before any rounding."""
         error = self._by_derivatives(degree)
-        if len(self.axes) == 1 and error > ENOUGH * self.size:
-            error = min(error, self._errors[degree])
-        return error
+        if error <= ENOUGH * self.size or not self.axes:
+            return error
+        if len(self.axes) == 1:
+            return min(error, self._errors[degree])
+        return min(error, self._by_factors(degree))
+
+    @cached_property
+    def _products(self) -> list[list[_Part]]:
+        """Summands, each as factors of no parameter in common; none where one cannot be split."""
+        products, summands = list[list[_Part]](), self.tree.summands
+        for tree in summands:
+            groups = list[tuple[frozenset[str], Tree]]()
+            for factor in tree.factors:
+                names, whole = factor.names, factor
+                for group in [group for group in groups if group[0] & names]:
+                    groups.remove(group)
+                    names, whole = names | group[0], group[1] * whole
+                groups.append((names, whole))
+            if len(summands) == 1 and any(group[0] == self.tree.names for group in groups):
+                return []
+            products.append([replace(self, tree=whole) for _, whole in groups])
+        return products
+
+    def _by_factors(self, degree: int) -> Fraction:
+        """Return the bound of products f g ..., each of which is interpolated by itself.
+
+        What f is interpolated by times that of g is what the product is: it is off by at most
+        |f| E(g) + (|g| + E(g)) E(f).
+        """
+        if not self._products:
+            return self._by_derivatives(degree)
+        total = Fraction(0)
+        for factors in self._products:
+            size, off = Fraction(1), Fraction(0)
+            for factor in factors:
+                error = Fraction(0) if factor.is_exact_in(degree) else factor.error(degree)
+                size, off = size * factor.bound, size * error + (factor.bound + error) * off
+            total += off
+        return total
+
+    def is_exact_in(self, degree: int) -> bool:
+        """Whether it is a polynomial of no higher degree."""
+        return self.exact_degree is not None and self.exact_degree <= degree
+
+    @cached_property
+    def bound(self) -> Fraction:
+        """At least its largest magnitude."""
+        return max(intervals.size(self.series(box, None, 0)[0]) for box in self._boxes(-1))
 
     def _by_derivatives(self, degree: int) -> Fraction:
         """Return the bound of Taylor coefficients: less work than `_errors`, and often larger."""
@@ -262,9 +308,10 @@ class _Part:
         return self.series(box, along, order)[order]
 
     def _boxes(self, along: int) -> Iterator[list[Interval]]:
-        """Yield pieces of the part: more along one parameter than along others."""
+        """Yield pieces of the part: more along one parameter than along others; -1 for all."""
         counts = [
-            1 if i not in self.axes else PIECES if i == along else 2 for i in range(len(self.low))
+            1 if i not in self.axes else PIECES if along in (i, -1) else 2
+            for i in range(len(self.low))
         ]
         for numbers in cartesian(*map(range, counts)):
             yield [

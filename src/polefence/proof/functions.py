@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
+from itertools import product as product_of
 from typing import Any
 
 from polefence.proof import intervals
@@ -28,6 +29,7 @@ from polefence.proof.work import FormatError, spend
 MAX_LENGTH = 4000  # characters of a text
 MAX_NODES = 400  # operations of one
 MAX_DEPTH = 60
+MAX_SUMMANDS = 64
 MAX_POWER = 32
 MAX_KNOTS = 200  # of a table
 MAX_DIGITS = 300
@@ -267,6 +269,25 @@ class Tree(Short):
             number, tree = sorted(tree.of, key=lambda part: part.kind != "number")
             factor *= number.number
         return factor, tree
+
+    @property
+    def factors(self) -> list[Tree]:
+        """Trees of which it is the product."""
+        if self.kind == "*":
+            return [*self.of[0].factors, *self.of[1].factors]
+        if self.kind == "/":
+            return [*self.of[0].factors, *(lift(1) / tree for tree in self.of[1].factors)]
+        return [self]
+
+    @property
+    def summands(self) -> list[Tree]:
+        """Trees of which it is the sum, where products of sums are not many."""
+        if self.kind == "+":
+            return [*self.of[0].summands, *self.of[1].summands]
+        parts = [factor.summands if factor.kind == "+" else [factor] for factor in self.factors]
+        if len(parts) < 2 or math.prod(map(len, parts)) > MAX_SUMMANDS:
+            return [self]
+        return [math.prod(choice, start=lift(1)) for choice in product_of(*parts)]
 
     @cached_property
     def text(self) -> str:

@@ -41,6 +41,7 @@ from polefence.proof.document import Document, loads
 from polefence.proof.laws import read_law
 from polefence.proof.matrices import Rationals
 from polefence.proof.reading import Table, is_double
+from polefence.proof.remainder import Rows
 from polefence.proof.short import Short
 from polefence.proof.text import number_text, region_text
 from polefence.proof.work import FormatError, WorkError, counted
@@ -211,7 +212,7 @@ class Certificate(Short):
                 raise FormatError(verdict.reason)
             remainder = self.plant.remainder
             named = self.plant if self.observed is None else self.observed
-            sampled = remainder is not None and self.plant.functions is None
+            sampled = remainder is not None and remainder.source is None
             if sampled and remainder is not None and remainder.curve and named.sampling is None:
                 return  # what its samples are of is not known here: there is no file of it alone
             self.file((claim, *claims)).require_checkable((claim, *claims))
@@ -447,6 +448,8 @@ def sampling_of(
         If it is not that car.
     """
     n = claim.n
+    source = claim.source
+    functions = plant.functions if source is None else source.functions
     bare = UncertainPlant.from_vertices(
         claim.A,
         claim.B,
@@ -460,6 +463,8 @@ def sampling_of(
         bare = replace(
             bare,
             parameters=plant.parameters,
+            remainder=None if source is None else source.on_box,
+            functions=functions,
             outputs=tuple(_not_late(plant, claim)),
             vehicle=_quarter_car(vehicle),
             car=plant.car,
@@ -480,11 +485,19 @@ def _not_late(plant: UncertainPlant, claim: Samples) -> Iterator[Output]:
             continue
         acting = [row[width - m : width] for row in C] if claim.delay else [row[:m] for row in D]
         F = F if claim.E else ()
-        yield Output(output.name, output.unit, [row[:n] for row in C], acting, F)
+        near = output.near and output.near.mapped(lambda M: _at_once(M, claim, plant.shape))
+        yield Output(output.name, output.unit, [row[:n] for row in C], acting, F, near)
 
 
 def _rows(matrices: Sequence[list[list[Fraction]]]) -> list[list[Fraction]]:
     return [row for (row,) in matrices]
+
+
+def _at_once(M: Rows, claim: Samples, shape: tuple[int, int]) -> Rows:
+    """Return rows of [C, D, F] of a plant whose inputs are not late."""
+    n, m, width, known = claim.n, claim.m, claim.width, sum(shape)
+    first = width - m if claim.delay else shape[0]
+    return tuple((*row[:n], *row[first : first + m], *row[known:]) for row in M)
 
 
 WHEELS = "wheels"  # what a car on two or four wheels has, and a quarter car has not

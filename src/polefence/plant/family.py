@@ -93,7 +93,12 @@ class SamplesOf(Short):
 
     @cached_property
     def held(self) -> Held | None:
-        """What goes on between samples, with what was computed of it; None without noise."""
+        """What goes on between samples, with what was computed of it.
+
+        None without noise, and of a plant with functions of the parameters.
+        """
+        if self.plant.functions is not None:
+            return None
         A, B, E = (
             [list(map(list, M)) for v in self.plant.vertices if (M := getattr(v, key)) is not None]
             for key in ("exact_A", "exact_B", "exact_E")
@@ -202,7 +207,7 @@ class UncertainPlant(Short):
         for name in self.noise:
             if name not in known:
                 raise PlantError(f"noise: no disturbance {name!r}; {suggest(str(name), known)}")
-        if self.moving and self.remainder is not None and self.functions is None:
+        if self.moving and self.remainder is not None and self.remainder.source is None:
             raise PlantError(
                 f"parameter {self.moving[0].name}: rate: samples of a plant in continuous time are "
                 "for constant parameters only; leave out rate"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from operator import mul
 
 import numpy as np
 
@@ -135,7 +136,7 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
     if sampling is None or not plant.noded:
         return Node(at, A, B, E)
     if at not in sampling.known:
-        sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, weights)
+        sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, at, weights)
     F, (n, m) = sampling.known[at], sampling.plant.shape
     T, states = plant.step or Fraction(1), plant.shape[0]
     acting = held_columns(n, m, sampling.delay, sampling.early, states)
@@ -152,7 +153,21 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
     return Node(at, A, B, E)
 
 
-def _sampled(sampling: SamplesOf, T: Fraction, weights: list[Fraction]) -> Rationals:
+def _with_values(
+    rows: Rationals, plant: UncertainPlant, at: Point, weights: list[Fraction]
+) -> Rationals:
+    """Return [A, B, E] at a point with what functions of the parameters are there."""
+    source = plant.remainder and plant.remainder.source
+    if not source:
+        return rows
+    values = [
+        value - sum(map(mul, weights, f.corners), Fraction(0))
+        for value, f in zip(source.functions.values(at), source.functions.on_box[1], strict=True)
+    ]
+    return add(rows, mix(values, [list(map(list, M)) for M in source.directions]))
+
+
+def _sampled(sampling: SamplesOf, T: Fraction, at: Point, weights: list[Fraction]) -> Rationals:
     """Return [F, G, H] at a point, rounded to doubles of the units."""
     n, plant = sampling.plant.shape[0], sampling.plant
     none: Exact = ((),) * n
@@ -160,10 +175,11 @@ def _sampled(sampling: SamplesOf, T: Fraction, weights: list[Fraction]) -> Ratio
         [[*a, *b, *e] for a, b, e in zip(v.exact_A, v.exact_B, v.exact_E or none, strict=True)]
         for v in plant.vertices
     ]
+    known = _with_values(mix(weights, rows), plant, at, weights)
     units = sampling.units
     M = [
         [x * T * u / unit for x, u in zip(row, units, strict=True)]
-        for row, unit in zip(mix(weights, rows), units, strict=False)
+        for row, unit in zip(known, units, strict=False)
     ]
     m, early = plant.shape[1], sampling.early
     wide = (*units[: n + m], *units[n : n + m], *units[n + m :]) if early else units

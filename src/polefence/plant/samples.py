@@ -23,4 +23,5 @@ def claim_of_samples(plant: UncertainPlant) -> Samples:
         sampling.terms,
         sampling.units,
         sampling.early,
+        None if sampling.plant.remainder is None else sampling.plant.remainder.source,
     )

@@ -89,6 +89,35 @@ class Functions(Short):
         """The tables."""
         return dict(self.tables)
 
+    @cached_property
+    def derivatives(self) -> tuple[tuple[tuple[Interval, ...], ...], ...]:
+        """Of each function, along each parameter: values and three derivatives on the box.
+
+        Raises
+        ------
+        KinkError
+            If one is not bounded.
+        """
+        count = len(self.ranges)
+        whole = (Fraction(0),) * count, (Fraction(1),) * count
+        return tuple(
+            tuple(_Part(self, tree, *whole).derivatives(i) for i in range(count))
+            for tree in self.trees
+        )
+
+    def values(self, at: Point) -> tuple[Fraction, ...]:
+        """Return the functions at a point of the box, to what `widest` says."""
+        count = len(self.ranges)
+        whole = (Fraction(0),) * count, (Fraction(1),) * count
+        return tuple(intervals.middle(_Part(self, tree, *whole).value(at)) for tree in self.trees)
+
+    def widest(self, at: Point) -> Fraction:
+        """Return what `values` are off by at most."""
+        count = len(self.ranges)
+        whole = (Fraction(0),) * count, (Fraction(1),) * count
+        known = [_Part(self, tree, *whole).value(at) for tree in self.trees]
+        return max((Fraction(b - a, ONE) for a, b in known), default=Fraction(0))
+
     @property
     def on_box(self) -> tuple[int, tuple[Approximation, ...]]:
         """The same on the whole box."""
@@ -179,6 +208,15 @@ class _Part:
     def value(self, t: Sequence[Fraction]) -> Interval:
         """Return the function at a point, from 0 to 1 of the part."""
         return self.series([enclosing(x) for x in t], None, 0)[0]
+
+    def derivatives(self, i: int) -> tuple[Interval, ...]:
+        """Return the ranges of the value and of three derivatives along a parameter."""
+        if i not in self.axes:
+            return (self.series(self._whole, None, 0)[0], ZERO, ZERO, ZERO)
+        series = [self.series(box, i, 3) for box in self._boxes(-1)]
+        hulls = [intervals.hull(column) for column in zip(*series, strict=True)]
+        factors = (enclosing(Fraction(math.factorial(k))) for k in range(4))
+        return tuple(map(intervals.times, hulls, factors))
 
     @cached_property
     def exact_degree(self) -> int | None:

@@ -175,7 +175,7 @@ def _read(table: Table) -> Document:
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")
     remainder = plant.remainder
-    sampled = remainder is not None and plant.functions is None
+    sampled = remainder is not None and remainder.source is None
     curved = sampled and remainder is not None and (remainder.curve or remainder.bends)
     if curved and not any(isinstance(claim, Samples) for claim in claims):
         raise FormatError(

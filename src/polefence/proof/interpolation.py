@@ -22,6 +22,9 @@ and one interpolation along t_i is off by at most w_i^3 D_i / 124, as |t (t - 1/
 at most 1 / (72 sqrt 3). It makes errors of those before it larger, by at most 5/4, the largest sum
 of the magnitudes of its three weights.
 
+Where M has functions of the parameters among its entries, N, N_i and the higher derivatives of M
+hold these too, and N + s N_i + s^2 N_ii / 2 + s^3 N_iii / 6 is in place of N + s N_i.
+
 All is computed in whole multiples of 2^-96 and rounded to the safe side.
 """
 
@@ -65,7 +68,23 @@ class Bends:
     third: tuple[Rationals, ...]
 
 
-def bends(M: Sequence[Rationals], terms: int) -> Bends:
+@dataclass(frozen=True)
+class Curves:
+    """What functions of the parameters add to [A, B, E] T between its corners.
+
+    Attributes
+    ----------
+    size : (n, width) rationals
+        Its largest magnitude.
+    along : tuple of three (n, width) rationals each
+        Of each parameter the largest magnitudes of its three derivatives.
+    """
+
+    size: Rationals
+    along: tuple[tuple[Rationals, Rationals, Rationals], ...]
+
+
+def bends(M: Sequence[Rationals], terms: int, curves: Curves | None = None) -> Bends:
     """Return how much the samples of a family bend, from its vertices.
 
     Parameters
@@ -74,6 +93,8 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
         [A, B, E] T at the 2^k corners of the box; the first parameter varies slowest.
     terms : int
         Of the series of `sample`.
+    curves : Curves, optional
+        What is added between the corners.
 
     Raises
     ------
@@ -82,9 +103,12 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     """
     count, length = len(M).bit_length() - 1, max(map(longest, M))
     spend(RATIONAL * len(M) * (count + 1) * len(M[0]) * len(M[0][0]), length, length)
-    largest = _largest(map(_magnitudes, M))
+    largest, more = _largest_with(M, curves)
     missing = _missing(largest, terms)
-    tops = [max(math.ceil(matrix[i][i] * ONE) for matrix in M) for i in range(len(largest))]
+    tops = [
+        max(math.ceil(matrix[i][i] * ONE) for matrix in M) + (more[i][i] if more else 0)
+        for i in range(len(largest))
+    ]
     shift = max(0, -min(tops))
     N = largest
     for i, top in enumerate(tops):
@@ -93,14 +117,32 @@ def bends(M: Sequence[Rationals], terms: int) -> Bends:
     for i in range(count):
         half = 1 << (count - 1 - i)  # places between the two ends of parameter i
         lower = (j for j in range(len(M)) if not j // half % 2)
-        slope = _largest(_magnitudes(_less(M[j + half], M[j])) for j in lower)
-        twice, thrice = _derivatives(N, slope, shift)
+        rates = [_largest(_magnitudes(_less(M[j + half], M[j])) for j in lower)]
+        if curves is not None:
+            first, *higher = map(_magnitudes, curves.along[i])
+            rates[0] = _sum(rates[0], first)
+            rates += [
+                [[-(-x // math.factorial(k)) for x in row] for row in matrix]
+                for k, matrix in enumerate(higher, 2)
+            ]
+        twice, thrice = _derivatives(N, rates, shift)
         along.append(twice)
         third.append(thrice)
     return Bends(tuple(along), missing, tuple(third))
 
 
-def terms_needed(M: Sequence[Rationals]) -> int:
+def _largest_with(
+    M: Sequence[Rationals], curves: Curves | None
+) -> tuple[Integers, Integers | None]:
+    """Return the largest magnitudes of the entries, and what of these lies between corners."""
+    largest = _largest(map(_magnitudes, M))
+    if curves is None:
+        return largest, None
+    more = _magnitudes(curves.size)
+    return _sum(largest, more), more
+
+
+def terms_needed(M: Sequence[Rationals], curves: Curves | None = None) -> int:
     """Return how many terms of the series of `sample` miss next to nothing.
 
     Raises
@@ -108,7 +150,7 @@ def terms_needed(M: Sequence[Rationals]) -> int:
     FormatError
         If the sample time is too long for so many as are computed.
     """
-    largest = _largest(map(_magnitudes, M))
+    largest, _ = _largest_with(M, curves)
     for terms in TERMS[:-1]:
         with suppress(FormatError):
             if _missing(largest, terms) < NEXT_TO_NOTHING:
@@ -159,8 +201,8 @@ def held_sample(M: Rationals, terms: int, early: Fraction, inputs: int) -> Integ
     ]
 
 
-def _derivatives(N: Integers, slope: Integers, shift: int) -> tuple[Rationals, Rationals]:
-    """Return C and D of one parameter, from N + c I and |dM/dt_i|, where c is the shift.
+def _derivatives(N: Integers, rates: Sequence[Integers], shift: int) -> tuple[Rationals, Rationals]:
+    """Return C and D of one parameter, from N + c I and |d^k M/dt_i^k| / k!, where c is the shift.
 
     The exponential is the square of that of half the numbers, and so on: of numbers so small that
     a few terms of the series are enough.
@@ -168,21 +210,28 @@ def _derivatives(N: Integers, slope: Integers, shift: int) -> tuple[Rationals, R
     n, width = len(N), len(N[0])
     halvings = math.ceil(2 * _row_sum(N)).bit_length()
     products = 7 * SHORT_SERIES + 10 * halvings
-    spend(products * n * n * width, max(FINE, bits(N)), max(FINE, bits(slope)))
+    spend(products * n * n * width, max(FINE, bits(N)), max(FINE, *map(bits, rates)))
     part = 1 << halvings
-    rates = [[[-(-x // part) for x in row] for row in matrix] for matrix in (N, slope)]
-    size, change = map(_row_sum, rates)
+    rates = [[[-(-x // part) for x in row] for row in matrix] for matrix in (N, *rates)]
+    size, *changes = map(_row_sum, rates)
     below = -(-shift // part)
     none = [[0] * width for _ in range(n)]
     one = [[ONE * (i == j) for j in range(width)] for i in range(n)]
     # of s^0 to s^3 in ((N + s slope) / part)^k / k!
-    term, total = [one, none, none, none], [one, none, none, none]
+    term, total = [one, none, none, none], [one, none, none, none]  # powers of s
     for k in range(1, SHORT_SERIES + 1):
         term = _product(term, rates, below, k)
         total = [_sum(*pair) for pair in zip(total, term, strict=True)]
     for d, matrix in enumerate(total):
-        # of s^d in (size + s change)^k / k!: change^d size^(k - d) / (d! (k - d)!), all k > terms
-        rest = change**d / math.factorial(d) * _tail(size, SHORT_SERIES + 1 - d)
+        # of s^d in (size + s c1 + s^2 c2 + ...)^k / k!, all k > terms: of j factors with a power
+        # of s it is size^(k - j) / (k - j)! times what is of s^d in (s c1 + ...)^j / j!
+        rest = sum(
+            (
+                share / math.factorial(j) * _tail(size, SHORT_SERIES + 1 - j)
+                for j, share in enumerate(_powers(changes, d))
+            ),
+            Fraction(0),
+        )
         total[d] = [[x + math.ceil(rest * ONE) for x in row] for row in matrix]
     below = math.ceil(exponential(Fraction(below, ONE)) * ONE)
     for _ in range(halvings):
@@ -193,6 +242,18 @@ def _derivatives(N: Integers, slope: Integers, shift: int) -> tuple[Rationals, R
         [[math.factorial(d) * Fraction(x) / least for x in row] for row in total[d]] for d in (2, 3)
     )
     return twice, thrice
+
+
+def _powers(changes: Sequence[Fraction], d: int) -> list[Fraction]:
+    """Return what is of s^d in (s c1 + s^2 c2 + ...)^j, for j from 0 to d."""
+    powers, rows = [Fraction(1), *[Fraction(0)] * d], list[Fraction]()
+    for _ in range(d + 1):
+        rows.append(powers[d])
+        powers = [
+            sum((powers[k - 1 - i] * c for i, c in enumerate(changes[:k])), Fraction(0))
+            for k in range(d + 1)
+        ]
+    return rows
 
 
 def _product(

@@ -239,7 +239,7 @@ class Plant(Short):
             raise FormatError(f"{table.path('sample_time')} must be positive")
         if plant.nodes and (plant.remainder is None or not plant.remainder.bends):
             raise FormatError(f"{table.path('nodes')}: they belong to a plant with bends")
-        sampled = plant.remainder is not None and plant.functions is None
+        sampled = plant.remainder is not None and plant.remainder.source is None
         if sampled and any(parameter.rate is not None for parameter in plant.ranges):
             raise FormatError(
                 f"{table.path('remainder')}: samples with one need constant parameters"
@@ -248,12 +248,15 @@ class Plant(Short):
 
     def _with_functions(self, table: Table) -> Plant:
         """Return it with functions of the parameters among its entries."""
-        if self.remainder is not None or len(self.A) != 2 ** len(self.ranges):
-            raise FormatError(f"{table.where}: they belong to a plant of parameters, not sampled")
+        if len(self.A) != 2 ** len(self.ranges):
+            raise FormatError(f"{table.where}: they belong to a plant of parameters")
         names = [output.name for output in self.outputs]
         placed = read_entries(table, self.ranges, (self.n, self.m, self.q), names)
         outputs = tuple(replace(y, near=placed.of_output(y.name)) for y in self.outputs)
         remainder = placed.remainder()
+        if remainder is not None and self.remainder is not None:
+            raise FormatError(f"{table.where}: samples are no functions; their outputs may be")
+        remainder = remainder or self.remainder
         return replace(self, outputs=outputs, remainder=remainder, functions=placed.functions)
 
     def _placed(self, functions: Functions) -> dict[str, Any]:
@@ -287,7 +290,7 @@ class Plant(Short):
             table["noise"] = list(self.noise)
         if self.functions is not None:
             table["functions"] = self._placed(self.functions)
-        elif self.remainder is not None:
+        if self.remainder is not None and self.remainder.source is None:
             table["remainder"] = plain(self.remainder.entries)
             if self.remainder.curve:
                 head = {"degree": self.remainder.degree}

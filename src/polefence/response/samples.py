@@ -29,8 +29,9 @@ from polefence.proof.between import MOST_PARTS as MOST_CLOCK_PARTS
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
+from polefence.proof.functions import KinkError
 from polefence.proof.plant import held_columns
-from polefence.proof.remainder import MAX_CURVE, Remainder
+from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
 from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
@@ -124,6 +125,13 @@ def at_sample_time(
         )
     held = _held(plant, T, late.early)
     bare, units = _on_the_way(plant, held, T, late), _units(plant)
+    if plant.remainder is not None:
+        if degree is not None:
+            raise InputError(
+                "degree: the samples of functions of the parameters are of no degree of one's own; "
+                "leave it out"
+            )
+        return _proved(_between_nodes(plant, bare, units, late), T, clock)
     tried = _degrees(plant) if degree is None else [degree]
     curve, about = _chosen(plant, bare, units, late, tried, remainder * _change(held, units))
     try:
@@ -135,9 +143,14 @@ def at_sample_time(
                 f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
             ) from problem
         samples = _between_nodes(plant, bare, units, late)
+    return _proved(samples, T, clock)
+
+
+def _proved(samples: UncertainPlant, T: Fraction, clock: Clock | None) -> UncertainPlant:
+    """Return samples with their clock where they are proved to be those of the plant."""
     verdict = prove(claim_of_samples(samples))
     if not verdict.proved:
-        raise InputError(f"{plant.name} sampled every {float(T):g} s: {verdict.reason}")
+        raise InputError(f"{samples.name} sampled every {float(T):g} s: {verdict.reason}")
     origin = samples.sampling
     return replace(samples, sampling=origin and replace(origin, clock=clock)) if clock else samples
 
@@ -273,6 +286,11 @@ def _between_nodes(
         terms = claim_of_samples(replace(bare, sampling=origin)).terms_needed()
         origin = replace(origin, terms=terms)
         bounds = claim_of_samples(replace(bare, sampling=origin)).bounds()
+    except KinkError as problem:
+        raise InputError(
+            f"{plant.name}: a table has a knot inside the range, and samples are not bounded "
+            "there; write a smooth function, or ranges between the knots"
+        ) from problem
     except FormatError as problem:
         raise InputError(f"{plant.name}: {problem}; take a shorter sample time") from problem
     scales = units[:n, None] / _doubled(plant, delay, units)
@@ -401,6 +419,7 @@ def _on_the_way(
         outputs=tuple(_late(plant, output, delay) for output in plant.every_output),
         sample_time=T,
         vehicle=None,
+        remainder=None,
     )
 
 
@@ -412,12 +431,19 @@ def _late(plant: UncertainPlant, output: Output, delay: int) -> Output:
     """Return the output in terms of the delayed inputs, which are states."""
     C, D, F = output.exact(plant)
     F = F if plant.disturbance_count else ()
-    m = plant.shape[1]
+    n, m = plant.shape
     zeros = (Fraction(0),) * m
     if not delay:
         return replace(output, C=C, D=D, F=F)
     rows = [(*c, *zeros * (delay - 1), *d) for c, d in zip(C, D, strict=True)]
-    return replace(output, C=rows, D=[zeros for _ in rows], F=F)
+
+    def later(M: Rows) -> Rows:
+        return tuple(
+            (*row[:n], *zeros * (delay - 1), *row[n : n + m], *zeros, *row[n + m :]) for row in M
+        )
+
+    near = output.near and output.near.mapped(later)
+    return replace(output, C=rows, D=[zeros for _ in rows], F=F, near=near)
 
 
 def _units(plant: UncertainPlant) -> Array:

@@ -18,12 +18,22 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from operator import add
+from functools import cached_property
+from operator import add, mul
 from typing import Any, ClassVar, Self
 
+from polefence.proof import intervals
 from polefence.proof.claims import steps
 from polefence.proof.claims.base import Claim, Inequality, Verdict, undecided
-from polefence.proof.interpolation import ONE, Bends, bends, held_sample, terms_needed
+from polefence.proof.entries import Placed, read_entries, write_entries
+from polefence.proof.interpolation import (
+    ONE,
+    Bends,
+    Curves,
+    bends,
+    held_sample,
+    terms_needed,
+)
 from polefence.proof.matrices import ZERO, Rationals, common_denominator, identity, longest, mix
 from polefence.proof.plant import Node, Plant, held_columns, read_early, sizes_of
 from polefence.proof.polynomials import (
@@ -36,6 +46,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
+from polefence.proof.remainder import Source
 from polefence.proof.short import Short
 from polefence.proof.text import late_text, milliseconds_text
 from polefence.proof.work import MAX_IN_PARTS, RATIONAL, FormatError, spend
@@ -63,6 +74,7 @@ class Samples(Short, Claim):
     terms: int
     units: tuple[Fraction, ...]
     early: Fraction = ZERO
+    source: Source | None = None
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
@@ -73,7 +85,12 @@ class Samples(Short, Claim):
         delay, terms = table.whole("delay", 0), table.whole("terms", 1, MAX_TERMS)
         width = len(A[0]) + len(B[0][0]) + (len(E[0][0]) if E else 0)
         early = read_early(table, delay)
-        return cls(plant, A, B, E, delay, terms, table.numbers("units", width), early)
+        source, shape = None, (len(A[0]), len(B[0][0]), len(E[0][0]) if E else 0)
+        if "functions" in table:
+            placed = read_entries(table.table("functions"), plant.ranges, shape, ())
+            source = Source(placed.functions, placed.of_plant)
+        units = table.numbers("units", width)
+        return cls(plant, A, B, E, delay, terms, units, early, source)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -82,8 +99,11 @@ class Samples(Short, Claim):
             for j in range(len(self.A))
         ]
         numbers = {"delay": self.delay, "terms": self.terms, "units": plain(self.units)}
-        early = {"early": plain(self.early)} if self.early else {}
-        return {"kind": self.kind} | numbers | early | {"vertices": vertices}
+        table = {"kind": self.kind} | numbers | ({"early": plain(self.early)} if self.early else {})
+        if self.source is not None:
+            placed = Placed(self.source.functions, self.source.directions, {})
+            table["functions"] = write_entries(placed, (self.n, self.m, self.q))
+        return table | {"vertices": vertices}
 
     def statement(self, plant: Plant) -> str:
         """Say what the plant is of."""
@@ -91,6 +111,7 @@ class Samples(Short, Claim):
         held = "u and w held" if self.E else "u held"
         time = milliseconds_text(plant.step)
         first = f" (states 1 to {self.width})" if plant.n > self.width else ""
+        late += ", with functions of the parameters" if self.source else ""
         on = f", on the box of {len(self.sizes)} parameters" if len(self.sizes) > 1 else ""
         return f"plant{first}: samples every {time} ms of x' = A x + B u + E w, {held}{late}{on}"
 
@@ -145,6 +166,8 @@ class Samples(Short, Claim):
         common_denominator([*self.A, *self.B, *self.E])
         if len(self.units) != n + m + q or min(self.units) <= 0:
             raise FormatError(f"samples: units must hold {n + m + q} positive numbers")
+        if self.source is not None and not self.bent:
+            raise FormatError("samples: of functions of the parameters the plant has bends")
         if (plant.ranges or self.bent) and 2 ** len(plant.ranges) != N:
             raise FormatError("samples: the vertices are not those of the parameters")
         if self.bent:
@@ -189,7 +212,64 @@ class Samples(Short, Claim):
         FormatError
             If the sample time is too long for so many terms.
         """
-        return bends(self._rates(), self.terms)
+        return bends(self._rates(), self.terms, self._curves)
+
+    @cached_property
+    def _curves(self) -> Curves | None:
+        """What functions of the parameters add between corners, in the units."""
+        if self.source is None:
+            return None
+        known, on_box = self.source.functions.derivatives, self.source.functions.on_box[1]
+        chords = [(min(f.corners), max(f.corners)) for f in on_box]
+        sizes = []
+        for ranges, (low, high) in zip(known, chords, strict=True):
+            value = ranges[0][0]
+            least, most = (Fraction(x, intervals.ONE) for x in value)
+            sizes.append(max(most - low, high - least))
+        along = []
+        for i in range(len(self.plant.ranges)):
+            derivatives = [[intervals.size(f[i][k]) for f in known] for k in (1, 2, 3)]
+            steps = [_steps_along(f.corners, i, len(self.plant.ranges)) for f in on_box]
+            derivatives[0] = [a + b for a, b in zip(derivatives[0], steps, strict=True)]
+            first, second, third = (self._of_functions(values, True) for values in derivatives)
+            along.append((first, second, third))
+        return Curves(self._of_functions(sizes, True), tuple(along))
+
+    def _of_functions(self, values: Sequence[Fraction], sizes: bool = False) -> Rationals:
+        """Return so many times the functions' directions, in the units; or of their magnitudes."""
+        directions = () if self.source is None else self.source.directions
+        width = len(self.units)
+        total = [[ZERO] * width for _ in range(self.n)]
+        for value, M in zip(values, directions, strict=True):
+            for i, row in enumerate(M):
+                for j, x in enumerate(row):
+                    total[i][j] += value * (abs(x) if sizes else x)
+        return self._scaled(total)
+
+    def _at(self, at: tuple[Fraction, ...], M: list[Rationals]) -> Rationals:
+        """Return [A, B, E] T in the units at a point of the box."""
+        weights = corner_weights(at)
+        matrix = mix(weights, M)
+        if self.source is None:
+            return matrix
+        functions = self.source.functions
+        values = [
+            value - sum(map(mul, weights, f.corners), ZERO)
+            for value, f in zip(functions.values(at), functions.on_box[1], strict=True)
+        ]
+        return [
+            list(map(add, *rows)) for rows in zip(matrix, self._of_functions(values), strict=True)
+        ]
+
+    def _inexact(self, at: tuple[Fraction, ...], missing: Fraction) -> Fraction:
+        """Return what a sample at a point is off by, with what the functions there are."""
+        if self.source is None:
+            return missing
+        functions = self.source.functions
+        off = self._of_functions([functions.widest(at)] * len(functions.trees), True)
+        rows = max((sum(row) for row in off), default=ZERO)
+        size = max(sum(map(abs, row)) for row in self._at(at, self._rates()))
+        return missing + rows * steps.exponential(math.ceil(size) + Fraction(1))
 
     def terms_needed(self) -> int:
         """Return how many terms of the series at a point miss next to nothing.
@@ -199,7 +279,7 @@ class Samples(Short, Claim):
         FormatError
             If the sample time is too long for as many as are computed.
         """
-        return terms_needed(self._rates())
+        return terms_needed(self._rates(), self._curves)
 
     def _decided_at_nodes(self) -> Verdict:
         """Compare the samples at vertices and nodes, and how much they bend between them."""
@@ -223,10 +303,11 @@ class Samples(Short, Claim):
                 return undecided("the samples bend more than the plant says")
         M = self._rates()
         for at, matrix in self._known_samples():
-            series = held_sample(mix(corner_weights(at), M), self.terms, self.early, self.m)
+            series = held_sample(self._at(at, M), self.terms, self.early, self.m)
+            off = self._inexact(at, missing)
             for i, (row, terms) in enumerate(zip(self._in_units([matrix])[0], series, strict=True)):
                 for j, (x, y) in enumerate(zip(row, terms, strict=True)):
-                    apart = abs(x - (i == j) - Fraction(y, ONE)) + missing
+                    apart = abs(x - (i == j) - Fraction(y, ONE)) + off
                     if apart > rounding[i][j]:
                         return undecided("a sample is farther off than the plant says")
         count = len(self.plant.A) + len(self.plant.nodes)
@@ -329,13 +410,14 @@ class Samples(Short, Claim):
 
     def _rates(self, share: Fraction | int = 1) -> list[Rationals]:
         """Return [A, B, E] of a share of T in the units, at every vertex."""
+        return [self._scaled(matrix, share) for matrix in _beside(self.A, self.B, self.E)]
+
+    def _scaled(self, matrix: Rationals, share: Fraction | int = 1) -> Rationals:
+        """Return [A, B, E] of a share of T in the units."""
         time = share * self.plant.step
         return [
-            [
-                [value * time * u / unit for value, u in zip(row, self.units, strict=True)]
-                for row, unit in zip(matrix, self.units[: self.n], strict=True)
-            ]
-            for matrix in _beside(self.A, self.B, self.E)
+            [value * time * u / unit for value, u in zip(row, self.units, strict=True)]
+            for row, unit in zip(matrix, self.units[: self.n], strict=True)
         ]
 
     def _steps(self) -> list[Rationals]:
@@ -389,6 +471,13 @@ class Samples(Short, Claim):
             for M, vertices in pairs
             if vertices and plant.n > self.width
         )
+
+
+def _steps_along(values: Sequence[Fraction], i: int, count: int) -> Fraction:
+    """Return the largest change of values at the corners along a parameter."""
+    half = 1 << (count - 1 - i)
+    lower = (j for j in range(len(values)) if not j // half % 2)
+    return max(abs(values[j + half] - values[j]) for j in lower)
 
 
 def _filled(rows: Sequence[Sequence[Fraction]]) -> int:

@@ -163,7 +163,7 @@ class Structure(Short):
             if signal.near is not None:
                 raise InputError(
                     f"measured: {signal.name!r} holds functions of the parameters; give it "
-                    f'[sensor."{signal.name}"], and measure that'
+                    f'[sensor."{signal.name}"], and measure "measured {signal.name}"'
                 )
             signals.append(signal)
         return tuple(signals)

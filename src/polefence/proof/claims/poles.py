@@ -257,7 +257,7 @@ class Poles(Short, Claim):
             raise FormatError("a region has no dual form of its inequalities")
         for proof in self._each:
             require_pieces(proof.pieces, self.sizes)
-            if proof.pieces and (self.method != "lyapunov" or proof.spread is not None):
+            if proof.pieces and self.method != "lyapunov":
                 raise FormatError("pieces belong to the method lyapunov")
         for proof in self.evidence:
             proof.require_cells(self.sizes)

@@ -305,7 +305,7 @@ class Subject(Short):
         if law.C:
             require_shapes(list(law.C), N, r, n, "the measured rows")
         require_pieces(proof.pieces, self.sizes)
-        if proof.pieces and (proof.dual or proof.cells or proof.spread is not None):
+        if proof.pieces and (proof.dual or proof.cells):
             raise FormatError("pieces belong to one X of the whole box")
         if proof.epsilon:
             raise FormatError("epsilon belongs to designs of the method slack")

@@ -313,10 +313,14 @@ def test_a_law_file_without_a_law_is_refused(tmp_path, capsys):
     assert "K21 is there, K2 is missing; K1, K2, ... are one a vertex" in line
 
 
-def test_rows_that_are_of_no_outputs_are_refused(tmp_path, capsys):
+def test_rows_that_are_of_no_outputs_are_left_out_and_said(tmp_path, capsys):
+    """A workspace's D is often of something else: then C alone is no output either."""
     w = Order()
     path = tmp_path / "w.mat"
     every = [w.numbers("A", A), w.numbers("B", B), w.numbers("K", K)]
-    path.write_bytes(w.file(*every, w.numbers("D", np.ones((1, 3)))))
-    line = refused(capsys, "verify", path)
-    assert "D has 3 columns, and the plant 1 input; save what is no row of outputs" in line
+    every += [w.numbers("C", np.ones((1, 2))), w.numbers("D", np.ones((1, 3)))]
+    path.write_bytes(w.file(*every))
+    out = ran(capsys, "verify", path)
+    assert "read: A, B, K from" in out
+    assert "left out, no outputs: D has 3 columns, and the plant 1 input" in out
+    assert not plant_from(read_arrays(path)).outputs

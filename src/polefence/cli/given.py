@@ -18,7 +18,7 @@ from polefence.law.arrays import compensator_from, law_from
 from polefence.law.compensator import Compensator, has_text, is_fields, written
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.law.structure import load_structure
-from polefence.plant.arrays import NO_NAMES, Arrays, plant_from, read_arrays
+from polefence.plant.arrays import NO_NAMES, Arrays, misfit, plant_from, read_arrays
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states
 from polefence.plant.spec import load
@@ -89,7 +89,8 @@ class Given:
         said = [self.compensator] if self.compensator else []
         if self.arrays is None:
             return said
-        names = [*"ABECDF", "sample_time"]
+        strange = misfit(self.arrays)
+        names = [*"ABE", *("" if strange else "CDF"), "sample_time"]
         if options.gain is None:
             own = compensator_from(self.arrays, alone=False)
             names += [*own[1]] if own else ["K"] if "K" in self.arrays else ["Z", "W"]
@@ -97,6 +98,7 @@ class Given:
         sign = "; u = -K x" if options.minus and not said else ""
         out = self.arrays.left_out(names)
         rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
+        rest += f"; left out, no outputs: {strange}" if strange else ""
         listed = ", ".join(self.arrays.listed(names))
         return [*said, f"read: {listed} from {self.arrays.place}{sign}{rest}"]
 

@@ -19,6 +19,7 @@ from polefence.base.errors import (
 )
 from polefence.base.explained import explained
 from polefence.law.laws import Law
+from polefence.law.transfer import quotient, realised
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, rows_at, split, states
 from polefence.plant.system import Array, System, floats
@@ -41,27 +42,43 @@ def _control() -> Any:
 
 @explained
 def from_control(
-    systems: Any, disturbances: int | str | Sequence[str] = 0, name: str = ""
+    systems: Any,
+    disturbances: int | str | Sequence[str] = 0,
+    name: str = "",
+    *,
+    controls: int | str | Sequence[str] | None = None,
+    measured: int | str | Sequence[str] = 0,
 ) -> UncertainPlant:
     """Return the polytope whose vertices are python-control ``StateSpace`` systems.
 
+    A generalised plant, from [w; u] to [z; y] as ``hinfsyn`` has it, is
+    ``from_control(P, controls=nu, measured=ny)``.
+
     Parameters
     ----------
-    systems : control.StateSpace or sequence of them
+    systems : control.StateSpace, TransferFunction, or sequence of StateSpace
         One, or one a vertex: all of one shape, in continuous time or of one sample time. States and
         inputs keep the names that they were given, and so do the outputs y = C x + D u + F w; those
-        that are one state or one input, or nothing at all, are left out.
+        that are one state or one input, or nothing at all, are left out. A transfer function is
+        realised with as few states as it has.
     disturbances : int or sequence of str
         Which inputs are disturbances (columns of E) rather than controls: how many of the last
         ones, or their names, wherever they are among the inputs.
     name : str
         Of the plant; by default that of the first system, where it was given one.
+    controls : int or sequence of str, optional
+        In place of ``disturbances``, which inputs are controls: how many of the last ones, or
+        their names; all others are disturbances.
+    measured : int or sequence of str
+        Which outputs a law is to measure: how many of the last ones, or their names. All outputs
+        are kept then, one state or input too. Where python-control has only numbered them they
+        have the names y1, y2 and so on, and those that are not measured z1, z2 and so on.
 
     Raises
     ------
     PlantError
-        If a system is no ``StateSpace``, of another time or other names than the first, has no
-        input of a name that is given, or no control input is left.
+        If a system is of another kind, of another time or other names than the first, has no
+        input or output of a name that is given, or no control input is left.
     MissingExtraError
         If python-control is not installed.
     """
@@ -74,44 +91,80 @@ def from_control(
         ) from error
     if not given:
         raise PlantError("a plant needs at least one vertex")
+    if len(given) == 1 and isinstance(given[0], control.TransferFunction):
+        given = [_realised(control, given[0])]
     for j, system in enumerate(given):
         _require_vertex(control, system, given[0], f"system {j + 1}")
     first = given[0]
-    controls, others = _columns(first, disturbances)
+    us, others = _columns(first, disturbances, controls)
+    ys = _chosen(first.output_labels, measured, "measured", "output")
     labels = _names(first.input_labels)
     plant = UncertainPlant.from_vertices(
         [s.A for s in given],
-        [s.B[:, controls] for s in given],
+        [s.B[:, us] for s in given],
         [s.B[:, others] for s in given] if others else None,
         name=name or _own([first.name], "plant"),
         states=_names(first.state_labels),
-        inputs=_some(labels, controls),
+        inputs=_some(labels, us),
         disturbances=_some(labels, others),
         sample_time=first.dt or None,
     )
-    return replace(plant, outputs=tuple(_outputs(plant, given, controls, others)))
+    return replace(plant, outputs=tuple(_outputs(plant, given, us, others, ys)))
 
 
-def _columns(system: Any, disturbances: int | str | Sequence[str]) -> tuple[list[int], list[int]]:
-    """Return which inputs are controls, and which disturbances."""
-    count = system.ninputs
-    if isinstance(disturbances, int | np.integer):
-        if not 0 <= disturbances < count:
+def _realised(control: Any, system: Any) -> Any:
+    """Return a transfer function as a ``StateSpace`` with the same names."""
+    rows = [
+        [quotient(top, bottom, "systems") for top, bottom in zip(tops, bottoms, strict=True)]
+        for tops, bottoms in zip(system.num, system.den, strict=True)
+    ]
+    matrices = [np.array([[float(x) for x in row] for row in M]) for M in realised(rows, "systems")]
+    labels = {"inputs": system.input_labels, "outputs": system.output_labels}
+    return control.ss(*matrices, system.dt, name=system.name, **labels)
+
+
+def _chosen(
+    labels: Sequence[str], which: int | str | Sequence[str], key: str, what: str
+) -> list[int]:
+    """Return places of the last signals, by their number, or of named ones."""
+    if isinstance(which, int | np.integer):
+        if not 0 <= which <= len(labels):
             raise PlantError(
-                f"disturbances = {disturbances} of {plural(count, 'input')} leaves no control "
-                "input; give how many of the last ones are, or their names"
+                f"{key} = {which} of {plural(len(labels), what)}; give how many of the last ones, "
+                "or their names"
             )
-        return list(range(count - disturbances)), list(range(count - disturbances, count))
-    labels = list(system.input_labels)
-    wanted = [disturbances] if isinstance(disturbances, str) else list(disturbances)
-    for name in wanted:
-        if name not in labels:
-            raise PlantError(f"disturbances: no input {name!r}; {suggest(str(name), labels)}")
-    others = [labels.index(name) for name in dict.fromkeys(wanted)]
-    controls = [k for k in range(count) if k not in others]
-    if not controls:
+        return list(range(len(labels) - which, len(labels)))
+    names, known = [which] if isinstance(which, str) else list(which), list(labels)
+    for name in names:
+        if name not in known:
+            raise PlantError(f"{key}: no {what} {name!r}; {suggest(str(name), known)}")
+    return [known.index(name) for name in dict.fromkeys(names)]
+
+
+def _columns(
+    system: Any,
+    disturbances: int | str | Sequence[str],
+    controls: int | str | Sequence[str] | None,
+) -> tuple[list[int], list[int]]:
+    """Return which inputs are controls, and which disturbances."""
+    count, labels = system.ninputs, system.input_labels
+    if controls is not None:
+        if not isinstance(disturbances, int) or disturbances:
+            raise PlantError("controls names the inputs already; leave out disturbances")
+        us = _chosen(labels, controls, "controls", "input")
+        if not us:
+            raise PlantError("controls names no input; one at least must be a control")
+        return us, [k for k in range(count) if k not in us]
+    if isinstance(disturbances, int | np.integer) and not 0 <= disturbances < count:
+        raise PlantError(
+            f"disturbances = {disturbances} of {plural(count, 'input')} leaves no control "
+            "input; give how many of the last ones are, or their names"
+        )
+    others = _chosen(labels, disturbances, "disturbances", "input")
+    us = [k for k in range(count) if k not in others]
+    if not us:
         raise PlantError("disturbances names every input; one at least must be a control")
-    return controls, others
+    return us, others
 
 
 def _some(labels: tuple[str, ...], columns: Sequence[int]) -> tuple[str, ...]:
@@ -119,30 +172,42 @@ def _some(labels: tuple[str, ...], columns: Sequence[int]) -> tuple[str, ...]:
 
 
 def _outputs(
-    plant: UncertainPlant, systems: Sequence[Any], controls: list[int], others: list[int]
+    plant: UncertainPlant,
+    systems: Sequence[Any],
+    controls: list[int],
+    others: list[int],
+    measured: list[int],
 ) -> Iterator[Output]:
-    """Yield the systems' outputs, under their names, that are no states or inputs."""
+    """Yield the systems' outputs, under their names; plain ones where some are measured."""
     known = {signal.name: signal for signal in plant.signals}
     plain = {(signal.C, signal.D, signal.F) for signal in plant.signals}
+    counts = {True: 0, False: 0}  # of those that are measured, and of others
     for i, label in enumerate(systems[0].output_labels):
         blocks: dict[str, Any] = {"C": [s.C[i] for s in systems]}
         blocks["D"] = [s.D[i, controls] for s in systems]
         blocks["F"] = [s.D[i, others] for s in systems if others]
+        own = i in measured
+        counts[own] += 1
         if not any(np.any(row) for rows in blocks.values() for row in rows):
+            if own:
+                raise PlantError(f"output {label!r} is zero, and nothing to measure")
             continue
-        name, unit = split(re.sub(r"^y\[(\d+)\]$", r"output \1", label))
+        numbered = f"{'y' if own else 'z'}{counts[own]}" if measured else r"output \1"
+        name, unit = split(re.sub(r"^y\[(\d+)\]$", numbered, label))
         output = Output(name, unit, **blocks)
         rows = output.C, output.D, output.F
         if name in known and rows != (known[name].C, known[name].D, known[name].F):
             raise PlantError(f"output {name!r} has the name of a state or an input; rename it")
-        if name not in known and rows not in plain:
+        if name not in known and (measured or rows not in plain):
             yield output
 
 
 def _require_vertex(control: Any, system: Any, first: Any, where: str) -> None:
     if not isinstance(system, control.StateSpace):
         kind = type(system).__name__
-        raise PlantError(f"{where} is a {kind}, not a StateSpace; control.ss() makes one")
+        same = isinstance(system, control.TransferFunction)
+        more = ", in the same states as the others" * same
+        raise PlantError(f"{where} is a {kind}, not a StateSpace; control.ss() makes one{more}")
     if system.dt is True:
         raise PlantError(f"{where} is in discrete time without a sample time; give its dt [s]")
     if (system.dt or 0) != (first.dt or 0):

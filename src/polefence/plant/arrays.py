@@ -488,16 +488,23 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
     return matrices * N if len(matrices) == 1 else matrices
 
 
+def misfit(arrays: Arrays) -> str:
+    """Return why C, D and F of a file are no rows of outputs of its plant; "" where they are."""
+    n = len(arrays["A"][0])
+    m = len(arrays["B"][0][0]) if "B" in arrays else n
+    q = len(arrays["E"][0][0]) if arrays.holds("E") else 0
+    for key, width, what in (("C", n, "state"), ("D", m, "input"), ("F", q, "disturbance")):
+        columns = len(arrays[key][0][0]) if arrays.holds(key) else width
+        if columns != width:
+            return f"{key} has {plural(columns, 'column')}, and the plant {plural(width, what)}"
+    return ""
+
+
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
     given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
-    (n, m), q = plant.shape, plant.disturbance_count
-    for key, width, what in (("C", n, "state"), ("D", m, "input"), ("F", q, "disturbance")):
-        if key in given and len(given[key][0][0]) != width:
-            raise InputError(
-                f"{key} has {plural(len(given[key][0][0]), 'column')}, and the plant "
-                f"{plural(width, what)}; save what is no row of outputs under another name"
-            )
+    if misfit(arrays):
+        return
     counts = {len(matrices[0]) for matrices in given.values()}
     if len(counts) > 1:
         raise InputError(f"{', '.join(given)} must have as many rows each, one an output")

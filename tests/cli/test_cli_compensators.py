@@ -78,6 +78,22 @@ def judged(capsys, *words):
     assert "proved" in ran(capsys, "check", "out", "--spec", "arm.toml")
 
 
+def test_what_is_read_of_a_file_is_said(folder, capsys):
+    FILES["KA"]("law.mat")
+    said = ran(capsys, "verify", "arm.toml", "--measured", "x", "--gain", "law.mat")
+    assert "law: order 1, u = K y of y = x [m]; KA, KB, KC, KD of law.mat" in said
+    savemat("law.mat", {f"{letter}hat": M for letter, M in ONE.items()})
+    names = [word for x in "ABCD" for word in ("--name", f"{x}c={x}hat")]
+    said = ran(capsys, "verify", "arm.toml", "--measured", "x", "--gain", "law.mat", *names)
+    assert said.startswith("proved: ")
+    savemat("law.mat", {"lead": ONE, "other": ONE})
+    line = refused(capsys, "verify", "arm.toml", "--measured", "x", "--gain", "law.mat")
+    assert "holds neither a gain K nor W and Z" in line
+    assert "name one of the systems lead, other K" in line
+    named = ["--gain", "law.mat", "--name", "K=lead"]
+    assert "lead of law.mat" in ran(capsys, "verify", "arm.toml", "--measured", "x", *named)
+
+
 @pytest.mark.parametrize("kind", FILES)
 @pytest.mark.parametrize("how", [{}, {"do_compression": True}, {"format": "4"}])
 def test_files_of_matlab(folder, capsys, kind, how):

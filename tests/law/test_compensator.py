@@ -310,6 +310,11 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
         ({"A": [[1, 2], [3]], "B": [[1]], "C": [[1]]}, "A is ragged"),
         ({"A": [[float("nan")]], "B": [[1]], "C": [[1]]}, "A[1][1] = nan must be a finite number"),
         ({"numerator": [1], "denominator": [0]}, "the denominator is zero"),
+        (
+            {"A": [[1]], "B": [[1]], "C": [[1]], "mesured": ["x"]},
+            "'mesured'; did you mean 'measured'",
+        ),
+        ({"num": [1], "den": [1, 1], "grid": {}}, "a table is of A, B, C and D; realise each"),
         ({"numerator": "s + 1", "denominator": [1, 2]}, "must be coefficients, [1, 50] of s + 50"),
         ({"numerator": [[[1], [2]]], "denominator": [[[1, 2]], [[1, 3]]]}, "matrices of one shape"),
         ({"zeros": [], "poles": ["-1+2j"], "gain": 1}, "-1+2j has no conjugate; give both"),

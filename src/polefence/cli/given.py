@@ -15,7 +15,8 @@ from polefence.certify.design import FILE_NAME, read_document, require_kind
 from polefence.cli.options import at_samples, note_sensors
 from polefence.cli.subjects import claims_file, with_law_of
 from polefence.law.arrays import compensator_from, law_from
-from polefence.law.compensator import Compensator, has_text, is_fields, written
+from polefence.law.compensator import Compensator, has_text, written
+from polefence.law.fields import is_fields
 from polefence.law.laws import FixedGain, GainTable, Law, given_law, table_from
 from polefence.law.structure import load_structure
 from polefence.plant.arrays import NO_NAMES, Arrays, misfit, plant_from, read_arrays
@@ -36,6 +37,7 @@ WANTED = (
     'give a matrix, a design.json, a table {"grid": {name: knots}, "gains": nested lists}, or a '
     'compensator {"A": ..., "B": ..., "C": ..., "D": ...}'
 )
+Found = tuple[Compensator, tuple[str, ...]]  # with the names that a file has for it
 NONE, SPEC = "none", "spec"  # of limits: the poles alone; all that a spec asks for
 
 
@@ -117,18 +119,18 @@ def read_given(options: Any) -> Given:
     if arrays is None:
         seen = _with_own_states(seen, options)
         plant = plant if options.sample_time is not None else seen
-    given = _given(seen, arrays, names, options)
-    if isinstance(given, Compensator):
-        larger, law, said = _beside(plant, seen, given, options)
+    found = _given(seen, arrays, names, options)
+    if found is not None:
+        larger, law, said = _beside(plant, seen, found, options)
         return Given(larger, law, arrays, names, said)
+    if seen is plant:
+        law = _law(plant, arrays, names, options)
+    else:
+        law = _sampled_law(plant, seen, arrays, names, options)
     if options.measured is not None:
         raise InputError(
             "--measured is for a compensator, or a gain with texts; write u = K x of all states"
         )
-    if seen is plant:
-        law = given or _law(plant, arrays, names, options)
-    else:
-        law = _sampled_law(plant, seen, arrays, names, options)
     if options.minus:
         if isinstance(law, GainTable):
             raise InputError("--minus is for one gain or law; write the table with u = K x")
@@ -140,7 +142,7 @@ def read_given(options: Any) -> Given:
 
 def _given(
     plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
-) -> Compensator | None:
+) -> Found | None:
     """Return the compensator that the options name; None of any other law."""
     if options.gain is not None:
         try:
@@ -148,13 +150,14 @@ def _given(
         except InputError as problem:
             raise type(problem)(_with_options(str(problem))) from problem
     found = None if arrays is None else compensator_from(arrays, alone=False)
-    return None if found is None else found[0]
+    return None if found is None else (found[0], ())  # the line of what is read has its names
 
 
 def _beside(
-    plant: UncertainPlant, seen: UncertainPlant, given: Compensator, options: Any
+    plant: UncertainPlant, seen: UncertainPlant, found: Found, options: Any
 ) -> tuple[UncertainPlant, Law | GainTable, str]:
     """Return the plant with the states of a compensator, its gain, and what it is in words."""
+    given, read = found
     try:
         if given.measured is None:
             given = replace(given, measured=_measured(plant, given, options))
@@ -171,7 +174,8 @@ def _beside(
     listed = ", ".join(y.label for y in given.signals(seen))
     table = "a table of " * isinstance(law, GainTable)
     what = f"{table}order {given.order}" if given.order else f"{table}gains"
-    return larger, law, f"law: {what}, u = {'-' * options.minus}K y of y = {listed}"
+    source = f"; {', '.join(read)} of {options.gain}" if read else ""
+    return larger, law, f"law: {what}, u = {'-' * options.minus}K y of y = {listed}{source}"
 
 
 def _measured(plant: UncertainPlant, given: Compensator, options: Any) -> tuple[str, ...] | None:
@@ -312,9 +316,9 @@ def read_gain(
     InputError
         If it cannot be read, or does not fit the plant; the file is named.
     """
-    given = read_compensator(plant, what, names, option)
-    if given is not None:
-        name = option if is_written(what) else what
+    found = read_compensator(plant, what, names, option)
+    if found is not None:
+        given, name = found[0], option if is_written(what) else what
         if given.order:
             raise InputError(
                 f"{name}: a law with states of its own; prove it by polefence verify --gain, with "
@@ -346,8 +350,10 @@ def read_gain(
 
 def read_compensator(
     plant: UncertainPlant, what: str, names: Mapping[str, str] = NO_NAMES, option: str = "--gain"
-) -> Compensator | None:
+) -> Found | None:
     """Read a law with states, or with texts in it, as `read_gain` does; None of any other law.
+
+    The names are those of a file with several arrays.
 
     Raises
     ------
@@ -356,21 +362,20 @@ def read_compensator(
     """
     if _is_transfer(what):
         try:
-            return written(plant, what)
+            return written(plant, what), ()
         except InputError as error:
             raise type(error)(f"{option}: {error}") from error
     name, text = _read(what, option)
     if text is None:
-        found = compensator_from(read_arrays(name, names), alone=True)
-        return None if found is None else found[0]
+        return compensator_from(read_arrays(name, names), alone=True)
     data = _parsed(name, text)
     own = names.get("K", "K")
     if isinstance(data, dict) and isinstance(data.get(own), dict):
         data = data[own]
     try:
         if isinstance(data, dict) and "format" not in data and is_fields(data):
-            return Compensator.from_fields(data)
-        return written(plant, data) if has_text(data) else None
+            return Compensator.from_fields(data), ()
+        return (written(plant, data), ()) if has_text(data) else None
     except InputError as error:
         raise type(error)(f"{name}: {error}") from error
 

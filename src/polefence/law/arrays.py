@@ -9,7 +9,8 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained
-from polefence.law.compensator import Compensator, is_fields, names_of
+from polefence.law.compensator import Compensator
+from polefence.law.fields import is_fields, known_fields, names_of
 from polefence.law.laws import FixedGain, Law, PolynomialGain, ScheduledGain, given_law
 from polefence.plant.arrays import Arrays
 from polefence.plant.family import UncertainPlant
@@ -58,7 +59,7 @@ def compensator_from(arrays: Arrays, alone: bool) -> tuple[Compensator, tuple[st
     try:
         for names, fields in _found(arrays, alone):
             what = names[0] if len(names) == 1 else ""
-            return Compensator.from_fields(fields, what), names
+            return Compensator.from_fields(known_fields(fields), what), names
     except InputError as problem:
         if str(problem).startswith(arrays.place):
             raise
@@ -115,11 +116,16 @@ def _law(arrays: Arrays, plant: UncertainPlant, alone: bool) -> Law:
         return ScheduledGain(_floats(arrays["W"]), _floats(arrays["Z"]))
     if "B" not in arrays and not alone:
         return FixedGain(np.zeros(plant.shape[::-1]))
+    several = [name for name, own in arrays.structures.items() if is_fields(own)]
     if arrays.systems:
         raise InputError(arrays.faults[arrays.systems[0]])
     raise InputError(
         f"{arrays.place}: holds neither a gain K nor W and Z, nor a compensator Ac, Bc, Cc and Dc; "
-        "name a file that does"
+        + (
+            f"name one of the systems {', '.join(several)} K"
+            if several
+            else "name a file that does"
+        )
     )
 
 

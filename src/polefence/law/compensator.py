@@ -5,53 +5,38 @@ A compensator is a gain of the larger plant that has its states; see `plant.larg
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, PlantError, SpecError, shown
+from polefence.base.errors import InputError, PlantError, shown
 from polefence.base.explained import explained, explained_fields
 from polefence.law.control import valid_names
+from polefence.law.fields import LETTERS as SYSTEM
+from polefence.law.fields import WANTED, matrices_of, place, quotients
 from polefence.law.fixed import FixedGain
 from polefence.law.law import Law
 from polefence.law.laws import given_law
+from polefence.law.parametric import Entries, Entry, Term
 from polefence.law.polynomial import PolynomialGain
-from polefence.law.structure import MAX_DEGREE, Structure
+from polefence.law.structure import Structure
 from polefence.law.table import GainTable
-from polefence.law.transfer import (
-    LETTERS,
-    Quotient,
-    letters_in,
-    of_roots,
-    quotient,
-    read_quotient,
-    realised,
-)
-from polefence.plant.expression import RationalFunction, counted, evaluate
+from polefence.law.transfer import LETTERS, Quotient, letters_in, read_quotient, realised
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import MOST_STATES
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
-from polefence.proof.matrices import ONE, ZERO
+from polefence.proof.matrices import ZERO
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 
-LETTERED = ("A", "B", "C", "D")
-# Keys of a system in plain data, in small letters; the first are those of the documentation.
-_MATRICES = {letter: (letter.lower(),) for letter in LETTERED}
-_FRACTION = {"numerator": ("numerator", "num"), "denominator": ("denominator", "den")}
-_ROOTS = {"zeros": ("zeros", "z"), "poles": ("poles", "p"), "gain": ("gain", "k")}
-_TIME = ("sample_time", "ts", "dt")
 _NUMBERED = "u["  # how python-control names inputs that have no name
-WANTED = "give A, B, C and D, or numerator and denominator, or zeros, poles and gain"
 
-Entry = Fraction | str
 Rows = tuple[tuple[Entry, ...], ...]
-Term = dict[tuple[int, ...], Fraction]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +84,7 @@ class Compensator(Short):
                 raise InputError(f"sample_time = {shown(self.sample_time)} must be positive [s]")
             object.__setattr__(self, "sample_time", T)
         read = _read_rows if self.grid is None else _read_knots
-        given = {letter: read(getattr(self, letter), letter) for letter in LETTERED}
+        given = {letter: read(getattr(self, letter), letter) for letter in SYSTEM}
         shapes = {letter: np.shape(M)[-2:] for letter, M in given.items() if len(M)}
         k = shapes["A"][0] if "A" in shapes else 0
         if not k and not {"A", "B", "C"} & set(shapes):
@@ -145,7 +130,7 @@ class Compensator(Short):
         """
         rows = _as_rows(text)
         read = [
-            [read_quotient(entry, _place("transfer", i, j, rows)) for j, entry in enumerate(row)]
+            [read_quotient(entry, place("transfer", i, j, rows)) for j, entry in enumerate(row)]
             for i, row in enumerate(rows)
         ]
         letters = {letter for row in read for _, letter in row if letter}
@@ -186,12 +171,12 @@ class Compensator(Short):
         if measured is None and labels and not all(x.startswith(_NUMBERED) for x in labels):
             measured = labels
         if hasattr(system, "nstates") and hasattr(system, "D"):
-            matrices = {letter: getattr(system, letter) for letter in LETTERED}
+            matrices = {letter: getattr(system, letter) for letter in SYSTEM}
             if not system.nstates:
                 matrices = {"D": system.D}
             return cls(**matrices, measured=measured, sample_time=T)
         if hasattr(system, "num") and hasattr(system, "den"):
-            rows = _fractions(system.num, system.den, "transfer")
+            rows = quotients(system.num, system.den, "transfer")
             return cls._of(rows, measured, T)
         raise InputError(
             f"{type(system).__name__} is no linear system; give a StateSpace or a TransferFunction"
@@ -206,7 +191,7 @@ class Compensator(Short):
         fields : mapping
             ``A``, ``B``, ``C``, ``D``; or ``numerator``, ``denominator``, rows of coefficients, or
             lists of such rows; or ``zeros``, ``poles``, ``gain``. Beside these ``sample_time``,
-            ``measured`` and ``grid``. Short names and small letters are known too.
+            ``measured`` and ``grid``. Short names and small letters are known too, others not.
         what : str
             What it is called, for messages.
 
@@ -215,32 +200,10 @@ class Compensator(Short):
         InputError
             If something is missing or cannot be read.
         """
-        own = {key.lower(): value for key, value in fields.items()}
-        known = _known(own)
-        T = next((own[key] for key in _TIME if _is_there(own.get(key))), None)
-        T = None if T is None else exact(np.asarray(T, dtype=object).ravel()[0], "sample_time")
-        if T is not None and T < 0:
-            raise InputError("its sample time is not said (-1); set its Ts [s]")
-        more: dict[str, Any] = {"sample_time": T or None}
-        if "measured" in own:
-            more["measured"] = own["measured"]
-        if known is _MATRICES:
-            if _is_there(own.get("e")) and not _is_identity(own["e"]):
-                raise InputError(f"{what or 'the law'} is a descriptor system, with an E; ss() of "
-                                 "MATLAB with 'explicit' makes one without")  # fmt: skip
-            if "grid" in own:
-                more["grid"] = own["grid"]
-            matrices = {x: own[x.lower()] for x in LETTERED if _is_there(own.get(x.lower()))}
-            return cls(**matrices, **more)
-        if known is _FRACTION:
-            top, bottom = _picked(own, known)
-            rows = _fractions(top, bottom, what or "transfer")
-        elif known is _ROOTS:
-            zeros, poles, gain = _picked(own, known)
-            rows = [[of_roots(zeros, poles, gain, what or "transfer")]]
-        else:
-            raise InputError(f"{what or 'a compensator'}: {WANTED}")
-        return cls._of(rows, more.get("measured"), more["sample_time"])
+        given, rows = matrices_of(fields, what or "the law")
+        if rows is None:
+            return cls(**given)
+        return cls._of(rows, given.get("measured"), given["sample_time"])
 
     @classmethod
     def _of(
@@ -366,7 +329,7 @@ class Compensator(Short):
         """Return row, column and polynomial of every entry of [D, C; B, A], of rates A and B."""
         k, (m, _), T = self.order, np.shape(self.D), plant.sample_time
         r = np.shape(self.D)[1]
-        reader = _Entries(plant)
+        reader = Entries(plant)
         terms = []
         places = {"D": (0, 0), "C": (0, r), "B": (m, 0), "A": (m, r)}
         for letter, (top, left) in places.items():
@@ -396,58 +359,6 @@ class Compensator(Short):
                     "it only signals with constant rows are proved; measure states, or a sensor"
                 )
         return gains @ as_array(tuple(y.C[0] for y in measured))
-
-
-class _Entries:
-    """Entries as polynomials in the coordinates of a plant's parameters, from -1 to 1."""
-
-    def __init__(self, plant: UncertainPlant) -> None:
-        self.plant, q = plant, len(plant.parameters)
-        self.count = q or len(plant.vertices)
-        self.one = RationalFunction.constant(ONE, q)
-        self.names, self.shifted = {}, list[RationalFunction]()
-        for index, p in enumerate(plant.parameters):
-            s = RationalFunction.variable(index, q)
-            self.names[p.name] = 1 / s if p.inverted else s
-            low, high = p.scheduling(p.low), p.scheduling(p.high)
-            self.shifted.append(s * ((high - low) / 2) + (low + high) / 2)
-
-    def term(self, entry: Entry, place: str) -> Term:
-        """Return exponents and coefficients."""
-        zero = (0,) * self.count
-        if not isinstance(entry, str):
-            return {zero: entry} if entry else {}
-        try:
-            with counted():
-                value = self._shifted(evaluate(entry, self.names, self.one), entry)
-        except (SpecError, PlantError) as problem:
-            raise type(problem)(f"{place}: {problem}") from problem
-        if value.is_constant:
-            number = value([ZERO] * value.count)
-            return {zero: number} if number else {}
-        degree = max(map(sum, value.numerator))
-        if degree > MAX_DEGREE:
-            raise InputError(
-                f"{place} = {shown(entry)} has degree {degree} in the parameters; at most "
-                f"{MAX_DEGREE} is supported: give a table of gains at knots"
-            )
-        return value.numerator
-
-    def _shifted(self, value: RationalFunction, entry: str) -> RationalFunction:
-        (constant, *others) = [*value.denominator]
-        if others or any(constant):
-            through = ", ".join(p.through for p in self.plant.parameters)
-            raise PlantError(
-                f"{shown(entry)} is no polynomial in {through}; give a polynomial near to it, or a "
-                "table at knots, {grid: {name: knots}, gains: ...}"
-            )
-        total = RationalFunction.constant(ZERO, value.count)
-        for e, c in value.numerator.items():
-            term = self.one * (c / value.denominator[constant])
-            for variable, power in zip(self.shifted, e, strict=True):
-                term = term * variable**power
-            total = total + term
-        return total
 
 
 @explained
@@ -507,11 +418,6 @@ def has_text(law: Any) -> bool:
     if not isinstance(law, list | tuple):
         return False
     return any(isinstance(e, str) for row in law if isinstance(row, list | tuple) for e in row)
-
-
-def is_fields(data: Any) -> bool:
-    """Whether plain data are a compensator, as `Compensator.from_fields` reads it."""
-    return isinstance(data, Mapping) and _known({key.lower(): v for key, v in data.items()}) != {}
 
 
 def _is_system(law: Any) -> bool:
@@ -592,73 +498,3 @@ def _as_rows(value: Any) -> list[list[Any]]:
     if array and not any(isinstance(row, list | tuple | np.ndarray) for row in array):
         return [list(array)]
     return [row for row in rows if row]
-
-
-def _place(what: str, i: int, j: int, rows: Sequence[Sequence[Any]]) -> str:
-    return f"{what}[{i + 1}][{j + 1}]" if len(rows) * len(rows[0]) > 1 else what
-
-
-def _known(own: Mapping[str, Any]) -> Any:
-    """Return which keys a table of small-lettered names has: matrices, coefficients or roots."""
-    if {"a", "b", "c"} <= own.keys() or ({"d"} <= own.keys() and not {"z", "num"} & own.keys()):
-        return _MATRICES
-    for keys in (_FRACTION, _ROOTS):
-        if all(any(name in own for name in names) for names in keys.values()):
-            return keys
-    return {}
-
-
-def _picked(own: Mapping[str, Any], keys: Mapping[str, tuple[str, ...]]) -> Iterator[Any]:
-    return (next(own[name] for name in names if name in own) for names in keys.values())
-
-
-def _fractions(top: Any, bottom: Any, what: str) -> list[list[Quotient]]:
-    """Return quotients of coefficients: one row of them, or one row an entry of a matrix."""
-    tops, bottoms = _cells(top), _cells(bottom)
-    if len(bottoms) == 1 and len(bottoms[0]) == 1:  # one denominator for all
-        bottoms = [[bottoms[0][0]] * len(row) for row in tops]
-    if [len(row) for row in tops] != [len(row) for row in bottoms] or len(set(map(len, tops))) > 1:
-        raise InputError(f"{what}: numerators and denominators must be matrices of one shape")
-    return [
-        [
-            quotient(a, b, _place(what, i, j, tops))
-            for j, (a, b) in enumerate(zip(above, below, strict=True))
-        ]
-        for i, (above, below) in enumerate(zip(tops, bottoms, strict=True))
-    ]
-
-
-def _cells(value: Any) -> list[list[Any]]:
-    """Return rows of what is a row of coefficients each; of one such row [[it]]."""
-    if isinstance(value, list | tuple):
-        inner = [list(x) if isinstance(x, list | tuple) else x for x in value]
-        nested = [x for x in inner if isinstance(x, list | np.ndarray)]
-        deep = any(isinstance(y, list | np.ndarray) for x in nested for y in x)
-        if deep:
-            return [list(row) for row in inner]
-        if nested and len(nested) == len(inner) and len(inner) > 1:
-            return [inner]
-        return [[inner[0] if nested else inner]]
-    array = np.asarray(value)
-    if array.dtype == object and array.ndim == 2:
-        return [list(row) for row in array]
-    return [[array]]
-
-
-def _is_there(value: Any) -> bool:
-    return value is not None and np.size(np.asarray(value, dtype=object)) > 0
-
-
-def _is_identity(value: Any) -> bool:
-    array = np.asarray(value, dtype=float)
-    return array.ndim == 2 and bool(np.array_equal(array, np.eye(len(array))))
-
-
-def names_of(known: Callable[[str], bool]) -> tuple[str, ...]:
-    """Return which of the usual names of a compensator's A, B, C and D are known: Ac, A_k, KA."""
-    forms = [f"{{}}{mark}{tail}" for tail in "ckCK" for mark in ("", "_")]
-    for form in (*forms, "K{}", "K_{}"):
-        names = tuple(form.format(letter) for letter in LETTERED)
-        if all(map(known, names[:3])):
-            return names
-    return ()

@@ -11,8 +11,10 @@ product of t - t_j, and L, the Lebesgue constant, for the interpolations that fo
 a function of one parameter, where that is not small, it is bounded on intervals of t, from its
 Taylor series about their middles less the polynomial's; and of sums of products of such functions
 from those of the factors.
-Where a table has a knot inside, the function is interpolated between the corners alone: with slopes
-from a to b the error is at most (b - a) / 4.
+Where a table has a knot inside, less derivatives are bounded. Of s of them a polynomial of degree
+s - 1 is near, and the interpolation of d is off by 1 + L^q times as much at most. With straight
+lines between its values the function is interpolated between the corners alone: with slopes from a
+to b the error is at most (b - a) / 4.
 
 All is computed in intervals, the same wherever the part is asked for: a file holds the functions,
 and no approximation.
@@ -28,7 +30,7 @@ from functools import cached_property
 from itertools import product as cartesian
 
 from polefence.proof import intervals
-from polefence.proof.functions import KinkError, Series, Table, Tree
+from polefence.proof.functions import SMOOTH, KinkError, Series, Table, Tree
 from polefence.proof.intervals import ONE, ZERO, Interval, NoValueError, enclosing
 from polefence.proof.polynomials import monomials
 from polefence.proof.ranges import Range
@@ -211,6 +213,8 @@ class _Part:
 
     def derivatives(self, i: int) -> tuple[Interval, ...]:
         """Return the ranges of the value and of three derivatives along a parameter."""
+        if self.smooth < 3:
+            raise KinkError(self.smooth)
         if i not in self.axes:
             return (self.series(self._whole, None, 0)[0], ZERO, ZERO, ZERO)
         series = [self.series(box, i, 3) for box in self._boxes(-1)]
@@ -248,14 +252,24 @@ class _Part:
         return largest
 
     @cached_property
+    def smooth(self) -> int:
+        """How many derivatives are bounded on the part: few where a table has a knot inside.
+
+        It is told of the whole part: pieces of it may end at a knot.
+        """
+        tables = [self.functions.by_name[name] for name in self.tree.tables(self.functions.by_name)]
+        if tables:
+            try:
+                for i in self.axes:
+                    self._series(self._whole, i, ORDER)
+            except (KinkError, NoValueError):
+                return min(table.smooth for table in tables)
+        return SMOOTH
+
+    @property
     def kinked(self) -> bool:
-        """Whether a table has a knot inside."""
-        try:
-            for i in self.axes:
-                self.series(self._whole, i, 2)
-        except KinkError:
-            return True
-        return False
+        """Whether a table between whose values are straight lines has a knot inside."""
+        return self.smooth < 2
 
     @property
     def _whole(self) -> list[Interval]:
@@ -332,7 +346,13 @@ class _Part:
         return max(intervals.size(self.series(box, None, 0)[0]) for box in self._boxes(-1))
 
     def _by_derivatives(self, degree: int) -> Fraction:
-        """Return the bound of Taylor coefficients: less work than `_errors`, and often larger."""
+        """Return the bound of Taylor coefficients: less work than `_errors`, and often larger.
+
+        Of fewer derivatives it is that of a lower degree, times one and the Lebesgue constants.
+        """
+        if degree >= self.smooth:
+            lower = self._by_derivatives(self.smooth - 1)
+            return lower * (1 + LEBESGUE[degree - 1] ** len(self.axes))
         grown, total = Fraction(1), Fraction(0)
         for i in self.axes:
             most = max(
@@ -376,19 +396,28 @@ class _Part:
         return [Fraction(0), *worst]
 
     def _off_on(
-        self, i: int, a: Fraction, b: Fraction, polynomials: Sequence[Sequence[Fraction]]
+        self,
+        i: int,
+        a: Fraction,
+        b: Fraction,
+        polynomials: Sequence[Sequence[Fraction]],
+        order: int = ORDER,
     ) -> tuple[list[Fraction], Fraction]:
         """Return bounds on |function - polynomial| on an interval, and what is left."""
         middle, half = (a + b) / 2, (b - a) / 2
         at = [(0, 0)] * len(self.low)
         at[i] = enclosing(middle)
-        known = self.series(at, i, ORDER - 1)
-        at[i] = enclosing(a)[0], enclosing(b)[1]
-        rest = intervals.size(self.series(at, i, ORDER)[ORDER]) * half**ORDER
+        try:
+            known = self.series(at, i, order - 1)
+            at[i] = enclosing(a)[0], enclosing(b)[1]
+            rest = intervals.size(self.series(at, i, order)[order]) * half**order
+        except KinkError as error:  # the series is as long as there are derivatives
+            return self._off_on(i, a, b, polynomials, error.smooth)
         bounds = []
         for polynomial in polynomials:
             shifted, total = _shifted(polynomial, middle), rest
-            for k, x in enumerate(known):
+            for k in range(max(order, len(shifted))):
+                x = known[k] if k < order else ZERO
                 y = enclosing(shifted[k]) if k < len(shifted) else ZERO
                 total += intervals.size(intervals.minus(x, y)) * half**k
             bounds.append(_short_up(total))

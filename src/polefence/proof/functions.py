@@ -261,6 +261,11 @@ class Tree(Short):
             return frozenset([self.word])
         return frozenset().union(*(tree.names for tree in self.of))
 
+    def tables(self, known: Mapping[str, Table]) -> frozenset[str]:
+        """Names of tables in it."""
+        own = frozenset([self.word] if self.kind == "call" and self.word in known else [])
+        return own.union(*(tree.tables(known) for tree in self.of))
+
     @property
     def factored(self) -> tuple[Fraction, Tree]:
         """A number and another function, of which it is the product."""

@@ -154,8 +154,9 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
     claimed, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
-    if (claimed.curve_degree > 1 or claimed.bent) and not sampled:
-        return "its plant is no multi-affine function of the parameters, the spec's is"
+    difference = _other_functions(document, samples if sampled else None, plant)
+    if difference is not None:
+        return difference
     if samples is not None and sampled:
         difference = _other_samples(samples, claimed, plant)
         if difference is not None:
@@ -182,6 +183,30 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         measured = [document.plant.signal(name) for name in document.law.measured]
         difference = _other_signal(filter(None, measured), document.plant, file_plant(plant))
     return difference
+
+
+def _other_functions(
+    document: Document, samples: Samples | None, plant: UncertainPlant
+) -> str | None:
+    """Say how the functions of the parameters in a file's plant differ from a spec's."""
+    remainder = document.plant.remainder
+    claimed = remainder and remainder.source
+    if samples is not None:
+        claimed = samples.source
+    known = plant.remainder and plant.remainder.source
+    if bool(claimed) != bool(known):
+        ours, theirs = ("has functions of the parameters", "has none")
+        one, other = (ours, theirs) if claimed else (theirs, ours)
+        return f"its plant {one}, the spec's {other}"
+    if claimed and known:
+        n, width = len(known.directions[0]), len(known.directions[0][0])
+        cut = tuple(tuple(tuple(row[:width]) for row in M[:n]) for M in claimed.directions)
+        same = claimed.functions.trees == known.functions.trees
+        if not same or claimed.functions.tables != known.functions.tables:
+            return "its plant has other functions of the parameters"
+        if samples is not None and cut != known.directions:
+            return "its functions of the parameters stand in other entries"
+    return None
 
 
 def _outputs_of(claim: Claim) -> Sequence[Output]:
@@ -308,7 +333,7 @@ def _other_signal(outputs: Iterable[Output], claimed: Plant, plant: Plant) -> st
             continue
         if theirs is None:
             return f"other signals: {quoted(output.name)} is not a signal of the spec"
-        if (output.C, output.D, output.F) != (theirs.C, theirs.D, theirs.F):
+        if output.rows != theirs.rows:
             ours, other = (output_text(y.C, y.D, y.F) for y in (output, theirs))
             other = other if other != ours else f"the same to six digits: {other}"
             return f"other signals: {quoted(output.name)} = {ours}, spec {other}"

@@ -521,13 +521,23 @@ class UncertainPlant(Short):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the exact vertex matrices A and B, for telling plants apart."""
+        """SHA-256 of the exact vertex matrices A and B, and of functions, to tell plants apart."""
         text = repr(
             [
                 [[[str(e) for e in row] for row in M] for M in (v.exact_A, v.exact_B)]
                 for v in self.vertices
             ]
         )
+        source = self._source
+        if source is not None:
+            trees = [tree.text for tree in source.functions.trees]
+            tables = [
+                (name, [*map(str, (*t.arguments, *t.values))], t.cubic)
+                for name, t in source.functions.tables
+            ]
+            text += repr(
+                [trees, tables, [[list(map(str, x)) for x in M] for M in source.directions]]
+            )
         return hashlib.sha256(text.encode()).hexdigest()
 
     def alpha(self, *, clamp: bool = False, **values: Any) -> Array:

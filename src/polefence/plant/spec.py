@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
 from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
+from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 
 MAX_BYTES = 1_000_000
@@ -653,6 +655,11 @@ def dumps(plant: UncertainPlant) -> str:
     variables. Where no spec says so, the vertices are written in numbers and parameters are lost:
     where an end of an interval is no finite decimal (1/3), a parameter changes nothing, an
     expression is longer than `MAX_LENGTH`, or the text than `MAX_BYTES`.
+
+    Raises
+    ------
+    SpecError
+        If no spec says so, and functions of the parameters would be lost.
     """
     if plant.parameters:
         try:
@@ -660,8 +667,11 @@ def dumps(plant: UncertainPlant) -> str:
             if len(text.encode()) <= MAX_BYTES:
                 loads(text)  # the reader knows its own limits
                 return text
-        except InputError:
-            pass
+        except InputError as error:
+            if plant.functions is not None:
+                raise SpecError(f"{plant.name} is not written as a spec: {error}") from error
+    if plant.functions is not None:
+        raise SpecError(f"{plant.name} is not written as a spec: its text would be too long")
     return _written(plant, _vertex_lines(plant))
 
 
@@ -683,7 +693,7 @@ def _vertex_lines(plant: UncertainPlant) -> list[str]:
         for letter, matrix in _letters(vertex).items():
             lines.append(f"{letter} = {_matrix_text([list(map(_entry, row)) for row in matrix])}")
 
-    def rows_text(rows: Exact) -> str:
+    def rows_text(_: Output, __: str, rows: Exact) -> str:
         texts = [_row_text(map(_entry, row)) for row in rows]
         return texts[0] if len(texts) == 1 else _row_text(texts)
 
@@ -712,16 +722,50 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
                 else _row_text(map(decimal_text, parameter.rate))
             )
             lines.append(f"rate = {_quoted(ends) if ends == ANY else ends}")
+    lines += _table_lines(plant)
     lines.append("\n[matrices]")
     tables = [_letters(vertex) for vertex in plant.vertices]
+    first = dict(zip("ABE", (0, plant.shape[0], sum(plant.shape)), strict=True))
     for letter in tables[0]:
         rows = zip(*(table[letter] for table in tables), strict=True)  # a row of each vertex
-        texts = [_expressions(row, plant.parameters) for row in rows]
+        texts = [
+            _expressions(
+                row, plant.parameters, _functions_in(plant, plant.remainder, i, first[letter])
+            )
+            for i, row in enumerate(rows)
+        ]
         lines.append(f"{letter} = {_matrix_text(texts)}")
-    return [
-        *lines,
-        *_output_lines(plant, lambda rows: _row_text(_expressions(rows, plant.parameters))),
-    ]
+    return [*lines, *_output_lines(plant, partial(_function_row, plant))]
+
+
+def _function_row(plant: UncertainPlant, output: Output, key: str, rows: Exact) -> str:
+    """Return a row of an output as expressions."""
+    first = {"C": 0, "D": plant.shape[0], "F": sum(plant.shape)}[key]
+    more = _functions_in(plant, output.near, 0, first)
+    return _row_text(_expressions(rows, plant.parameters, more))
+
+
+def _functions_in(
+    plant: UncertainPlant, remainder: Remainder | None, row: int, first: int
+) -> Callable[[int], list[tuple[Fraction, str, Sequence[Fraction]]]]:
+    """Return the functions of each column: times what, as which text, with which corners."""
+    source = remainder and remainder.source
+    if not source or plant.functions is None:
+        return lambda _: []
+    known = zip(source.directions, source.functions.trees, source.functions.on_box[1], strict=True)
+    every = [(M[row], tree.text, f.corners) for M, tree, f in known]
+    return lambda j: [(x[first + j], text, c) for x, text, c in every if x[first + j]]
+
+
+def _table_lines(plant: UncertainPlant) -> list[str]:
+    """Return tables that functions interpolate in."""
+    lines = list[str]()
+    for name, table in () if plant.functions is None else plant.functions.tables:
+        lines.append(f"\n[table.{name}]")
+        for key in ("arguments", "values"):
+            lines.append(f"{key} = {_row_text(map(_entry, getattr(table, key)))}")
+        lines += ['interpolation = "cubic"'] if table.cubic else []
+    return lines
 
 
 def _letters(vertex: System) -> dict[str, Exact]:
@@ -730,12 +774,20 @@ def _letters(vertex: System) -> dict[str, Exact]:
     return {letter: matrix for letter, matrix in given.items() if matrix is not None}
 
 
-def _output_lines(plant: UncertainPlant, rows_text: Callable[[Exact], str]) -> list[str]:
+def _output_lines(
+    plant: UncertainPlant, rows_text: Callable[[Output, str, Exact], str]
+) -> list[str]:
     """Return outputs with explicit rows; a vehicle's follow from the matrices."""
     lines = []
     for output in plant.outputs:
-        rows = {key: getattr(output, key) for key in "CDF" if getattr(output, key)}
-        texts = (f"{key} = {rows_text(values)}" for key, values in rows.items())
+        known = zip("CDF", output.exact(plant), strict=True)
+        acts = {"C": plant.shape[0], "D": plant.shape[1], "F": plant.disturbance_count}
+        rows = {
+            key: values if output.near else getattr(output, key)
+            for key, values in known
+            if getattr(output, key) or (output.near and acts[key])
+        }
+        texts = (f"{key} = {rows_text(output, key, values)}" for key, values in rows.items())
         lines.append(f"{_quoted(_label(output))} = {{{', '.join(texts)}}}")
     return ["\n[outputs]", *lines] if lines else []
 
@@ -754,13 +806,34 @@ def _vehicle_lines(plant: UncertainPlant) -> list[str]:
     return ["\n[vehicle]", f"model = {_quoted(QUARTER_CAR)}", *lines]
 
 
-def _expressions(rows: Exact, parameters: Sequence[Parameter]) -> list[str]:
+def _expressions(
+    rows: Exact,
+    parameters: Sequence[Parameter],
+    functions: Callable[[int], list[tuple[Fraction, str, Sequence[Fraction]]]],
+) -> list[str]:
     """Return entries that have these values at the vertices, or one for all."""
-    return [_expression(values, parameters) for values in zip(*rows, strict=True)]
+    columns = enumerate(zip(*rows, strict=True))
+    return [_expression(values, parameters, functions(j)) for j, values in columns]
 
 
-def _expression(values: Sequence[Fraction], parameters: Sequence[Parameter]) -> str:
+def _expression(
+    values: Sequence[Fraction],
+    parameters: Sequence[Parameter],
+    functions: Sequence[tuple[Fraction, str, Sequence[Fraction]]] = (),
+) -> str:
     """Return an entry with these values at the vertices: a number where they are all the same."""
+    if functions:
+        rest = [
+            value - sum((x * corners[j] for x, _, corners in functions), Fraction(0))
+            for j, value in enumerate(values)
+        ]
+        sums = [text if x == 1 else f"{_number_text(x)}*({text})" for x, text, _ in functions]
+        if any(rest):
+            sums.insert(0, _expression(rest, parameters).strip('"'))
+        whole = " + ".join(sums)
+        if len(whole) > MAX_LENGTH:
+            raise SpecError(f"an expression is longer than {MAX_LENGTH} characters")
+        return f'"{whole}"'
     if all(value == values[0] for value in values):
         return _entry(values[0])
     box = [(p.scheduling(p.low), p.scheduling(p.high)) for p in parameters]

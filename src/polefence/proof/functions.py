@@ -30,6 +30,7 @@ MAX_LENGTH = 4000  # characters of a text
 MAX_NODES = 400  # operations of one
 MAX_DEPTH = 60
 MAX_SUMMANDS = 64
+MAX_PLACES = 13  # of a decimal in a text
 MAX_POWER = 32
 MAX_KNOTS = 200  # of a table
 MAX_DIGITS = 300
@@ -297,18 +298,35 @@ class Tree(Short):
     @cached_property
     def text(self) -> str:
         """It as `parse` reads it."""
+        return self._written[0]
+
+    @cached_property
+    def _written(self) -> tuple[str, int]:
+        """Its text, and how firmly that holds together: 1 a sum, 2 a product, 3 a power, 4 all."""
         if self.kind == "number":
             return _number_text(self.number)
         if self.kind == "name":
-            return self.word
+            return self.word, 4
         if self.kind == "call":
-            return f"{self.word}({self.of[0].text})"
-        parts = [
-            tree.text if tree.kind in ("name", "call") else f"({tree.text})" for tree in self.of
-        ]
+            return f"{self.word}({self.of[0].text})", 4
         if self.kind == "**":
-            return f"{parts[0]}**({_number_text(self.number)})"
-        return f" {self.kind} ".join(parts)
+            exponent, firm = _number_text(self.number)
+            return f"{self.of[0]._within(4)}**{exponent if firm == 4 else f'({exponent})'}", 3
+        left, right = self.of
+        if self.kind == "+":
+            if right.kind == "number" and right.number < 0:
+                return f"{left.text} - {_number_text(-right.number)[0]}", 1
+            if right.kind == "*" and right.of[1] == _MINUS_ONE:
+                return f"{left.text} - {right.of[0]._within(2)}", 1
+            return f"{left.text} + {right._within(2)}", 1
+        if self.kind == "*" and right == _MINUS_ONE:
+            return f"-{left._within(3)}", 2
+        return f"{left._within(2)}{self.kind}{right._within(3)}", 2
+
+    def _within(self, firm: int) -> str:
+        """Its text where it has to hold together so firmly."""
+        text, own = self._written
+        return text if own >= firm and not (text.startswith("-") and firm > 2) else f"({text})"
 
     def __add__(self, other: Any) -> Tree:
         return _joined("+", self, lift(other))
@@ -491,9 +509,18 @@ def _joined(kind: str, a: Tree, b: Tree) -> Tree:
     return Tree(kind, (a, b), size=a.size + b.size + 1)
 
 
-def _number_text(value: Fraction) -> str:
+def _number_text(value: Fraction) -> tuple[str, int]:
+    """Return a number as it is read, a decimal where it is a short one, and how firmly it holds."""
     top, bottom = value.as_integer_ratio()
-    return str(top) if bottom == 1 else f"{top}/{bottom}"
+    places = next((k for k in range(MAX_PLACES) if 10**k % bottom == 0), None)
+    if bottom == 1 or places is None:
+        return (str(top), 4 if top >= 0 else 2) if bottom == 1 else (f"{top}/{bottom}", 2)
+    digits = f"{abs(top) * 10**places // bottom:0{places + 1}d}"
+    sign = "-" if top < 0 else ""
+    return f"{sign}{digits[:-places]}.{digits[-places:]}", 2 if top < 0 else 4
+
+
+_MINUS_ONE = Tree("number", number=Fraction(-1))
 
 
 # --- reading -------------------------------------------------------------------------------------

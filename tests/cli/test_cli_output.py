@@ -128,15 +128,6 @@ def test_a_parameter_that_changes_nothing_is_refused(spec, tmp_path, capsys):
         assert len(UncertainPlant.from_expressions([p], [A], B, E).vertices) == 2
 
 
-def test_a_rational_dependence_is_told_its_way_out(tmp_path, capsys):
-    path = tmp_path / "spec.toml"
-    path.write_text(SPEC.replace('"-k"', '"-k*k"'))
-    error = refused(capsys, "limits", path, "--centre", "-3")
-    assert "A[2][1] is not multi-affine" in error
-    assert "m2 = m**2" in error
-    assert "give vertices" in error
-
-
 def test_margins_of_whole_intervals_are_whole(tmp_path, capsys):
     """0.2 is no short binary number: rounded to one, the margin would fall just short of it."""
     path = tmp_path / "spec.toml"

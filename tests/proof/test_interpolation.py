@@ -388,7 +388,7 @@ def test_samples_between_nodes_are_not_those_of_a_plant_in_discrete_time(line_fi
     plant = plant_of(line_file.plant)
     alone = replace(plant, remainder=None, sampling=None)
     assert _against(line_file, alone, "other.toml") == (
-        "its plant is no multi-affine function of the parameters, the spec's is"
+        "its plant is no function of the parameters that a spec says"
     )
 
 

@@ -44,9 +44,14 @@ def counterexample(claim: Poles) -> list[Fraction] | None:
             continue
         alpha = exact_alpha(point, claim.sizes, _fine)
         with suppress(work.FormatError):  # more work than is done here: undecided
-            if leaves(claim.fraction_at(alpha), claim.region):
+            if refutes(claim, alpha):
                 return alpha
     return None
+
+
+def refutes(claim: Poles, alpha: list[Fraction]) -> bool:
+    """Whether a pole at alpha is proved not to lie in the region."""
+    return leaves(claim.fraction_at(alpha), claim.region, claim.off_at(alpha))
 
 
 def worst_points(claim: Poles, measure: Measure) -> Iterator[tuple[Array, float]]:
@@ -200,8 +205,12 @@ def _climb(family: _Family, point: Array, worst: float) -> tuple[Array, float]:
 # --- evidence that one pole is outside -----------------------------------------------------------
 
 
-def leaves(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> bool:
+def leaves(
+    loop: tuple[Rationals, Rationals], region: tuple[Part, ...], off: Fraction = Fraction(0)
+) -> bool:
     """Whether a pole of N W^-1, ``loop`` holding N and W, is proved not to lie in the region.
+
+    Entries of N may be ``off`` by so much.
 
     By a matrix P that floats find (`roots.Outside`); where that fails, as for a pole on the
     boundary, by the characteristic polynomial. A W that is singular keeps no pole.
@@ -212,15 +221,20 @@ def leaves(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> bool:
         If that is more work than is done here.
     """
     with work.counted():
-        if shown(loop, region) is not None:
+        if shown(loop, region, off) is not None:
             return True
+        if off:
+            return False
         closed = matrices.right_divide(*loop)
         return closed is None or not roots.all_inside(closed, region)
 
 
-def shown(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Outside | None:
+def shown(
+    loop: tuple[Rationals, Rationals], region: tuple[Part, ...], off: Fraction = Fraction(0)
+) -> Outside | None:
     """Return evidence that proves a pole outside, None where floats find none."""
-    return next((by for by in evidence(loop, region) if roots.is_outside(loop, region, by)), None)
+    known = evidence(loop, region)
+    return next((by for by in known if roots.is_outside(loop, region, by, off)), None)
 
 
 def evidence(loop: tuple[Rationals, Rationals], region: tuple[Part, ...]) -> Iterator[Outside]:

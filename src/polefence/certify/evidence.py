@@ -18,7 +18,7 @@ import numpy as np
 from polefence.base.errors import InputError
 from polefence.certify.candidates import Deadline, first
 from polefence.certify.certificate import Certificate, part_of
-from polefence.certify.counterexample import counterexample
+from polefence.certify.counterexample import counterexample, refutes
 from polefence.certify.interpolated import interpolated
 from polefence.certify.rational import lyapunov_matrices
 from polefence.law.laws import (
@@ -303,7 +303,11 @@ class _Inside:
         for low, high, t in zip(piece.low, piece.high, uppers, strict=True):
             at = low + (high - low) * t
             whole = [a * w for a in whole for w in (1 - at, at)]
-        return whole
+        if self.plant.functions is None:
+            return whole
+        with suppress(work.FormatError):  # of a part it was shown of what is near the functions
+            return whole if refutes(self.claim, whole) else None
+        return None
 
     def widest(self, box: Box) -> int:
         """Return the parameter along which the loop changes most."""

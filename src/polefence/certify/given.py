@@ -344,7 +344,7 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
     elif plant.parameters:
         weights += ", which no parameter values have,"
     reason = what if len(plant.vertices) == 1 else f"at {weights} {what}"
-    if plant.remainder is not None:
+    if plant.remainder is not None and plant.functions is None:
         reason += ", of the samples to within their interpolation error"
     return Analysis(plant, law, region, "refuted", reason, None, tuple(alpha), pole)
 

@@ -154,6 +154,9 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
     claimed, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
+    known = claimed.remainder
+    if known is not None and (known.curve or known.bends) and not (sampled or known.source):
+        return "its plant is no function of the parameters that a spec says"
     difference = _other_functions(document, samples if sampled else None, plant)
     if difference is not None:
         return difference

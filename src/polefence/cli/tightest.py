@@ -82,13 +82,13 @@ def tightest_command(options: Any) -> int:
         and plant.sample_time is None
         and (within is None or within.parts != design.region.parts[1:])
     ):
-        disk = next(part for part in design.region.parts[::-1] if part.circle)
-        half = float(f"{disk.size / 2:.2g}")
-        example = Disk(-half, half)
-        lines.append(
-            "note: a disk was added, or the gain would grow without bound; choose your own by "
-            f"--within, for example '{short_text(example)}'"
-        )
+        for disk in [part for part in design.region.parts if part.circle][-1:]:
+            half = float(f"{disk.size / 2:.2g}")
+            example = Disk(-half, half)
+            lines.append(
+                "note: a disk was added, or the gain would grow without bound; choose your own by "
+                f"--within, for example '{short_text(example)}'"
+            )
     if design.unrunnable is not None:
         lines.append(
             f"note: {digits_down(design.unrunnable)} is proved too, but only of a law that doubles "

@@ -134,10 +134,7 @@ class Read:
     @property
     def ranges(self) -> tuple[Range, ...]:
         """The parameters as proofs have them."""
-        return tuple(
-            Range(p.low, p.high, p.inverted, p.name, p.unit, p.label, p.rate)
-            for p in self.parameters
-        )
+        return tuple(Range(p.low, p.high, p.inverted, p.name) for p in self.parameters)
 
     def placed(self, table: Mapping[str, Corners]) -> Placed | None:
         """Return the functions with their places, None where there are none."""

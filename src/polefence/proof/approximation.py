@@ -30,7 +30,7 @@ from functools import cached_property
 from itertools import product as cartesian
 
 from polefence.proof import intervals
-from polefence.proof.functions import SMOOTH, KinkError, Series, Table, Tree
+from polefence.proof.functions import MAX_POWER, SMOOTH, KinkError, Series, Table, Tree
 from polefence.proof.intervals import ONE, ZERO, Interval, NoValueError, enclosing
 from polefence.proof.polynomials import monomials
 from polefence.proof.ranges import Range
@@ -111,13 +111,15 @@ class Functions(Short):
         """Return the functions at a point of the box, to what `widest` says."""
         count = len(self.ranges)
         whole = (Fraction(0),) * count, (Fraction(1),) * count
-        return tuple(intervals.middle(_Part(self, tree, *whole).value(at)) for tree in self.trees)
+        parts = (_Part(self, tree, *whole) for tree in self.trees)
+        return tuple(part.exactly(at) or intervals.middle(part.value(at)) for part in parts)
 
     def widest(self, at: Point) -> Fraction:
         """Return what `values` are off by at most."""
         count = len(self.ranges)
         whole = (Fraction(0),) * count, (Fraction(1),) * count
-        known = [_Part(self, tree, *whole).value(at) for tree in self.trees]
+        parts = [_Part(self, tree, *whole) for tree in self.trees]
+        known = [part.value(at) for part in parts if part.exactly(at) is None]
         return max((Fraction(b - a, ONE) for a, b in known), default=Fraction(0))
 
     @property
@@ -221,6 +223,15 @@ class _Part:
         hulls = [intervals.hull(column) for column in zip(*series, strict=True)]
         factors = (enclosing(Fraction(math.factorial(k))) for k in range(4))
         return tuple(map(intervals.times, hulls, factors))
+
+    def exactly(self, t: Sequence[Fraction]) -> Fraction | None:
+        """Return the function at a point where it is a short rational, else None."""
+        values = self._parameters(t)
+        spend(RATIONAL * self.tree.size * MAX_POWER, 400, 400)
+        if max(x.denominator.bit_length() for x in values.values()) > 64:
+            return None
+        exact = self.tree.exact(values)
+        return exact if exact is not None and exact.denominator.bit_length() <= 2000 else None
 
     @cached_property
     def exact_degree(self) -> int | None:

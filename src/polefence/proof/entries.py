@@ -91,7 +91,8 @@ def read_entries(
             if column > widths[letter]:
                 raise FormatError(f"{entry.path('column')}: there is no such column")
             matrix[row - 1][starts[letter] + column - 1] = entry.number("times", 1)
-    functions = Functions(ranges, tuple(trees), tuple(tables.items()))
+    bare = tuple(Range(r.low, r.high, r.inverted, r.name) for r in ranges)
+    functions = Functions(bare, tuple(trees), tuple(tables.items()))
     functions.on_box  # noqa: B018 -- refuses what has no value somewhere
     frozen = {name: _frozen(matrices) for name, matrices in of_outputs.items()}
     return Placed(functions, _frozen(of_plant), frozen)

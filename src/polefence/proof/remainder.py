@@ -93,6 +93,20 @@ class Source(Short):
         frozen = tuple(tuple(map(tuple, M)) for M in (off, *curve))
         return at_corners, Remainder(frozen[0], frozen[1:], degree if curve else 1)
 
+    def at(self, point: tuple[Fraction, ...]) -> tuple[Rationals, Fraction]:
+        """Return what is added to the combination of the vertices at a point, and its error.
+
+        It is exact where all functions are rational.
+        """
+        weights = corner_weights(point)
+        values, off = self.functions.values(point), self.functions.widest(point)
+        chords = (sum(map(mul, weights, f.corners), ZERO) for f in self.functions.on_box[1])
+        more = self._sum([x - chord for x, chord in zip(values, chords, strict=True)])
+        if not off:
+            return more, ZERO
+        largest = max(map(max, self._sum([off] * len(values), abs)))
+        return more, largest
+
     @property
     def on_box(self) -> Remainder:
         """The remainder on the whole box."""

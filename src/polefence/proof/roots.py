@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from operator import mul
 
 from polefence.proof.matrices import (
     LONGEST,
+    ZERO,
     Integers,
     Rationals,
     bits,
@@ -38,10 +40,15 @@ class Outside:
     T: Rationals
 
 
-def is_outside(loop: tuple[Rationals, Rationals], region: tuple[Part, ...], by: Outside) -> bool:
+def is_outside(
+    loop: tuple[Rationals, Rationals],
+    region: tuple[Part, ...],
+    by: Outside,
+    off: Fraction = ZERO,
+) -> bool:
     """Whether this proves that a pole of N W^-1 is outside, ``loop`` holding N and W.
 
-    False says nothing.
+    False says nothing. Entries of N may be ``off`` by so much.
     """
     n = len(loop[0])
     shapes = all(len(M) == n and all(len(row) == n for row in M) for M in (by.S, by.T))
@@ -68,6 +75,12 @@ def is_outside(loop: tuple[Rationals, Rationals], region: tuple[Part, ...], by: 
     ]
     real = [[2 * c * SW[i][j] - ahead[i][j] - ahead[j][i] for j in range(n)] for i in range(n)]
     skew = [[2 * c * TW[i][j] - aside[i][j] + aside[j][i] for j in range(n)] for i in range(n)]
+    if off:  # of W' (S + iT) an entry times what a column of N is off by, in every row of the sum
+        whole = common_denominator(list(loop), LONGEST)
+        both = (multiplied(left, M) for M in (S, T))
+        largest = max(sum(map(abs, x)) + sum(map(abs, y)) for x, y in zip(*both, strict=True))
+        more = math.ceil(4 * n * (abs(p) + abs(q)) * largest * off * whole)
+        real = [[x - more * (i == j) for j, x in enumerate(row)] for i, row in enumerate(real)]
     decreases = is_positive_definite(_embedded(real, skew))
     return decreases and not is_positive_definite(_embedded(S, T))
 

@@ -247,19 +247,18 @@ class Kind:
         return self.runnable(proved)
 
     def widened(self, source: Source, smallest: Design) -> Design | None:
-        """Return the least disk that is proved of laws of small disks: a remainder takes room.
+        """Return the least region that is proved of laws of small ones: a remainder takes room.
 
         Parameters
         ----------
         smallest : Design
-            Of the smallest disk that a law was found for: wider ones have other laws.
+            Of the smallest region that a law was found for: wider ones have other laws.
         """
-        radius = self.number(smallest)
-        room = 1 - abs(self.centre or 0.0) - radius  # up to the unit circle
+        number, discrete = self.number(smallest), source.plant.sample_time is not None
         best, most = None, np.inf
         for share in FARTHER:
-            wider, laws = radius + share * room, list[Any]()
-            if wider >= most:
+            wider, laws = self.wider(number, share, discrete), list[Any]()
+            if self.sign * wider >= most:
                 break
             with suppress(NotProvedError):  # a tuned one may be found of a wider disk
                 laws = [*islice(source.laws(self.region(wider)), 1)] if share else [smallest]

@@ -203,6 +203,11 @@ def as_finished(
         require_domain(plant, method)
         require_checkable(plant, method)
     require_movable(plant)
+    if plant.remainder is not None:
+        raise InputError(
+            f"{plant.name}: limits of a method are proved of combinations of vertices, and between "
+            "these it is another function of the parameters; `polefence tightest` proves a disk"
+        )
     work = partial(_row, plant, bounds=bounds)
     yield from workers.as_finished(executor, work, [(k, *task) for k, task in enumerate(tasks)])
 

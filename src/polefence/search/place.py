@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
+from operator import and_
 from typing import Any
 
 from polefence.base import effort
@@ -133,9 +134,9 @@ def _whole(plant: UncertainPlant, source: Source) -> Source:
         plant=plant,
         certified=lambda point, region: kept(plant, point.law, region),
         refusal=lambda region: NotProvedError(
-            f"not proved: the law keeps {region} for the interpolated samples of {plant.name}, but "
-            "not within the interpolation-error bound; take a shorter sample time, or narrower "
-            "ranges"
+            f"not proved: the law keeps {region} for what is interpolated between the vertices of "
+            f"{plant.name}, but not within the interpolation-error bound; take narrower ranges, or "
+            "of samples a shorter sample time"
         ),
     )
 
@@ -249,13 +250,17 @@ def _with_remainder(
             smallest = _tightest(plant.combinations, kind, chosen, structure=structure)
             source = _sources(plant, smallest.region, chosen or "scheduled", structure)[0]
             simply = replace(source, certified=partial(kept_simply, source.plant))
-            designs += filter(None, [kind.widened(simply, smallest)])
+            rest = smallest.region.parts[1:]
+            inside = kind
+            if kind.of != "disk" and rest:
+                inside = replace(kind, within=reduce(and_, rest))
+            designs += filter(None, [inside.widened(simply, smallest)])
         except NotProvedError as error:
             failures.append(error)
     if not designs:
         raise next(iter(failures), None) or NotProvedError(
-            f"not proved: no disk about {kind.centre:g} holds within the interpolation-error bound "
-            f"of the samples of {plant.name}; take a shorter sample time, or narrower ranges"
+            f"not proved: no {kind.of} holds within the interpolation-error bound of {plant.name}; "
+            "take narrower ranges, or of samples a shorter sample time"
         )
     return min(designs, key=kind.size)
 

@@ -507,7 +507,12 @@ class Poles(Short, Claim):
             raise ValueError("alpha is not a point of the simplex")
         A, B = mix(alpha, self.A), mix(alpha, self.B)
         law, at = self.law, coordinates(alpha, self.sizes)
-        if self.remainder is not None and self.remainder.curve:
+        source = self.remainder and self.remainder.source
+        if source:
+            more, n = source.at(tuple(at[1::2]))[0], len(A)
+            A = add(A, [row[:n] for row in more])
+            B = add(B, [row[n : n + len(B[0])] for row in more])
+        elif self.remainder is not None and self.remainder.curve:
             values, n = basis(at, self.sizes, self.remainder.degree), len(A)
             more = mix(values, [list(map(list, M)) for M in self.remainder.curve])
             A = add(A, [row[:n] for row in more])
@@ -528,6 +533,24 @@ class Poles(Short, Claim):
         return [[Fraction(e, whole * common) for e in row] for row in N], [
             [q * e for e in r] for r in W
         ]
+
+    def off_at(self, alpha: list[Fraction]) -> Fraction:
+        """Return what entries of N in `fraction_at` are off by, of functions without a rational."""
+        source = self.remainder and self.remainder.source
+        if not source:
+            return Fraction(0)
+        at = coordinates(alpha, self.sizes)
+        off = source.at(tuple(at[1::2]))[1]
+        if not off:
+            return off
+        law = self.law
+        if law.K is not None:
+            W, Z = identity(len(self.A[0])), law.gain(alpha, at)
+        else:
+            values = basis(at, self.sizes, law.degree)
+            W, Z = mix(values, law.W or []), mix(values, law.Z or [])
+        columns = zip(*[*W, *Z], strict=True)
+        return off * max(sum(map(abs, column), Fraction(0)) for column in columns)
 
     def closed_loop(self, alpha: list[Fraction]) -> Rationals | None:
         """Return A + B K at one alpha, None where the law is undefined."""

@@ -253,7 +253,7 @@ def _with_remainder(
             rest = smallest.region.parts[1:]
             inside = kind
             if kind.of != "disk" and rest:
-                inside = replace(kind, within=reduce(and_, rest))
+                inside, simply = replace(kind, within=reduce(and_, rest)), source
             designs += filter(None, [inside.widened(simply, smallest)])
         except NotProvedError as error:
             failures.append(error)

@@ -28,9 +28,10 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import product as cartesian
+from typing import Any
 
 from polefence.proof import intervals
-from polefence.proof.functions import MAX_POWER, SMOOTH, KinkError, Series, Table, Tree
+from polefence.proof.functions import MAX_POWER, SMOOTH, KinkError, Memo, Series, Table, Tree
 from polefence.proof.intervals import ONE, ZERO, Interval, NoValueError, enclosing
 from polefence.proof.polynomials import monomials
 from polefence.proof.ranges import Range
@@ -86,6 +87,11 @@ class Functions(Short):
         default_factory=dict, compare=False, repr=False
     )
 
+    def __post_init__(self) -> None:
+        """Let functions share what they have in common."""
+        known = dict[Tree, Tree]()
+        object.__setattr__(self, "trees", tuple(tree.shared(known) for tree in self.trees))
+
     @cached_property
     def by_name(self) -> Mapping[str, Table]:
         """The tables."""
@@ -137,7 +143,8 @@ class Functions(Short):
             If a function has no value somewhere: a denominator may be zero there.
         """
         if (low, high) not in self._known:
-            parts = [_Part(self, tree, low, high) for tree in self.trees]
+            memo = dict[tuple[Any, ...], Memo]()
+            parts = [_Part(self, tree, low, high, memo) for tree in self.trees]
             degree = max((part.degree for part in parts), default=1)
             known = degree, tuple(part.approximation(degree) for part in parts)
             self._known[low, high] = known
@@ -152,6 +159,8 @@ class _Part:
     tree: Tree
     low: Point
     high: Point
+    # series of what functions have in common, at each box of t, parameter and order
+    memo: dict[tuple[Any, ...], Memo] = field(default_factory=dict, compare=False)
 
     @cached_property
     def axes(self) -> list[int]:
@@ -196,8 +205,9 @@ class _Part:
 
     def _series(self, t: Sequence[Interval], along: int | None, order: int) -> Series:
         ranges = self.functions.ranges
-        known = {ranges[i].name: self._place(i, t[i], i == along, order) for i in self.axes}
-        return self.tree.series(known or {"": [ZERO] * (order + 1)}, self.functions.by_name)
+        known = {r.name: self._place(i, t[i], i == along, order) for i, r in enumerate(ranges)}
+        shared = self.memo.setdefault((*t, along, order), {})
+        return self.tree.series(known, self.functions.by_name, shared)
 
     def _place_text(self, t: Sequence[Interval]) -> str:
         """Say where in the box something is."""
@@ -366,15 +376,18 @@ class _Part:
             return lower * (1 + LEBESGUE[degree - 1] ** len(self.axes))
         grown, total = Fraction(1), Fraction(0)
         for i in self.axes:
-            most = max(
-                intervals.size(self._coefficient(box, i, degree + 1)) for box in self._boxes(i)
-            )
-            total += grown * PRODUCT[degree - 1] * most
+            total += grown * PRODUCT[degree - 1] * self._coefficients[i][degree + 1]
             grown *= LEBESGUE[degree - 1]
         return total
 
-    def _coefficient(self, box: Sequence[Interval], along: int, order: int) -> Interval:
-        return self.series(box, along, order)[order]
+    @cached_property
+    def _coefficients(self) -> dict[int, list[Fraction]]:
+        """Along each parameter the largest magnitudes of Taylor coefficients, of each order."""
+        known, order = dict[int, list[Fraction]](), min(self.highest + 1, self.smooth)
+        for i in self.axes:
+            series = [self.series(box, i, order) for box in self._boxes(i)]
+            known[i] = [max(map(intervals.size, column)) for column in zip(*series, strict=True)]
+        return known
 
     def _boxes(self, along: int) -> Iterator[list[Interval]]:
         """Yield pieces of the part: more along one parameter than along others; -1 for all."""

@@ -37,7 +37,7 @@ from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
 from polefence.proof.short import Short
-from polefence.proof.work import FULL, MAX_FILE, FormatError, counted
+from polefence.proof.work import FULL, MAX_FILE, MAX_IN_PARTS, FormatError, counted
 
 FORMAT, VERSION = "polefence-proof", 2
 # What earlier versions wrote.
@@ -170,7 +170,8 @@ def _read(table: Table) -> Document:
     law, on = _read_law(table.table("law"), plant) if "law" in table else (None, "")
     claims = list[Claim]()
     for row in table.tables("claims", 100):
-        with counted():  # what reading one may take
+        # what reading one may take: of functions, that each part of the box has its polynomials
+        with counted(MAX_IN_PARTS if plant.functions is not None else None):
             claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")

@@ -403,8 +403,22 @@ class Tree(Short):
                 f"{MAX_LENGTH} characters; simplify it"
             )
 
-    def series(self, known: Mapping[str, Series], tables: Mapping[str, Table]) -> Series:
+    def shared(self, known: dict[Tree, Tree]) -> Tree:
+        """Return the same tree, whose parts are those that are known."""
+        if self not in known:
+            of = tuple(tree.shared(known) for tree in self.of)
+            known[self] = Tree(self.kind, of, self.word, self.number, self.size)
+        return known[self]
+
+    def series(
+        self,
+        known: Mapping[str, Series],
+        tables: Mapping[str, Table],
+        memo: Memo,
+    ) -> Series:
         """Return its series along one parameter, from those of its names.
+
+        ``memo`` has those of trees that are done, by their identity.
 
         Raises
         ------
@@ -413,13 +427,23 @@ class Tree(Short):
         KinkError
             If a coefficient is unbounded.
         """
+        if id(self) not in memo:  # with the tree, so that no other one gets its identity
+            memo[id(self)] = self, self._series(known, tables, memo)
+        return memo[id(self)][1]
+
+    def _series(
+        self,
+        known: Mapping[str, Series],
+        tables: Mapping[str, Table],
+        memo: Memo,
+    ) -> Series:
         order = len(next(iter(known.values()))) - 1
         spend(4 * (order + 1) ** 2 * (1 + order * (self.kind == "call")), 256, 256)
         if self.kind == "number":
             return [enclosing(self.number), *[ZERO] * order]
         if self.kind == "name":
             return known[self.word]
-        parts = [tree.series(known, tables) for tree in self.of]
+        parts = [tree.series(known, tables, memo) for tree in self.of]
         if self.kind == "+":
             return [intervals.plus(*pair) for pair in zip(*parts, strict=True)]
         if self.kind == "*":
@@ -479,6 +503,9 @@ def _whole_power(a: Interval, power: int) -> Interval:
     if power % 2 or a[0] >= 0 or a[1] <= 0:
         return total
     return 0, max(total[1], 0)
+
+
+Memo = dict[int, tuple[Tree, Series]]  # of trees, by their identity
 
 
 def lift(value: Any) -> Tree:

@@ -354,7 +354,14 @@ class Interpolation:
             missed = self._above_step(level, both, U, QE, border, cover)
         elif not np.any(F):
             bound, QE = level, WQ @ E
-            missed = self._bernstein(both + (Yt @ Y + QE @ QE.swapaxes(-1, -2)) / level)
+            rest = level - (0.0 if cover is None else self._driving(cover) ** 2)
+            if np.min(rest) <= 0:
+                raise np.linalg.LinAlgError("the remainder takes more than the level")
+            moved = (QE / rest) @ QE.swapaxes(-1, -2)
+            missed = self._bernstein(both + Yt @ Y / level + moved)
+            if border is not None:
+                PH = self._bernstein(border)
+                missed = missed + PH @ PH.swapaxes(-1, -2)
         else:
             bound, (N, QE, Y, F) = level, map(self._bernstein, (both, WQ @ E, Y, F))
             a, b, c = _inverse(level, F)

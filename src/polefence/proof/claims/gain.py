@@ -16,7 +16,12 @@ from fractions import Fraction
 from typing import ClassVar
 
 from polefence.proof.claims.held import StoredClaim
-from polefence.proof.claims.signal import MAX_ENTRIES, Rows, below_kappa
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    Rows,
+    below_kappa,
+    with_remainder,
+)
 from polefence.proof.claims.storage import least_of_storage, rows_of_storage
 from polefence.proof.matrices import identity
 from polefence.proof.polynomials import Polynomial, constant, diagonal
@@ -93,11 +98,16 @@ class Gain(StoredClaim):
         entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step
         E = loop.WQ * entering
         spread = self.subject.evidence.spread
-        plain = not step and spread is None
-        if self.level and plain and not any(output.F for output in self.outputs):
-            moved = (E.half_times(E.T) + Y.T.half_times(Y)).times(1 / self.level)
-            return {"of the gain": [[-(both + moved)]]}
-        if plain:
+        straight = any(output.F for output in self.outputs)
+        if not step and not straight and self.level:
+            products = self._products(both, E, Y)
+            if products is not None:
+                if spread is None:
+                    return {"of the gain": [[products]]}
+                form = self.subject.law.form(Q.sizes)
+                blocks = with_remainder(products, loop, spread, form)
+                return {"of the gain": blocks} | below_kappa(Q, spread)
+        if not step and spread is None:
             return {"of the gain": self._lemma(-both, E, Y)}
         QE = (Q * entering).times(step)
         lemma = self._lemma(-both, E + M.T * QE, Y)
@@ -114,6 +124,19 @@ class Gain(StoredClaim):
         ends = (PH, QE.T * H, none, constant(identity(self.subject.n), Q.sizes))
         lemma = [[*row, end] for row, end in zip([*lemma, []], ends, strict=True)]
         return {"of the gain": lemma} | below_kappa(Q, spread)
+
+    def _products(self, both: Polynomial, E: Polynomial, Y: Polynomial) -> Polynomial | None:
+        """Return -(N + N' + Q E (g - d)^-1 E'Q + Y'Y / g), d what a remainder takes of g.
+
+        None where that is too much.
+        """
+        spread, q = self.subject.evidence.spread, self.subject.q
+        driven = spread.driving(self.scales, q) if spread else (Fraction(0),) * q
+        rest = [self.level - x * x for x in driven]
+        if min(rest) <= 0:
+            return None
+        moved = E.half_times((E * diagonal([1 / x for x in rest], E.sizes)).T)
+        return -(both + moved + Y.T.half_times(Y).times(1 / self.level))
 
     @property
     def power(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from typing import Literal
@@ -28,6 +28,16 @@ class Range(Short):
     unit: str = ""
     label: str = ""
     rate: tuple[Fraction, Fraction] | Literal["any"] | None = None
+
+
+def narrowed(parameter: Range, low: Fraction, high: Fraction) -> Range:
+    """Return a parameter on a part of its interval, between weights of its upper end."""
+    ends = (parameter.low, parameter.high)
+    first, last = (1 / x if parameter.inverted else x for x in ends)
+    start, end = (first + (last - first) * t for t in (low, high))
+    if parameter.inverted:
+        start, end = 1 / start, 1 / end
+    return replace(parameter, low=start, high=end)
 
 
 def corners(low: Sequence[Fraction], high: Sequence[Fraction]) -> list[tuple[Fraction, ...]]:

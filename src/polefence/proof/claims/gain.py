@@ -41,6 +41,7 @@ class Gain(StoredClaim):
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
+    along_motions: ClassVar[bool] = True
 
     def require_extra(self) -> None:
         """Refuse what is sampled, or a storage function, where it does not fit."""
@@ -95,6 +96,8 @@ class Gain(StoredClaim):
             return rows_of_storage(self.subject, self.outputs, self.scales, self.held, self.level)
         loop = self.subject.dual_loop(self.outputs)
         Q, M, Y, both = loop.Q, loop.M, loop.Y, loop.falling
+        if self.subject.change is not None:  # x'Q x is the energy that is left, along a motion too
+            both = both + self.subject.change
         entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step
         E = loop.WQ * entering
         spread = self.subject.evidence.spread

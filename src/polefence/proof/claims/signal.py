@@ -68,10 +68,11 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
+    monomials,
     multinomial,
     number,
 )
-from polefence.proof.ranges import Range
+from polefence.proof.ranges import Range, narrowed
 from polefence.proof.reading import Table, plain, plain_rows
 from polefence.proof.regions import HalfPlane
 from polefence.proof.remainder import SHARE, Remainder, Spread
@@ -341,12 +342,14 @@ class Subject(Short):
         """Refuse evidence that does not hold while parameters move."""
         if not self.motion:
             return
-        sampled = self.remainder is not None and self.remainder.source is None
-        if evidence.dual or evidence.cells or sampled:
-            raise FormatError(
-                "parameters that move need one X of the whole box, not a dual form, and no samples "
-                "with a remainder"
-            )
+        if self.step and (self.remainder is not None or evidence.dual):
+            raise FormatError("samples with a remainder need constant parameters")
+        if evidence.dual and self.law.K is None:
+            raise FormatError("Z W^-1 has no dual form while parameters move")
+        if evidence.dual:
+            Q = bernstein(evidence.X, self.sizes, evidence.degree)
+            require_motion(Q, self.motion, self.step)
+            return
         X = lifted(self.law, evidence, self.sizes).part(slice(self.n))
         require_motion(X, self.motion, self.step)
 
@@ -399,6 +402,7 @@ class SignalClaim(Short, Claim):
     has_storage: ClassVar[bool] = False  # whether a storage function can be a part of the proof
     has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
     most: ClassVar[int] = 1  # entries of a vector
+    along_motions: ClassVar[bool] = False  # whether its dual form holds while parameters move
 
     subject: Subject
     outputs: tuple[Output, ...]
@@ -597,7 +601,9 @@ class SignalClaim(Short, Claim):
             return
         evidence = self.subject.evidence
         if self.subject.motion and evidence.cells:
-            raise FormatError("cells: moving parameters need one X for the whole box")
+            if not self.along_motions or self.subject.step:
+                raise FormatError("cells: moving parameters need one X for the whole box")
+            require_continuous(evidence.cells, self.subject.motion)
         pieces = [self._with(evidence.cells[0])] if evidence.cells else [self]
         pieces[0]._require_parts()
         evidence.require_cells(self.subject.sizes)
@@ -629,6 +635,8 @@ class SignalClaim(Short, Claim):
         subject.require()
         evidence = subject.evidence
         self._require_remainder()
+        if subject.motion and evidence.dual and not self.along_motions:
+            raise FormatError(f"{self.kind}: parameters that move need X, not a dual form")
         if subject.motion and not self.has_motion:
             raise FormatError(f"{self.kind} bounds are proved for constant parameters only")
         if evidence.transfer and not self.has_transfer:
@@ -737,13 +745,14 @@ class SignalClaim(Short, Claim):
     def inside(self, piece: Piece) -> Self:
         """Return the claim about a part of the box."""
         loop, low, high = self.subject, piece.low, piece.high
-        if not self.has_cells or loop.motion:
+        if not self.has_cells:
             raise FormatError(f"cells: a bound on {self.kind} has none here")
         law = loop.law.inside(low, high)
         vertices = (loop.A, loop.B, loop.E)
         (A, B, E), remainder = on_part(vertices, loop.nodes, loop.remainder, low, high)
         subject = replace(loop, A=A, B=B, E=E, law=law, evidence=piece.evidence)
-        subject = replace(subject, remainder=remainder, nodes=())
+        motion = tuple(map(narrowed, loop.motion, low, high)) if loop.motion else ()
+        subject = replace(subject, remainder=remainder, nodes=(), motion=motion)
         outputs = tuple(_inside(y, low, high, loop.q) for y in self.outputs)
         return replace(self, subject=subject, outputs=outputs)
 
@@ -774,7 +783,7 @@ class SignalClaim(Short, Claim):
         if evidence.dual or evidence.storage:
             letter = "Q" if evidence.dual else "X"
             Q = {f"of {letter} at vertex 1": [[constant(evidence.X[0], sizes)]]}
-            for name, blocks in (Q | self.dual_rows()).items():
+            for name, blocks in (Q | self._moving_dual_rows()).items():
                 yield Inequality.raised(name, blocks, evidence.elevation)
             return
         X, N, Y = self.subject.loop(self.outputs)
@@ -785,6 +794,15 @@ class SignalClaim(Short, Claim):
         degrees = tuple(degree + evidence.elevation for degree in least)
         for name, blocks in rows.items():
             yield from in_pieces(Inequality(name, blocks, degrees), evidence.pieces)
+
+    def _moving_dual_rows(self) -> Rows:
+        """Return the rows of the dual form at every extreme of the rates."""
+        subject, rows = self.subject, Rows()
+        Q = bernstein(subject.evidence.X, subject.sizes, subject.evidence.degree)
+        for name, change in changes(Q, subject.motion, subject.step):
+            moved = replace(self, subject=replace(subject, change=change))
+            rows |= {f"{key}{name}": blocks for key, blocks in moved.dual_rows().items()}
+        return rows
 
     def _moving_rows(self, X: Polynomial, N: Polynomial, Y: Polynomial) -> Rows:
         """Return the rows at every extreme of the rates, those that are the same once."""
@@ -872,6 +890,38 @@ def write_outputs(outputs: Sequence[Output]) -> dict[str, Any]:
 
 def _rows_of(output: Output) -> dict[str, Any]:
     return {key: plain_rows(getattr(output, key)) for key in "CDF" if getattr(output, key)}
+
+
+def require_continuous(cells: Sequence[Piece], ranges: Sequence[Range]) -> None:
+    """Refuse parts of the box whose Q differ where a moving parameter goes from one to another.
+
+    The parts are cells of a grid: two that touch across a moving parameter have the same ends
+    along all others. Q is then continuous along every motion, and its change is that in the parts.
+    """
+    known: dict[tuple[Point, Point], Evidence] = {(p.low, p.high): p.evidence for p in cells}
+    for piece in cells:
+        for f, parameter in enumerate(ranges):
+            if parameter.rate is None or piece.high[f] == 1:
+                continue
+            beyond = [high for low, high in known if low == _moved_to(piece.low, f, piece.high[f])]
+            others = [high for high in beyond if _moved_to(high, f, piece.high[f]) == piece.high]
+            if len(others) != 1:
+                raise FormatError("cells: while parameters move they must be those of a grid")
+            other = known[_moved_to(piece.low, f, piece.high[f]), others[0]]
+            if _face(piece.evidence, f, 1, len(ranges)) != _face(other, f, 0, len(ranges)):
+                raise FormatError("cells: Q is not continuous where parameters move")
+
+
+def _moved_to(point: Point, f: int, value: Fraction) -> Point:
+    return (*point[:f], value, *point[f + 1 :])
+
+
+def _face(evidence: Evidence, f: int, side: int, count: int) -> tuple[int, list[Rationals]]:
+    """Return the coefficients of Q where parameter f is at an end."""
+    exponents = monomials((2,) * count, evidence.degree)
+    whole = evidence.degree
+    pairs = zip(exponents, evidence.X, strict=True)
+    return whole, [X for e, X in pairs if e[2 * f + side] == whole]
 
 
 def curved_rows(outputs: Sequence[Output], rows: Polynomial, first: int = 0) -> Polynomial:

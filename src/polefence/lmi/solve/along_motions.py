@@ -24,7 +24,7 @@ from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.lmi.solve.duals import MOST
 from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, SMALL, majorant
 from polefence.plant.motion import Motion
-from polefence.plant.polynomial import binomial
+from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 
@@ -105,21 +105,7 @@ class _Interpolation:
     @cached_property
     def slopes(self) -> list[Array]:
         """Coefficients of dX/dt at every extreme of the rates, as weights of those of X."""
-        domain, sizes = self.problem.domain, self.problem.domain.sizes
-        rows, columns = domain.monomials(self.total), domain.monomials(self.degree)
-        by_move = []
-        for move in self.motion.moves:
-            table = change(move, domain, self.degree, self.total)
-            known = [[table.get(e, {}).get(d, 0.0) for d in columns] for e in rows]
-            left, right = (
-                np.array([binomial(sizes, e) for e in exponents]) for exponents in (rows, columns)
-            )
-            by_move.append(np.array(known) / left[:, None] * right)
-        ends = product(*(moving.rates or (0.0, 0.0) for moving in self.motion.moves))
-        none = np.zeros((len(rows), len(columns)))
-        return [
-            sum((rate * D for rate, D in zip(rates, by_move, strict=True)), none) for rates in ends
-        ]
+        return slopes(self.motion, self.problem.domain, self.degree, self.total)
 
     def along(self) -> Along | None:
         """Let R grow until no coefficient is negative; None if it does not end.
@@ -173,6 +159,23 @@ class _Interpolation:
 
     def _bernstein(self, values: Array) -> Array:
         return self.problem.domain.interpolated(values, self.total)
+
+
+def slopes(motion: Motion, domain: Domain, degree: int, total: int) -> list[Array]:
+    """Return coefficients of dX/dt at every extreme of the rates, as weights of those of X."""
+    sizes = domain.sizes
+    rows, columns = domain.monomials(total), domain.monomials(degree)
+    by_move = []
+    for move in motion.moves:
+        table = change(move, domain, degree, total)
+        known = [[table.get(e, {}).get(d, 0.0) for d in columns] for e in rows]
+        left, right = (
+            np.array([binomial(sizes, e) for e in exponents]) for exponents in (rows, columns)
+        )
+        by_move.append(np.array(known) / left[:, None] * right)
+    ends = product(*(moving.rates or (0.0, 0.0) for moving in motion.moves))
+    none = np.zeros((len(rows), len(columns)))
+    return [sum((rate * D for rate, D in zip(rates, by_move, strict=True)), none) for rates in ends]
 
 
 def _root(X: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from polefence.law.laws import Law, right_divide
 from polefence.lmi.solve.loops import loop_degree
 from polefence.plant.boxes import Box, widest
+from polefence.plant.evaluated import beyond
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parts import inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
@@ -215,6 +216,8 @@ class DualProblem:
         Of a peak between samples, where it is one from initial states without disturbances.
     near : tuple of Remainder, optional
         Of the outputs, where functions of the parameters are among their entries.
+    at_points : bool
+        Whether loops are asked for at points alone: outputs are then these functions themselves.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """
@@ -234,6 +237,7 @@ class DualProblem:
     starts: Starts | None = None
     decay: float = 0.0
     near: tuple[Remainder | None, ...] = ()
+    at_points: bool = False
 
     @property
     def domain(self) -> Domain:
@@ -391,13 +395,18 @@ class DualProblem:
             return C, D, F
         n, m = self.plant.shape
         for k, known in enumerate(self.near):
-            if known is not None and known.curve:
-                basis = self.domain.basis(alpha, known.degree)
-                row = np.tensordot(basis, np.array(known.curve, dtype=float), 1)[:, 0]
+            if known is None:
+                continue
+            if self.at_points and known.source is not None:
+                weights, matrices = beyond(known.source.functions, alpha), known.source.directions
+            else:
+                weights, matrices = self.domain.basis(alpha, known.degree), known.curve
+            if matrices:
+                row = np.tensordot(weights, np.array(matrices, dtype=float), 1)[:, 0]
                 C[:, k] += row[:, :n]
                 D[:, k] += row[:, n : n + m]
                 F[:, k] += row[:, n + m :] * self.scales
-        if not any(map(any, off)):
+        if self.at_points or not any(map(any, off)):
             return C, D, F
         squares = np.square(np.array(off, dtype=float)).sum(axis=0)
         share = float(OUTPUTS_SHARE)

@@ -40,7 +40,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 Point = tuple[Fraction, ...]
 
-HIGHEST = (0, 8, 4, 3, 2, 2, 1, 1, 1)  # degree, of so many parameters: 125 coefficients at most
+HIGHEST = (0, 8, 8, 3, 2, 2, 1, 1, 1)  # degree, of so many parameters: 125 coefficients at most
 ENOUGH = Fraction(1, 2**17)  # of a function's size: a smaller error asks for no higher degree
 ROUNDED = 44  # bits of coefficients, of a function's size
 ORDER = 11  # of Taylor series with which errors are bounded

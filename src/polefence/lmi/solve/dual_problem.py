@@ -409,7 +409,7 @@ class DualProblem:
         if self.at_points or not any(map(any, off)):
             return C, D, F
         squares = np.square(np.array(off, dtype=float)).sum(axis=0)
-        share = float(OUTPUTS_SHARE)
+        share = self._share
         sizes = np.sqrt((1 + 1 / share) * np.count_nonzero(squares) * squares)
         behind = np.broadcast_to(
             np.diag(sizes)[sizes > 0], (len(alpha), (sizes > 0).sum(), len(sizes))
@@ -419,6 +419,17 @@ class DualProblem:
         grown = (np.sqrt(1 + share) * M for M in (C, D, F))
         C, D, F = (np.concatenate(pair, axis=1) for pair in zip(grown, more, strict=True))
         return C, D, F
+
+    @property
+    def _share(self) -> float:
+        """As `outputs_share` of the claim has it."""
+        rows = np.abs(np.concatenate([self.C, self.D], axis=2)).max(axis=0)
+        ratios = [float(OUTPUTS_SHARE)]
+        for row, known in zip(rows, self.near, strict=False):
+            if known is not None:
+                off = np.array(known.entries[0], dtype=float)[: len(row)]
+                ratios += (off[row > 0] / row[row > 0]).tolist()
+        return float(min(2.0 ** np.ceil(np.log2(max(ratios))), 1.0))
 
     def ticked(self, ticks: Ticks, alpha: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
         """Return what `at` does, and what no law changes, for periods of any length.

@@ -202,7 +202,7 @@ class Interpolation:
             if Q is None:
                 return None
             if self.problem.plant.remainder is not None:
-                cover = self._cover(Q, cover)
+                cover = self._cover(Q, cover, level=level)
             missed, bound = self._missed(Q, level, cover)
             missed = T.T @ missed @ T
             if np.linalg.eigvalsh(missed).max() < 0 < np.linalg.eigvalsh(T.T @ Q[0] @ T).min():
@@ -289,27 +289,38 @@ class Interpolation:
             middle = np.sqrt(low * high)
         return high
 
-    def _cover(self, Q: Array, known: Cover | None, units: Array | None = None) -> Cover:
+    def _cover(
+        self,
+        Q: Array,
+        known: Cover | None,
+        units: Array | None = None,
+        level: float | None = None,
+    ) -> Cover:
         """Return what covers the remainder at about the least cost, with a kappa that holds.
 
         ``units`` are those in which what is missed is judged; by default those of the states.
+        ``level`` is that of a gain.
         """
         units = self.units if units is None else units
-        rows, columns = (known.rows, known.columns) if known else self._cheapest(Q, units)
+        rows, columns = (known.rows, known.columns) if known else self._cheapest(Q, units, level)
         H = np.diag(rows)
         kappa = float(np.linalg.eigvalsh(H @ Q @ H).max()) * OVER
         return Cover(rows, columns, max(kappa, TINY))
 
-    def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
+    def _cheapest(self, Q: Array, units: Array, level: float | None) -> tuple[Array, Array]:
         """Return rows and columns that cover the remainder at about the least cost in units."""
         remainder = self.problem.plant.remainder
         entries = () if remainder is None else remainder.entries
-        basis, (W, N, *_) = self.raised
+        basis, (W, N, Y, *_) = self.raised
         P = (W + self.problem.step * N).swapaxes(-1, -2) @ np.tensordot(basis, Q, 1)
         V = self.problem.form(self.problem.domain.nodes(self.total))
         a = np.square(units.T @ P).sum(axis=-2).max(axis=0)
         b = np.square(V @ units).sum(axis=-1).max(axis=0)
-        return cheapest(np.array(entries, dtype=float), a, b)
+        if level is None or self.problem.step:
+            return cheapest(np.array(entries, dtype=float), a, b)
+        # a disturbance takes of the level what a state takes of Y'Y over the level
+        share = float(np.square(Y @ units).sum(axis=(-2, -1)).max()) / level**2
+        return cheapest(np.array(entries, dtype=float), a, b, share)
 
     def _driving(self, cover: Cover) -> Array:
         """Return the columns of the disturbances as they are scaled."""
@@ -364,9 +375,14 @@ class Interpolation:
                 missed = missed + PH @ PH.swapaxes(-1, -2)
         else:
             bound, (N, QE, Y, F) = level, map(self._bernstein, (both, WQ @ E, Y, F))
-            a, b, c = _inverse(level, F)
-            cross, Yt = QE @ b @ Y, Y.swapaxes(-1, -2)
-            missed = N + QE @ a @ QE.swapaxes(-1, -2) + cross + cross.swapaxes(-1, -2) + Yt @ c @ Y
+            square = level * np.eye(F.shape[-1])
+            if cover is not None:
+                square = square - np.diag(self._driving(cover) ** 2)
+            corner = np.broadcast_to(square, (len(F), *square.shape))
+            missed = self._complement(level, N, QE, corner, Y, F)
+            if border is not None:
+                PH = self._bernstein(border)
+                missed = missed + PH @ PH.swapaxes(-1, -2)
         if self.problem.law.W is not None:
             middle = np.linalg.inv(W.mean(axis=0))
             missed = middle.T @ missed @ middle
@@ -495,7 +511,9 @@ def _inverse(level: Array | float, F: Array) -> tuple[Array, Array, Array]:
     return np.asarray(a), np.asarray(a @ Ft / level), np.asarray(c)
 
 
-def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
+def cheapest(
+    entries: Array, a: Array, b: Array, driven: float | None = None
+) -> tuple[Array, Array]:
     """Return rows and columns that cover a remainder, of about the least cost.
 
     Of u and v, their squares, with sum R_ij^2 / (u_i v_j) <= 1 those are looked for that make
@@ -506,14 +524,17 @@ def cheapest(entries: Array, a: Array, b: Array) -> tuple[Array, Array]:
     entries : (n, n + m + q) array
         R.
     a, b : (n,), (n + m,) arrays
-        What H H' and V'V cost; disturbances are taken to cost what they move.
+        What H H' and V'V cost.
+    driven : float, optional
+        What each disturbance costs; by default as much as it moves.
     """
     squares, known = entries**2, len(b)
     if not entries.any():
         return np.zeros(len(entries)), np.zeros(entries.shape[1])
-    driven = squares[:, known:].T @ a
+    moved = squares[:, known:].T @ a
     least = float(((squares[:, :known].T @ a) * b).max()) or TINY
-    b = np.concatenate([b, np.where(driven > 0, least / np.where(driven > 0, driven, 1.0), 1.0)])
+    costs = np.where(moved > 0, least / np.where(moved > 0, moved, 1.0), 1.0)
+    b = np.concatenate([b, costs if driven is None else np.full(len(moved), driven)])
     v = 1 / np.maximum(b, TINY)
     for _ in range(40):
         u = _least(squares @ (1 / v), a)

@@ -88,7 +88,7 @@ from polefence.proof.transfer import Tensor, Transfer, positive, transfer
 from polefence.proof.work import MAX_IN_PARTS, FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
-# What outputs are off by: see `SignalClaim.widened`. It costs half as much of a bound.
+# The least share for what outputs are off by, see `outputs_share`; half of it is lost of a bound.
 OUTPUTS_SHARE = Fraction(1, 2**16)
 
 Rows = dict[str, list[list[Polynomial]]]  # blocks of inequalities, by their names
@@ -766,9 +766,9 @@ class SignalClaim(Short, Claim):
         off = [y.near.entries[0] for y in self.outputs if y.near is not None]
         if not any(map(any, off)):
             return self
-        subject, share = self.subject, 1 + OUTPUTS_SHARE
-        outputs = [_times(y, share) for y in self.outputs]
-        squares = [(1 + 1 / OUTPUTS_SHARE) * total for total in _sums_of_squares(off)]
+        subject, share = self.subject, outputs_share(self.outputs)
+        outputs = [_times(y, 1 + share) for y in self.outputs]
+        squares = [(1 + 1 / share) * total for total in _sums_of_squares(off)]
         for k, square in enumerate(squares):
             if square:
                 outputs.append(_alone(subject, k, root_above(square)))
@@ -972,6 +972,23 @@ def _times(output: Output, factor: Fraction) -> Output:
         lambda M: tuple(tuple(root * x for x in row) for row in M)
     )
     return replace(output, C=C, D=D, F=tuple(F), near=near and replace(near, entries=_none(near)))
+
+
+def outputs_share(outputs: Sequence[Output]) -> Fraction:
+    """Return s of `SignalClaim.widened`: about what entries are off by, as share of their size."""
+    ratios = [OUTPUTS_SHARE]
+    for y in outputs:
+        if y.near is not None:
+            rows = [[*c[0], *d[0]] for c, d in zip(y.C, y.D, strict=True)]
+            sizes = [max(map(abs, column)) for column in zip(*rows, strict=True)]
+            off = zip(y.near.entries[0], sizes, strict=False)
+            ratios += [e / size for e, size in off if size]
+    share = max(ratios)
+    # the least power of two that is no less, and at most one
+    bits = share.numerator.bit_length() - share.denominator.bit_length() - 1
+    while Fraction(2) ** bits < share:
+        bits += 1
+    return min(Fraction(2) ** bits, Fraction(1))
 
 
 def _none(near: Remainder) -> tuple[tuple[Fraction, ...], ...]:

@@ -128,6 +128,8 @@ def test_files_of_numpy_json_and_csv(folder, capsys):
 
 def test_texts_of_the_command_line(folder, capsys):
     judged(capsys, "--gain=-40*(s + 3)/(s + 30)")
+    judged(capsys, "--gain", "-40*(s+3)/(s+30)")
+    judged(capsys, "--gain", "-(s+3)*40/(s+30)")
     judged(capsys, "--gain", "[['-40*(s + 3)/(s + 30)']]")
     judged(capsys, "--gain", json.dumps({"numerator": TOP, "denominator": BOTTOM}))
     said = ran(capsys, "verify", "arm.toml", "--gain", "[['-3 - 2*a', '-1 + a**2/8']]", "-o", "p")
@@ -249,5 +251,6 @@ def test_bad_laws_are_refused_and_nothing_is_written(folder, capsys, words, mess
 
 
 def test_other_commands_say_what_to_do(folder, capsys):
-    line = refused(capsys, "simulate", "arm.toml", "--law", "[['1/(s + 1)', 0]]")
-    assert "a law with states of its own; prove it by polefence verify --gain, with -o DIR" in line
+    for law in ("[['1/(s + 1)', 0]]", "-1/(s+1)"):
+        line = refused(capsys, "simulate", "arm.toml", "--law", law)
+        assert "--law: a law with states of its own; prove it by polefence verify --gain" in line

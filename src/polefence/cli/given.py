@@ -203,7 +203,7 @@ def _with_options(text: str) -> str:
 
 
 def _told(what: str) -> str:
-    return "--gain" if is_written(what) or not Path(what).exists() else what
+    return "--gain" if is_written(what) else what
 
 
 def _with_own_states(plant: UncertainPlant, options: Any) -> UncertainPlant:
@@ -421,5 +421,5 @@ def _as_json(text: str) -> str:
 
 
 def is_written(what: str) -> bool:
-    """Whether a word of the command line is a matrix or a table itself, not a file's name."""
-    return what.lstrip().startswith(("[", "{"))
+    """Whether a word of the command line is a law itself, not a file's name."""
+    return what.lstrip().startswith(("[", "{")) or _is_transfer(what)

@@ -353,6 +353,11 @@ class Compensator(Short):
         if not measured:
             return gains
         for y in measured:
+            if y.F:
+                raise InputError(
+                    f"a table measures {y.name!r}, into which a disturbance passes straight; "
+                    "measure states, or a sensor with a bandwidth"
+                )
             if len(y.C) > 1:
                 raise InputError(
                     f"a table measures {y.name!r}, whose row changes with the parameters: beside "

@@ -318,7 +318,9 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
         A = (*vertex.exact_A[: n - count], *(_unit(n, n - count + i, stays) for i in range(count)))
         B = [(*row, *more) for row in vertex.exact_B[: n - count]]
         B += [_unit(m + count, m + i, step) for i in range(count)]
-        vertices.append(System(A, tuple(B), vertex.exact_E, vertex.name))
+        E = vertex.exact_E  # what passes into the rates comes through the inputs then
+        E = None if E is None else (*E[: n - count], *((ZERO,) * len(E[0]),) * count)
+        vertices.append(System(A, tuple(B), E, vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),
@@ -395,7 +397,7 @@ def with_pid(
     Parameters
     ----------
     signals : sequence of Output
-        Combinations of states alone.
+        No input passes into one.
     bandwidth : number
         [Hz]
 
@@ -423,9 +425,11 @@ def with_pid(
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
     for i, signal in enumerate(signals):
-        C, _, _ = signal.exact(plant)
+        C, _, F = signal.exact(plant)
         rows = [(*(w * x for x in row), *_unit(2 * r, r + i, -w)) for row in C]
-        derivatives.append(Output(f"{DERIVATIVE}{signal.name}", f"{signal.unit or 1}/s", rows))
+        through = [[w * x for x in row] for row in F] if signal.F else ()
+        unit = f"{signal.unit or 1}/s"
+        derivatives.append(Output(f"{DERIVATIVE}{signal.name}", unit, rows, F=through))
     larger = replace(larger, outputs=(*larger.outputs, *derivatives))
     names = [signal.name for signal in signals]
     names += [state.name for state in states(larger)[n : n + r]]

@@ -354,17 +354,23 @@ def choose(
 
 
 def output_matrices(
-    plant: UncertainPlant, outputs: Sequence[Output], alpha: Array, K: Array
+    plant: UncertainPlant,
+    outputs: Sequence[Output],
+    alpha: Array,
+    K: Array,
+    passing: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return C + D K (..., p, n) and F (..., p, q) of outputs in closed loops u = K x.
+    """Return C + D K (..., p, n) and F + D P (..., p, q) of outputs in loops u = K x + P w.
 
     Parameters
     ----------
     alpha : (..., N) array
     K : (..., m, n) array
+    passing : (..., m, q) array, optional
+        P; zero by default.
     """
     C, D, F = rows_at(plant, outputs, alpha)
-    return C + D @ K, F
+    return C + D @ K, F if passing is None else F + D @ passing
 
 
 def rows_at(

@@ -96,10 +96,7 @@ class Interpolation:
         """Of what is a share: its degree; Q's basis and E at its nodes; its coefficients; more."""
         problem, domain, degree = self.problem, self.problem.domain, self.total
         if problem.share is not None:
-            varies = bool(np.ptp(problem.E, axis=0).any())
-            degree = max(
-                problem.share_degree, self.degree + 2 * varies * problem.plant.curve_degree
-            )
+            degree = max(problem.share_degree, self.degree + 2 * problem.driving_degree)
         at = domain.nodes(degree)
         shares = domain.interpolated(problem.shares(at), degree)
         more = problem.more(at)
@@ -436,13 +433,16 @@ class Interpolation:
     def total(self) -> int:
         """Degree of the inequality."""
         problem = self.problem
-        squares = [2 * problem.rows]
-        if problem.step:
-            squares.append(self.degree + 2 * problem.rows)
-        elif problem.gain and not np.any(problem.F):
-            varies = bool(np.ptp(problem.E, axis=0).any())
-            from_E = varies * problem.plant.curve_degree
-            squares.append(2 * (self.degree + problem.left + from_E))
+        entering, rows = self.degree + problem.driving_degree, problem.rows
+        if not problem.gain:
+            squares = [2 * rows, (self.degree + 2 * rows) * bool(problem.step)]
+        elif problem.step:
+            squares = [self.degree + 2 * rows, rows + entering, problem.driving_degree + entering]
+            squares.append(2 * rows)
+        elif problem.passes:  # as blocks, nothing is squared
+            squares = [problem.left + entering]
+        else:
+            squares = [2 * rows, 2 * (problem.left + entering)]
         return max(self.degree + problem.degree, *squares)
 
 

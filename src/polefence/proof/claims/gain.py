@@ -36,6 +36,7 @@ class Gain(StoredClaim):
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
+    has_passing: ClassVar[bool] = True
 
     def require_extra(self) -> None:
         """Refuse what is sampled, or a storage function, where it does not fit."""
@@ -94,7 +95,8 @@ class Gain(StoredClaim):
         E = loop.WQ * entering
         spread = self.subject.evidence.spread
         plain = not step and spread is None
-        if self.level and plain and not any(output.F for output in self.outputs):
+        through = self.subject.through(self.outputs, self.scales)
+        if self.level and plain and through is None:
             moved = (E.half_times(E.T) + Y.T.half_times(Y)).times(1 / self.level)
             return {"of the gain": [[-(both + moved)]]}
         if plain:
@@ -129,7 +131,8 @@ class Gain(StoredClaim):
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q
-        F = self.subject.straight(self.outputs, self.scales)
+        F = self.subject.through(self.outputs, self.scales)
+        F = constant([[Fraction(0)] * q for _ in self.outputs], sizes) if F is None else F
         return [
             [minus, E.times(-1), Y.T.times(-1)],
             [diagonal([self.level] * q, sizes), F.T.times(-1)],

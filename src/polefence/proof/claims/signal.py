@@ -17,6 +17,9 @@ Disturbances w = diag(s) v have ``scales`` s, zero of one that does not act: E a
 E diag(s) and F diag(s), and what is claimed is of v.
 
 Signals may be bounded behind ``filters``; the evidence is then of the loop with these in series.
+
+Of a law u = K (C x + F w), into whose signals disturbances pass, the loop has E + B K F in place of
+E, and outputs have F + D K F in place of F: see `Subject.driving` and `Subject.through`.
 """
 
 from __future__ import annotations
@@ -251,18 +254,29 @@ class Subject(Short):
         return decreasing(minus, X, N, self.step, self.evidence.spread)
 
     def driving(self, scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
-        """Return E, with the curve of a remainder, each column times its scale."""
+        """Return E of the loop, with the curve of a remainder, each column times its scale."""
         E = affine(self.E, sizes)
         if self.remainder is not None:
             E = self.remainder.curved(E, self.n + self.m)
+        if self.law.F:
+            E = E + self.entering(sizes) * self.law.passing(sizes)
         return E * diagonal(scales, sizes) if scales else E
 
-    def straight(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Polynomial:
-        """Return F of outputs, each column times its scale."""
-        none = [[[Fraction(0)] * self.q]] * len(self.A)
-        F = affine(stacked([output.F or none for output in outputs]), self.sizes)
-        F = curved_rows(outputs, F, self.n + self.m)
-        return F * diagonal(scales, self.sizes) if scales else F
+    def through(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Polynomial | None:
+        """Return F of outputs of the loop, each column times its scale; None where it is zero."""
+        none: list[Rationals] = [[[Fraction(0)] * self.q]] * len(self.A)
+        total: Polynomial | None = None
+        if any(output.F or output.near for output in outputs):
+            F = affine(stacked([output.F or none for output in outputs]), self.sizes)
+            total = curved_rows(outputs, F, self.n + self.m)
+        if self.law.F:
+            D = curved_rows(outputs, affine(stacked([y.D for y in outputs]), self.sizes), self.n)
+            passed = D * self.law.passing(self.sizes)
+            total = passed if total is None else total + passed
+        if total is None:
+            return None
+        total = total * diagonal(scales, self.sizes) if scales else total
+        return total if any(any(map(any, M)) for M in total.terms.values()) else None
 
     def entering(self, sizes: Sizes) -> Polynomial:
         """Return B, with the curve of a remainder."""
@@ -333,9 +347,8 @@ class Subject(Short):
         n, form = self.n, self.law.form(self.sizes)
         both = self._plant(outputs) * form
         W, N, Y = form.part(slice(n)), both.part(slice(n)), both.part(slice(n, None))
-        F = self.straight(outputs, scales) if any(output.F for output in outputs) else None
-        whole = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
-        return whole.bilinear(self.step)
+        E, F = self.driving(scales, self.sizes), self.through(outputs, scales)
+        return transfer(W, N, Y, E, F, power).bilinear(self.step)
 
     def _require_motion(self, evidence: Evidence) -> None:
         """Refuse evidence that does not hold while parameters move."""
@@ -398,6 +411,7 @@ class SignalClaim(Short, Claim):
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
     has_storage: ClassVar[bool] = False  # whether a storage function can be a part of the proof
     has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
+    has_passing: ClassVar[bool] = False  # whether disturbances may pass into what a law measures
     most: ClassVar[int] = 1  # entries of a vector
 
     subject: Subject
@@ -635,6 +649,7 @@ class SignalClaim(Short, Claim):
             raise FormatError(f"a bound on {self.kind} is not proved by the transfer function")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
+        self._require_passing()
         if evidence.storage and not self.has_storage:
             raise FormatError(f"a bound on {self.kind} has no storage function")
         for key in ("level", "intensity", "norm"):
@@ -644,6 +659,19 @@ class SignalClaim(Short, Claim):
             raise FormatError("E is missing: no disturbance acts on the loop")
         self.require_extra()
         self._require_disturbances()
+
+    def _require_passing(self) -> None:
+        """Refuse a law into whose signals disturbances pass, where it is not provided for."""
+        subject = self.subject
+        if not subject.law.F:
+            return
+        N, r = len(subject.A), len(subject.law.C[0])
+        require_shapes(list(subject.law.F), N, r, subject.q, "F of what is measured")
+        if not self.has_passing or subject.remainder is not None:
+            raise FormatError(
+                "law.measured: a disturbance passes straight into what is measured; no bound on "
+                f"{self.kind} of this kind is proved with that"
+            )
 
     def _require_remainder(self) -> None:
         loop, spread = self.subject, self.subject.evidence.spread
@@ -680,8 +708,10 @@ class SignalClaim(Short, Claim):
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
         require_scales(self.scales, self.subject.q)
-        through = any(F[0][k] for output in self.outputs for F in output.F for k in self.acting)
-        if through and not self.direct:
+        if self.direct:
+            return
+        acts = tuple(Fraction(k in self.acting) for k in range(self.subject.q))
+        if self.subject.through(self.outputs, acts) is not None:
             raise FormatError(f"F: a disturbance passes straight into the output of {self.kind}")
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:

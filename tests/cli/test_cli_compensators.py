@@ -171,6 +171,22 @@ def test_one_file_with_plant_and_compensator(folder, capsys):
     assert "u = -K y of y = y1" in ran(capsys, "verify", "both.mat", "--minus")
 
 
+def test_a_compensator_a_vertex(folder, capsys):
+    """A stronger law where the plant is less stable; its file has the vertices last."""
+    A = np.stack([[[0, 1], [1, -1]], [[0, 1], [3, -1]]], axis=2)
+    plant = {"A": A, "B": [[0.0], [1.0]], "C": [[1.0, 0.0]]}
+    each = {letter: np.stack([M, M], axis=2) for letter, M in ONE.items()}
+    each["D"] = np.stack([d, 2 * d], axis=2)
+    for more in ({f"{letter}c": M for letter, M in each.items()}, {"K": each}):
+        savemat("both.mat", plant | more)
+        said = ran(capsys, "verify", "both.mat", "-o", "out")
+        assert said.startswith("proved: ")
+        poles = Design.load("out").poles([0.25, 0.75])
+        own = control.ss([[0, 1], [2.5, -1]], [[0], [1]], [[1, 0]], 0)
+        law = control.ss(a, b, c, 1.75 * d)
+        assert np.allclose(np.poly(poles), np.poly(control.feedback(own, law, 1).poles()))
+
+
 def test_what_is_measured_comes_from_the_spec(folder, capsys):
     (folder / "arm.toml").write_text(SPEC + '[law]\nmeasured = ["x"]\n')
     assert "of y = x [m]" in ran(capsys, "verify", "arm.toml", "--gain=-40*(s + 3)/(s + 30)")

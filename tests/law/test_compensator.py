@@ -1,5 +1,7 @@
 """Compensators beside a plant: their loops, against python-control's, and what they refuse."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -240,6 +242,33 @@ def test_a_table_of_compensators(measured):
         assert close(np.linalg.eigvals(A + B @ table.gain_at(L=L)), loop.poles())
 
 
+@pytest.mark.parametrize("dt", [None, "0.05"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_compensator_a_vertex(seed, dt):
+    """As hinfgs has them: A, B, C and D are the means of those at the vertices."""
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(3, 3, 3)) / 4, rng.normal(size=(3, 2)), rng.normal(size=(2, 3))
+    blocks = [rng.normal(size=(3, *shape)) / 2 for shape in ((2, 2), (2, 2), (2, 2), (2, 2))]
+    plant = UncertainPlant.from_vertices(list(A), [B] * 3, sample_time=dt)
+    plant = replace(plant, outputs=tuple(Output(f"y{i}", C=[C[i]]) for i in range(2)))
+    law = Compensator(*blocks, sample_time=dt)
+    for own in (law, law.negated()):
+        larger, gain = own.beside(plant)
+        sign = 1 if own is law else -1
+        for alpha in ([1, 0, 0], [0.2, 0.5, 0.3], [0, 0.4, 0.6]):
+            step = 0 if dt is None else float(dt)
+            a, b, c, d = (np.tensordot(alpha, M, 1) for M in blocks)
+            P = control.ss(np.tensordot(alpha, A, 1), B, C, 0, step)
+            loop = control.feedback(P, control.ss(a, b, c, d, step), sign)
+            ours, acts = larger.at(alpha)
+            assert close(np.linalg.eigvals(ours + acts @ gain.gain(alpha)), loop.poles())
+    two = Compensator(*(M[:2] for M in blocks), sample_time=dt)
+    with pytest.raises(InputError, match="the law has 2 vertices; plant has 3: give one at each"):
+        two.beside(plant)
+    with pytest.raises(InputError, match="different numbers of knots or vertices: 2 and 3"):
+        Compensator(blocks[0][:2], *blocks[1:])
+
+
 def test_a_table_is_proved_cell_by_cell_and_refuted(tmp_path):
     plant = lever()
     D = [[[-120.0, -20.0]], [[-110.0, -18.0]], [[-100.0, -15.0]]]
@@ -300,6 +329,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
+        ({"A": [[1]], "B": [[1]], "D": [[2]]}, "C is missing; give A, B, C and D"),
         ({"A": [[1]], "B": [[1]]}, "give A, B, C and D, or numerator and denominator"),
         ({"A": [[1, 2]], "B": [[1]], "C": [[1]]}, "A is 1 x 2"),
         (

@@ -49,7 +49,8 @@ class Compensator(Short):
     ----------
     A, B, C, D : (k, k), (k, r), (m, k) and (m, r) matrices
         D is zero where it is left out. Entries are numbers, or texts of expressions that are
-        polynomials in the plant's parameters; of a table, of `grid`, numbers.
+        polynomials in the plant's parameters. Of (N, ...) matrices of numbers there is one at each
+        vertex of the plant, and their mean with the weights alpha between.
     measured : sequence of str, optional
         The plant's signals y. By default all states, or all outputs, whichever are as many as the
         columns of D.
@@ -83,21 +84,22 @@ class Compensator(Short):
             if T <= 0:
                 raise InputError(f"sample_time = {shown(self.sample_time)} must be positive [s]")
             object.__setattr__(self, "sample_time", T)
-        read = _read_rows if self.grid is None else _read_knots
+        several = self.grid is not None or any(_depth(getattr(self, x)) > 2 for x in SYSTEM)
+        read = _read_several if several else _read_rows
         given = {letter: read(getattr(self, letter), letter) for letter in SYSTEM}
         shapes = {letter: np.shape(M)[-2:] for letter, M in given.items() if len(M)}
-        k = shapes["A"][0] if "A" in shapes else 0
-        if not k and not {"A", "B", "C"} & set(shapes):
-            if "D" not in shapes:
-                raise InputError(f"a compensator without matrices; {WANTED}")
-            shapes |= {"B": (0, shapes["D"][1]), "C": (shapes["D"][0], 0)}
-        missing = [letter for letter in "ABC" if k and letter not in shapes]
-        if missing or ("A" not in shapes and k == 0 and shapes["B"][0]):
-            raise InputError(f"{(missing or ['A'])[0]} is missing; {WANTED}")
-        r, m = shapes["B"][1], shapes["C"][0]
+        if several:
+            given = _of_one_length(given)
+        missing = [x for x in "ABC" if x not in shapes and {*"ABC"} & shapes.keys()]
+        if missing or not shapes:
+            raise InputError(f"{(missing or ['D'])[0]} is missing; {WANTED}")
+        if shapes.keys() == {"D"}:
+            m, r, k = *shapes["D"], 0
+        else:
+            k, m, r = shapes["A"][0], shapes["C"][0], shapes["B"][1]
         wanted = {"A": (k, k), "B": (k, r), "C": (m, k), "D": (m, r)}
         for letter, shape in shapes.items():
-            if shape != wanted[letter] and 0 not in shape:
+            if shape != wanted[letter]:
                 (a, b), (c, d) = shape, wanted[letter]
                 raise InputError(f"{letter} is {a} x {b}; beside the others it must be {c} x {d}")
         if k > MOST_STATES:
@@ -106,7 +108,8 @@ class Compensator(Short):
                 "balred, say, and look at what is proved of that"
             )
         if "D" not in shapes:
-            given["D"] = _zeros(np.shape(given["C"])[:-2], m, r, self.grid is None)
+            lead = np.shape(given["C"])[:-2]
+            given["D"] = np.zeros((*lead, m, r)) if several else ((ZERO,) * r,) * m
         for letter, matrix in given.items():
             object.__setattr__(self, letter, matrix)
 
@@ -217,7 +220,7 @@ class Compensator(Short):
 
     def __repr__(self) -> str:
         m, r = np.shape(self.D)[-2:]
-        table = ", a table" if self.grid is not None else ""
+        table = ", a table" if self.grid is not None else ", one a vertex" * self._several
         return f"<Compensator {m} x {r}, order {self.order}{table}>"
 
     @property
@@ -230,9 +233,14 @@ class Compensator(Short):
         """Number of the signals that it measures."""
         return int(np.shape(self.D)[-1])
 
+    @property
+    def _several(self) -> bool:
+        """Whether it holds matrices at knots, or at vertices."""
+        return isinstance(self.D, np.ndarray)
+
     def negated(self) -> Compensator:
         """Return u = -K y: C and D with the other sign."""
-        if self.grid is not None:
+        if self._several:
             return replace(self, C=-self.C if self.order else (), D=-self.D)
         C, D = (tuple(tuple(map(_negative, row)) for row in M) for M in (self.C, self.D))
         return replace(self, C=C, D=D)
@@ -311,6 +319,14 @@ class Compensator(Short):
         )
 
     def _law(self, plant: UncertainPlant, measured: tuple[Output, ...]) -> Law:
+        if self._several:
+            gains = self._gains(plant)
+            if gains.ndim != 3 or len(gains) != len(plant.vertices):
+                raise InputError(
+                    f"the law has {len(gains)} vertices; {plant.name} has {len(plant.vertices)}: "
+                    "give one at each, or the knots of a table as grid"
+                )
+            return PolynomialGain(tuple(map(tuple, np.eye(len(gains), dtype=int))), gains, measured)
         terms = self._terms(plant)
         count = len(plant.parameters) or len(plant.vertices)
         powers = sorted({e for _, _, term in terms for e in term} | {(0,) * count})
@@ -341,15 +357,20 @@ class Compensator(Short):
                     terms.append((top + i, left + j, term))
         return terms
 
+    def _gains(self, larger: UncertainPlant) -> Any:
+        """Return [D, C; B, A] of what is measured and its states at every knot, or vertex."""
+        k, T = self.order, larger.sample_time
+        if not k:
+            return self.D
+        A, B = self.A, self.B
+        if T is not None:
+            A, B = (A - np.eye(k)) / float(T), B / float(T)
+        left, right = (np.concatenate(M, axis=-2) for M in ([self.D, B], [self.C, A]))
+        return np.concatenate([left, right], axis=-1)
+
     def _of_states(self, larger: UncertainPlant, measured: tuple[Output, ...]) -> Any:
         """Return the gains of all states of the larger plant at every knot."""
-        k, T = self.order, larger.sample_time
-        A, B, C, D = self.A, self.B, self.C, self.D
-        if k and T is not None:
-            A, B = (A - np.eye(k)) / float(T), B / float(T)
-        gains = np.concatenate([D, B], axis=-2) if k else D
-        if k:
-            gains = np.concatenate([gains, np.concatenate([C, A], axis=-2)], axis=-1)
+        gains = self._gains(larger)
         if not measured:
             return gains
         for y in measured:
@@ -459,10 +480,6 @@ def _negative(entry: Entry) -> Entry:
     return f"-({entry})" if isinstance(entry, str) else -entry
 
 
-def _zeros(lead: tuple[int, ...], m: int, r: int, plain: bool) -> Any:
-    return ((ZERO,) * r,) * m if plain else np.zeros((*lead, m, r))
-
-
 def _read_rows(value: Any, letter: str) -> Rows:
     rows = _as_rows(value)
     widths = {len(row) for row in rows}
@@ -474,13 +491,32 @@ def _read_rows(value: Any, letter: str) -> Rows:
     )
 
 
-def _read_knots(value: Any, letter: str) -> Any:
-    if not np.size(value):
+def _read_several(value: Any, letter: str) -> Any:
+    if not np.size(np.asarray(value, dtype=object)):
         return ()
     array = floats(value, letter)
-    if array.ndim < 3 or not np.all(np.isfinite(array)):
-        raise InputError(f"{letter} must be finite matrices at every knot, nested lists of them")
+    if array.ndim < 2 or not np.all(np.isfinite(array)):
+        raise InputError(f"{letter} must be finite matrices, one at every knot or vertex")
     return array
+
+
+def _of_one_length(given: dict[str, Any]) -> dict[str, Any]:
+    """Return matrices at the same knots or vertices; one alone is the same at all."""
+    leads = {np.shape(M)[:-2] for M in given.values() if len(M) and np.ndim(M) > 2}
+    if len(leads) > 1:
+        told = " and ".join(" x ".join(map(str, lead)) for lead in sorted(leads))
+        raise InputError(f"A, B, C and D are of different numbers of knots or vertices: {told}")
+    lead = next(iter(leads), ())
+    return {
+        x: np.broadcast_to(M, (*lead, *np.shape(M)[-2:])) if len(M) else M for x, M in given.items()
+    }
+
+
+def _depth(value: Any) -> int:
+    """Return how deep lists or arrays are nested."""
+    if isinstance(value, list | tuple):
+        return 1 + (_depth(value[0]) if value else 0)
+    return int(np.ndim(value))
 
 
 def _entry(value: Any, what: str) -> Entry:

@@ -416,6 +416,8 @@ def _plain(value: Any) -> Any:
         return [cells[i::rows] for i in range(rows)]
     if isinstance(value, list):
         return value[0] if len(value) == 1 else value
+    if isinstance(value, np.ndarray) and value.ndim == 3:
+        return np.moveaxis(value, 2, 0)  # one matrix a vertex
     return None if isinstance(value, matlab.Unread) else value
 
 

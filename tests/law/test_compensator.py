@@ -14,6 +14,7 @@ from polefence import (
     HalfPlane,
     InputError,
     Parameter,
+    ScheduledGain,
     TableAnalysis,
     UncertainPlant,
     analyse,
@@ -197,8 +198,33 @@ def test_gains_through_the_reciprocal_of_a_mass():
     found = analyse(plant, [["-3/m - 1", "-2"]], HalfPlane(0))
     assert found.proved
     assert np.allclose(found.law.gain_at(m=3), [[-2, -2]])
-    with pytest.raises(InputError, match=r"D\[1\]\[1\]: '-3\*m' is no polynomial in 1/m"):
-        analyse(plant, [["-3*m", "-2"]], HalfPlane(0))
+    found = analyse(plant, [["-3*m", "-2"]], HalfPlane(0))  # a quotient of polynomials in 1/m
+    assert found.proved
+    assert np.allclose(found.law.gain_at(m=3), [[-9, -2]])
+
+
+RATIONAL = ["-(30 + 40/(0.1 + L))/(2*L)", "-6/L", "-1/(1 + L)"]
+
+
+def test_gains_with_a_denominator_are_proved_exactly(tmp_path):
+    plant = lever()
+    found = analyse(plant, [RATIONAL], HalfPlane(4.38))
+    assert found.proved
+    assert isinstance(found.law, ScheduledGain)
+    worst = np.inf
+    for L in np.linspace(0.1, 0.4, 301):
+        truth = np.array([eval(text, {"L": L}) for text in RATIONAL])
+        assert np.allclose(found.law.gain_at(L=L), [truth], rtol=1e-12)
+        A = np.array([[0, 1, 0], [30 - 40 * L, -1, 5 * L], [0, 0, -20]])
+        A[2] += 20 * truth
+        worst = min(worst, -np.linalg.eigvals(A).real.max())
+    assert worst_case(plant, [RATIONAL]).region.numbers["decay"] == pytest.approx(worst, rel=1e-4)
+    found.save(tmp_path)
+    assert check(tmp_path).proved
+    assert analyse(plant, [RATIONAL], HalfPlane(4.4)).answer == "refuted"
+    measured = Compensator(D=[RATIONAL[:2]], measured=["angle", "rate"])
+    assert np.allclose(measured.beside(plant)[1].gain_at(L=0.3)[0, 2], 0)
+    assert analyse(plant, measured, HalfPlane(0)).proved
 
 
 def test_a_compensator_with_entries_in_the_parameters():
@@ -312,7 +338,13 @@ def test_a_gain_of_all_states_stays_a_fixed_gain():
         ("1/(z - 0.5)", "in z, and no sample time; sample the plant by polefence.at_sample_time"),
         ("1/(s + 1)", "measures 1 signal; lever has 3 states and 0 outputs: neither has as many"),
         ([["L**9", 0, 0]], "has degree 9 in the parameters; at most 8"),
-        ([["1/(1 + L)", 0, 0]], "no polynomial in L; give a polynomial near to it, or a table"),
+        ([["1/(L - 0.2)", 0, 0]], "denominator of the gains is not seen to keep its sign for all"),
+        ([["1/L**5", "1/(1 + L)**4", 0]], "over one denominator have degree 9 in a parameter"),
+        ([["1/L**9", 0, 0]], "has degree 9 in the parameters; at most 8"),
+        (
+            Compensator([["-1/L"]], [[1]], [[1]], measured=["angle"]),
+            "A[1][1]: '-1/L' is no polynomial in L, as entries of laws with states must be",
+        ),
         ([["1", "2"]], "the law measures 2 signals"),
         ([["1", "2", "3"], ["1", "2", "3"]], "the law gives 2 inputs u; lever has 1 input"),
         ("1/(s + 1)**21", "21 states; a law has at most 20"),

@@ -20,7 +20,7 @@ from polefence.law.fields import WANTED, matrices_of, place, quotients
 from polefence.law.fixed import FixedGain
 from polefence.law.law import Law
 from polefence.law.laws import given_law
-from polefence.law.parametric import Entries, Entry, Term
+from polefence.law.parametric import Entries, Entry, Term, is_polynomial, quotient_gain
 from polefence.law.polynomial import PolynomialGain
 from polefence.law.structure import Structure
 from polefence.law.table import GainTable
@@ -49,8 +49,9 @@ class Compensator(Short):
     ----------
     A, B, C, D : (k, k), (k, r), (m, k) and (m, r) matrices
         D is zero where it is left out. Entries are numbers, or texts of expressions that are
-        polynomials in the plant's parameters. Of (N, ...) matrices of numbers there is one at each
-        vertex of the plant, and their mean with the weights alpha between.
+        polynomials in the plant's parameters; of a gain D alone also quotients of polynomials. Of
+        (N, ...) matrices of numbers there is one at each vertex of the plant, and their mean with
+        the weights alpha between.
     measured : sequence of str, optional
         The plant's signals y. By default all states, or all outputs, whichever are as many as the
         columns of D.
@@ -327,6 +328,14 @@ class Compensator(Short):
                     "give one at each, or the knots of a table as grid"
                 )
             return PolynomialGain(tuple(map(tuple, np.eye(len(gains), dtype=int))), gains, measured)
+        if not self.order:
+            reader = Entries(plant)
+            values = [
+                [reader.value(e, f"D[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
+                for i, row in enumerate(self.D)
+            ]
+            if not all(is_polynomial(value) for row in values for value in row):
+                return quotient_gain(plant, values, measured)
         terms = self._terms(plant)
         count = len(plant.parameters) or len(plant.vertices)
         powers = sorted({e for _, _, term in terms for e in term} | {(0,) * count})

@@ -25,12 +25,14 @@ from polefence.law.polynomial import PolynomialGain
 from polefence.law.structure import Structure
 from polefence.law.table import GainTable
 from polefence.law.transfer import LETTERS, Quotient, letters_in, read_quotient, realised
+from polefence.law.well_posed import taken_off
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import MOST_STATES
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
 from polefence.proof.matrices import ZERO
+from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 
@@ -288,6 +290,8 @@ class Compensator(Short):
                 f"the law gives {plural(rows, 'input')} u; {plant.name} has {plural(m, 'input')}"
             )
         signals = self.signals(plant)
+        if any(y.D for y in signals):
+            return self._of_what_is_left(plant, signals).beside(plant)
         every = [y.name for y in signals] == [x.name for x in states(plant)]
         names = None if every else tuple(y.name for y in signals)
         larger, structure = Structure(names, (), order=self.order).extended(plant)
@@ -296,6 +300,24 @@ class Compensator(Short):
             table = GainTable(plant.parameters, self.grid, self._of_states(larger, measured))
             return larger, table
         return larger, given_law(larger, self._law(plant, measured))
+
+    def _of_what_is_left(self, plant: UncertainPlant, signals: Sequence[Output]) -> Compensator:
+        """Return it as a law of signals without what inputs pass straight into them."""
+        if self.grid is not None:
+            names = " and ".join(repr(y.name) for y in signals if y.D)
+            raise InputError(
+                f"a table measures {names}, into which an input passes straight; measure states, "
+                "or a sensor with a bandwidth"
+            )
+        for y in signals:
+            if not (y.C or y.F):
+                raise InputError(
+                    f"measured: an input passes straight into {y.name!r}, and nothing else does; "
+                    "measure another signal"
+                )
+        A, B, C, D = taken_off([getattr(self, key) for key in SYSTEM], plant, signals)
+        left = tuple(y.name + WITHOUT * bool(y.D) for y in signals)
+        return replace(self, A=A, B=B, C=C, D=D, measured=left)
 
     def _require_time(self, plant: UncertainPlant) -> None:
         T, theirs = self.sample_time, plant.sample_time

@@ -23,6 +23,7 @@ from polefence.plant.larger import law_states, require_order, with_pid, with_sta
 from polefence.plant.outputs import Output, split, states
 from polefence.plant.spec import law_table
 from polefence.plant.system import Array
+from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
 
 MAX_DEGREE, MAX_TERMS = 8, 500  # of a law in its parameters; of numbers that are free
@@ -153,9 +154,11 @@ class Structure(Short):
             except InputError as error:
                 raise InputError(f"measured: {error}") from error
             if signal.D:
+                left = f"measure '{signal.name}{WITHOUT}', by code that takes its input off, or "
+                left *= bool(signal.C or signal.F)
                 raise InputError(
-                    f"measured: an input passes straight into {name!r}; give its sensor or the "
-                    "actuator a bandwidth, or measure another signal"
+                    f"measured: an input passes straight into {name!r}; {left}give its sensor or "
+                    "the actuator a bandwidth"
                 )
             if signal in signals:
                 raise InputError(f"measured: {signal.name!r} is given twice; give it once")

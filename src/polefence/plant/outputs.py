@@ -17,7 +17,7 @@ from polefence.plant.evaluated import beyond
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
 from polefence.proof.matrices import mix
-from polefence.proof.plant import RATE
+from polefence.proof.plant import RATE, WITHOUT
 from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 
@@ -253,6 +253,27 @@ def rate_rows(plant: UncertainPlant, state: int) -> tuple[Exact, Exact, Exact]:
     A = tuple((*row[:state], row[state] - 1, *row[state + 1 :]) for row in A)
     A, B, E = (tuple(tuple(x / T for x in row) for row in M) for M in (A, B, E))
     return A, B, E
+
+
+def without_inputs(plant: UncertainPlant, name: str) -> Output | None:
+    """Return "NAME without inputs", C x + F w of a signal C x + D u + F w; None of another name.
+
+    Raises
+    ------
+    InputError
+        If there is no such signal, or nothing is left of it.
+    """
+    if not name.endswith(WITHOUT):
+        return None
+    whole = plant.signal(name.removesuffix(WITHOUT))
+    if whole.near is not None:
+        raise InputError(
+            f"no signal {name!r}: {whole.name!r} holds functions of the parameters; give it "
+            f'[sensor."{whole.name}"], and measure "measured {whole.name}"'
+        )
+    if not (whole.C or whole.F):
+        raise InputError(f"no signal {name!r}: {whole.name!r} is inputs alone")
+    return replace(whole, name=name, D=())
 
 
 def rate_named(plant: UncertainPlant, name: str) -> Output | None:

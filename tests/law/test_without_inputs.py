@@ -163,3 +163,16 @@ def test_a_search_is_that_of_the_same_rows_by_another_name(tmp_path, capsys):
     changed["law"]["measured"][0] = "b without inputs"
     with pytest.raises(FormatError, match="not a state or output of the plant"):
         read(json.dumps(changed))
+
+
+def test_code_says_what_is_to_be_taken_off(tmp_path, capsys):
+    spec, made, code = tmp_path / "mass.toml", tmp_path / "made", tmp_path / "code"
+    spec.write_text(SPEC)
+    for name, said in (("a without inputs", True), ("left", False)):
+        words = ["--measured", f"{name}, v", "--schedule", "none", "--minimise", "gain of [x, u]"]
+        ran(capsys, "optimise", str(spec), *words, "-o", str(made))
+        ran(capsys, "export", str(made), "-o", str(code), "--sample-time", "0.001")
+        for file in ("law.h", "README.md"):
+            text = (code / file).read_text()
+            assert name in text
+            assert ("less what u, as it acts while y is measured" in text) is said

@@ -1,6 +1,7 @@
 """Compensators beside a plant: their loops, against python-control's, and what they refuse."""
 
 from dataclasses import replace
+from time import process_time
 
 import control
 import numpy as np
@@ -333,6 +334,10 @@ def test_a_gain_of_all_states_stays_a_fixed_gain():
         ("1/(s", "cannot read the expression '1/(s'"),
         ("s + 1", "numerator has degree 1, the denominator 0; divide by a fast pole"),
         ("__import__('os')", "unknown name '__import__' in the law"),
+        (
+            [["sin(L)", 0, 0]],
+            "sin in the law: gains are polynomials in the parameters, or quotients",
+        ),
         ("(s + q)/(s + 1)", "unknown name 'q' in the law; known are the parameters"),
         ([["1/s", "1/z"]], "in s beside one in z"),
         ("1/(z - 0.5)", "in z, and no sample time; sample the plant by polefence.at_sample_time"),
@@ -348,6 +353,8 @@ def test_a_gain_of_all_states_stays_a_fixed_gain():
         ([["1", "2"]], "the law measures 2 signals"),
         ([["1", "2", "3"], ["1", "2", "3"]], "the law gives 2 inputs u; lever has 1 input"),
         ("1/(s + 1)**21", "21 states; a law has at most 20"),
+        ("1/((s + 1)**32*(s + 2)**32)", "64 states or more; a law has at most 20"),
+        ([["1/s"] * 401], "more than 400 entries"),
         ("(s**999)/(s + 1)", "in '(s**999)/(s + 1)' is beyond 32"),
     ],
 )
@@ -356,6 +363,16 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
         analyse(lever(), law, HalfPlane(0))
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_work_on_transfer_functions_is_bounded():
+    """Forty states of digits that are all different are looked at, and no more, in seconds."""
+    rng = np.random.default_rng(0)
+    num, den = ([[[1.0, *rng.normal(size=n)] for _ in range(2)] for _ in range(2)] for n in (9, 10))
+    began = process_time()
+    with pytest.raises(InputError, match="40 states; a law has at most 20"):
+        Compensator.from_fields({"numerator": num, "denominator": den})
+    assert process_time() - began < 60
 
 
 @pytest.mark.parametrize(

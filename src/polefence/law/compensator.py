@@ -24,13 +24,21 @@ from polefence.law.parametric import Entries, Entry, Term, is_polynomial, quotie
 from polefence.law.polynomial import PolynomialGain
 from polefence.law.structure import Structure
 from polefence.law.table import GainTable
-from polefence.law.transfer import LETTERS, Quotient, letters_in, read_quotient, realised
+from polefence.law.transfer import (
+    LETTERS,
+    MOST_ENTRIES,
+    Quotient,
+    letters_in,
+    read_quotient,
+    realised,
+)
 from polefence.law.well_posed import taken_off
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import MOST_STATES
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
+from polefence.proof.functions import FUNCTIONS
 from polefence.proof.matrices import ZERO
 from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
@@ -135,6 +143,8 @@ class Compensator(Short):
             If it cannot be read, or is improper.
         """
         rows = _as_rows(text)
+        if sum(map(len, rows)) > MOST_ENTRIES:
+            raise InputError(f"transfer: more than {MOST_ENTRIES} entries")
         read = [
             [read_quotient(entry, place("transfer", i, j, rows)) for j, entry in enumerate(row)]
             for i, row in enumerate(rows)
@@ -457,6 +467,12 @@ def written(plant: UncertainPlant, data: Any) -> Compensator:
     rows = _as_rows(data)
     names = {p.name for p in plant.parameters}
     found = set[str]().union(*(letters_in(e) for row in rows for e in row if isinstance(e, str)))
+    functions = sorted((found - names) & FUNCTIONS.keys())
+    if functions:
+        raise InputError(
+            f"{functions[0]} in the law: gains are polynomials in the parameters, or quotients of "
+            "these; give one near to it, or a table at knots as grid"
+        )
     strange = sorted(found - names - set(LETTERS))
     if strange:
         raise InputError(

@@ -23,6 +23,7 @@ from polefence.plant.system import Exact
 from polefence.proof.matrices import ONE, ZERO
 
 MOST_BEFORE = 2 * MOST_STATES  # states before those that are not seen are left out
+MOST_ENTRIES = 400
 LETTERS = ("s", "z")
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
@@ -99,6 +100,8 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
         If one is improper, or there are too many states.
     """
     count = len(rows[0])
+    if len(rows) * count > MOST_ENTRIES:
+        raise InputError(f"{what}: {len(rows)} x {count} entries; at most {MOST_ENTRIES}")
     for i, row in enumerate(rows):
         for j, (top, bottom) in enumerate(row):
             if len(top) > len(bottom):
@@ -112,7 +115,9 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
         column = [row[j] for row in rows]
         common = [ONE]
         for _, bottom in column:
+            _require_few(len(bottom) - 1, what)
             common = _least_common(common, bottom)
+        _require_few(len(common) - 1 + sum(len(former) - 1 for _, _, former in blocks), what)
         remainders = []
         for i, (top, bottom) in enumerate(column):
             whole = _times(top, _divided(common, bottom)[0])
@@ -120,8 +125,6 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
             remainders.append(rest)
         blocks.append((j, remainders, common))
     k = sum(len(common) - 1 for _, _, common in blocks)
-    if k > MOST_BEFORE:
-        raise InputError(f"{what}: {k} states; a law has at most {MOST_STATES}")
     A, B = [[ZERO] * k for _ in range(k)], [[ZERO] * count for _ in range(k)]
     C, at = [[ZERO] * k for _ in rows], 0
     for j, remainders, common in blocks:
@@ -141,6 +144,11 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
         raise InputError(f"{what}: {len(A)} states; a law has at most {MOST_STATES}")
     A, B, C = _evened(A, B, C)
     return _frozen(A), _frozen(B), _frozen(C), _frozen(D)
+
+
+def _require_few(states: int, what: str) -> None:
+    if states > MOST_BEFORE:
+        raise InputError(f"{what}: {states} states or more; a law has at most {MOST_STATES}")
 
 
 def _seen(A: Any, B: Any, C: Any) -> tuple[Any, Any, Any]:

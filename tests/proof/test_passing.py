@@ -19,8 +19,12 @@ from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
+from polefence.plant.spec import loads as load_text
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.signal import Subject
 from polefence.proof.document import check, loads
+from polefence.proof.laws import Evidence
+from polefence.proof.remainder import Spread
 from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.requirements.energy_peak import EnergyPeak
@@ -272,3 +276,71 @@ def test_inputs_that_saturate_take_no_disturbance():
     with pytest.raises(pf.InputError, match="passes straight into 'u1'"):
         bounds.best_bound(family.plant, family.law, own)
     assert analyse(family.plant, family.law, HalfPlane(0.05)).proved
+
+
+FUNCTIONS = """name = "functions"
+states = ["x", "v"]
+inputs = ["u"]
+disturbances = ["push", "noise"]
+[parameter.k]
+range = [1, 2]
+[matrices]
+A = [[0, 1], ["-sqrt(k)", -1]]
+B = [[0], ["1/(1 + k)"]]
+E = [[0, 0], ["exp(-k)", 0]]
+[outputs]
+"y" = {C = [1, 0], F = [0, 0.5]}
+"z" = {C = [0, 1], F = [0.25, 0]}
+"""
+
+
+def of_functions(kind, k):
+    """What is bounded of x, at a value of the parameter, by the functions themselves."""
+    K = np.array([[-3, -4]]) + 2 * (k - 1.5) * np.array([[0.25, -0.5]])
+    A, B = np.array([[0, 1], [-np.sqrt(k), -1]]), np.array([[0], [1 / (1 + k)]])
+    A, E = A + B @ K, np.array([[0, 0], [np.exp(-k), 0]]) + B @ K @ np.array([[0, 0.5], [0.25, 0]])
+    if kind != "gain":
+        return solve_continuous_lyapunov(A, -E @ E.T)[0, 0] ** 0.5
+    w = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, 400)])
+    away = 1j * w[:, None, None] * np.eye(2) - A
+    return np.linalg.norm(np.linalg.solve(away, E + 0j)[:, :1], 2, (1, 2)).max()
+
+
+@pytest.mark.parametrize(
+    "own", [Rms("x", density=2), EnergyPeak("x", norm=1), Gain("x")], ids=lambda own: own.kind
+)
+def test_functions_of_the_parameters_are_off_by_what_passes_too(own):
+    plant = load_text(FUNCTIONS)
+    measured = plant.signal("y"), plant.signal("z")
+    gains = [[[-3, -4]], [[0.25, -0.5]]]
+    law = PolynomialGain(((0,), (1,)), gains, measured, plant.parameters)
+    bound = bounds.best_bound(plant, law, own)
+    worst = max(of_functions(own.kind, k) for k in np.linspace(1, 2, 41))
+    assert worst * (1 - 1e-6) <= bound.level <= worst * 1.005
+    assert not prove(replace(bound.claim, level=Fraction(worst * 0.999))).proved
+    question = bounds._Question.of(plant, law, own)
+    for form in (bounds._dual_bounds, bounds._climbed):
+        for found in form(question):
+            assert worst * (1 - 1e-6) <= found.level <= worst * 1.05
+            assert found.claim.subject.remainder is not None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_remainder_moves_is_bounded_by_its_columns(seed):
+    """G'G <= diag(d)^2 for G = diag(columns) [K F; I] diag(scales), at many alphas."""
+    family, random = Family(seed, 2, 2), np.random.default_rng(seed)
+    columns = tuple(map(Fraction, random.uniform(0.1, 2, 7)))
+    scales = tuple(map(Fraction, random.uniform(0.1, 2, 2)))
+    evidence = Evidence([], spread=Spread([], (Fraction(1),) * 3, columns))
+    matrices = ([M.tolist() for M in each] for each in (family.A, family.B, family.E))
+    subject = Subject(*matrices, family.law.exact, evidence, "box")
+    d = np.array(subject.off(scales), dtype=float)
+    of_u, of_w = (np.array(part, dtype=float) for part in (columns[3:5], columns[5:]))
+    nearest = np.inf
+    for alpha in family.plant.domain.alpha(random.dirichlet([1, 1], (200, 2)).reshape(200, 4)):
+        P = family.law.passing(alpha)
+        G = np.vstack([of_u[:, None] * P, np.diag(of_w)]) * np.array(scales, dtype=float)
+        least = np.linalg.eigvalsh(np.diag(d**2) - G.T @ G).min()
+        assert least >= -1e-12
+        nearest = min(nearest, least / (d**2).max())
+    assert nearest < 0.5

@@ -293,6 +293,12 @@ class DualProblem:
         passed = self.law.passing_degree + self.plant.curve_degree if self.law.passes else 0
         return max(own, passed)
 
+    def passing(self, alpha: Array) -> Array | None:
+        """Return what passes from disturbances to inputs at points of the part; None: nothing."""
+        if self.box is not None:
+            alpha = self.box.alpha(self.domain, alpha)
+        return self.law.passing(alpha)
+
     @property
     def passes(self) -> bool:
         """Whether disturbances pass straight into the outputs of the loop."""

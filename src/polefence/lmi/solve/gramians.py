@@ -310,8 +310,16 @@ class Interpolation:
 
     def _driving(self, cover: Cover) -> Array:
         """Return the columns of the disturbances as they are scaled."""
-        known = sum(self.problem.plant.shape)
-        return np.asarray(cover.columns[known:] * self.problem.scales)
+        problem, (n, m) = self.problem, self.problem.plant.shape
+        columns = cover.columns[n + m :] * problem.scales
+        passing = problem.passing(problem.domain.nodes(problem.law.passing_degree))
+        if passing is None:
+            return np.asarray(columns)
+        V = problem.domain.interpolated(
+            cover.columns[n : n + m, None] * passing * problem.acting, problem.law.passing_degree
+        )
+        longest = (V**2).sum(axis=1).max(axis=0)
+        return np.asarray(np.sqrt(columns**2 + np.count_nonzero(longest) * longest))
 
     def _cost(self, Q: Array, both: Array, cover: Cover) -> tuple[Array, Array]:
         """Return what a remainder adds to the inequality at points, and the border's P H."""

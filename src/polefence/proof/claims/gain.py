@@ -41,6 +41,14 @@ class Gain(StoredClaim):
     def require_extra(self) -> None:
         """Refuse what is sampled, or a storage function, where it does not fit."""
         super().require_extra()
+        subject = self.subject
+        # what moves E then moves A + B K too: of twice H H' one is for each
+        alike = subject.step or any(item.dual for item in subject.evidence.per_cell)
+        if alike and subject.law.F and subject.remainder is not None:
+            raise FormatError(
+                "law.measured: where a disturbance passes straight into it, a gain of a plant with "
+                "a remainder is proved in continuous time, and not in the dual form"
+            )
         if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
             raise FormatError("held: a gain at all times needs Q of the dual form in every part")
 
@@ -76,7 +84,7 @@ class Gain(StoredClaim):
             # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
             entering = constant(spread.entering(2), X.sizes)
             lemma[0][0] = lemma[0][0] - entering - constant(spread.omega, X.sizes)
-            lost = [x * x for x in spread.driving(self.scales, self.subject.q)]
+            lost = [x * x for x in self.subject.off(self.scales)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering
         if below is not None:

@@ -278,6 +278,32 @@ class Subject(Short):
         total = total * diagonal(scales, self.sizes) if scales else total
         return total if any(any(map(any, M)) for M in total.terms.values()) else None
 
+    def off(self, scales: Sequence[Fraction]) -> tuple[Fraction, ...]:
+        """Return d, one a disturbance: a remainder moves E w by H Delta G w with G'G <= diag(d)^2.
+
+        G = diag(columns) [K F; I] diag(scales), whose columns of K F are no longer at any alpha
+        than the longest of their coefficients; |sum of q columns|^2 <= q times the sum of squares.
+        """
+        spread = self.evidence.spread
+        if spread is None:
+            return ()
+        columns = spread.driving(scales, self.q)
+        if not self.law.F:
+            return columns
+        own = spread.columns[self.n : self.n + self.m]
+        V = diagonal(own, self.sizes) * self.law.passing(self.sizes)
+        V = V * diagonal(scales, self.sizes) if scales else V
+        longest = [Fraction(0)] * self.q
+        for e, M in V.terms.items():
+            whole = V.whole * multinomial(e, V.sizes)
+            for k, column in enumerate(zip(*M, strict=True)):
+                longest[k] = max(longest[k], Fraction(sum(x * x for x in column), whole**2))
+        count = sum(map(bool, longest))
+        return tuple(
+            root_above(x * x + count * more) if more else x
+            for x, more in zip(columns, longest, strict=True)
+        )
+
     def entering(self, sizes: Sizes) -> Polynomial:
         """Return B, with the curve of a remainder."""
         B = affine(self.B, sizes)
@@ -667,7 +693,7 @@ class SignalClaim(Short, Claim):
             return
         N, r = len(subject.A), len(subject.law.C[0])
         require_shapes(list(subject.law.F), N, r, subject.q, "F of what is measured")
-        if not self.has_passing or subject.remainder is not None:
+        if not self.has_passing:
             raise FormatError(
                 "law.measured: a disturbance passes straight into what is measured; no bound on "
                 f"{self.kind} of this kind is proved with that"
@@ -1057,7 +1083,7 @@ def moving(
     """Return the intensity times E E', or more where E is only near that of the vertices."""
     E = subject.driving(scales, sizes)
     square, spread = E.half_times(E.T).times(intensity), subject.evidence.spread
-    most = max(spread.driving(scales, subject.q), default=0) if spread else 0
+    most = max(subject.off(scales), default=0)
     if spread is None or not most:
         return square
     more = spread.entering((1 + 1 / SHARE) * intensity * most**2)
@@ -1102,7 +1128,7 @@ def with_remainder(
 def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomial:
     """Return intensity tr E'QE, or more where E is only near that of the vertices."""
     E, spread = claim.subject.driving(claim.scales, Q.sizes), claim.subject.evidence.spread
-    driving = spread.driving(claim.scales, claim.subject.q) if spread else ()
+    driving = claim.subject.off(claim.scales)
     total = number(0, Q.sizes)
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))

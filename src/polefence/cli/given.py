@@ -100,6 +100,8 @@ class Given:
         sign = "; u = -K x" if options.minus and not said else ""
         out = self.arrays.left_out(names)
         rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
+        if "Ts" in self.arrays and "sample_time" not in self.arrays:
+            rest += "; Ts is not read: --name sample_time=Ts if the plant is in discrete time"
         rest += f"; left out, no outputs: {strange}" if strange else ""
         listed = ", ".join(self.arrays.listed(names))
         return [*said, f"read: {listed} from {self.arrays.place}{sign}{rest}"]

@@ -375,6 +375,10 @@ def _array(where: str, value: Any, first: bool) -> Any:
     return (value if first else np.moveaxis(value, 2, 0)).tolist()
 
 
+# Fields of a structure that is a system; linmod of Simulink has small letters.
+_SYSTEM = (frozenset("ABC"), frozenset("abcd"))
+
+
 def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     given, structures = dict[str, Any](), dict[str, tuple[dict[str, Any], ...]]()
     fields = dict[str, list[Any]]()
@@ -387,12 +391,19 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             structures[name] = members
         else:
             given[name] = value
-    systems = [name for name, members in structures.items() if {*"ABC"} <= members[0].keys()]
-    laws = systems if "A" in given else ["K"] if len(systems) > 1 else []  # beside their plant
+    systems = {
+        name: named
+        for name, members in structures.items()
+        for named in _SYSTEM
+        if named <= members[0].keys()
+    }
+    laws = systems if "A" in given else {"K"} if len(systems) > 1 else ()  # beside their plant
     for name, members in structures.items():
-        for key in () if name in systems and name in laws else members[0]:
-            values = [member[key] for member in members]
+        for own in () if name in systems and name in laws else members[0]:
+            key, values = own, [member[own] for member in members]
             value = values[0] if len(values) == 1 else matlab.Cells(tuple(values))
+            if name in systems:
+                key = _key_of(key, value, systems[name])
             fields.setdefault(key, []).append(value)
     for key, lists in fields.items():
         if len(lists) == 1 and key not in given:
@@ -401,6 +412,13 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
         matrices = _or_fault(_of_matlab, f"{path}: {name}", value)
         if matrices is not None:
             yield name, matrices
+
+
+def _key_of(key: str, value: Any, letters: frozenset[str]) -> str:
+    """Return what a field of a system is called here: of linmod A for a; Ts of a discrete one."""
+    if key == "Ts" and isinstance(value, np.ndarray) and value.size == 1 and value.item() > 0:
+        return "sample_time"
+    return key.upper() if key in letters else key
 
 
 def _plain(value: Any) -> Any:

@@ -343,6 +343,15 @@ def test_structures_of_linmod_are_plants(tmp_path, capsys, step):
     assert f"in {region} for" in ran(capsys, "verify", path)
 
 
+def test_one_zero_is_a_whole_matrix_of_zeros(tmp_path):
+    """As ss(A, B, C, 0) has it."""
+    path = tmp_path / "w.mat"
+    savemat(path, {"A": A, "B": np.hstack([B, B]), "C": np.eye(2), "D": 0.0})
+    outputs = plant_from(read_arrays(path)).outputs
+    assert [y.name for y in outputs] == ["y1", "y2"]
+    assert not any(y.D for y in outputs)
+
+
 def test_a_sample_time_that_is_not_read_is_said(tmp_path, capsys):
     path = tmp_path / "w.mat"
     savemat(path, {"A": A, "B": B, "K": K, "Ts": 0.1})

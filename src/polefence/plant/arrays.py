@@ -508,13 +508,21 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
     return matrices * N if len(matrices) == 1 else matrices
 
 
+def _rows(arrays: Arrays) -> dict[str, list[Exact]]:
+    """Return C, D and F; a D or F of zeros says nothing, whatever its shape: often it is one 0."""
+    given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
+    zero = [key for key in given if not any(x for M in given[key] for row in M for x in row)]
+    return {key: M for key, M in given.items() if key == "C" or key not in zero}
+
+
 def misfit(arrays: Arrays) -> str:
     """Return why C, D and F of a file are no rows of outputs of its plant; "" where they are."""
     n = len(arrays["A"][0])
     m = len(arrays["B"][0][0]) if "B" in arrays else n
     q = len(arrays["E"][0][0]) if arrays.holds("E") else 0
+    given = _rows(arrays)
     for key, width, what in (("C", n, "state"), ("D", m, "input"), ("F", q, "disturbance")):
-        columns = len(arrays[key][0][0]) if arrays.holds(key) else width
+        columns = len(given[key][0][0]) if key in given else width
         if columns != width:
             return f"{key} has {plural(columns, 'column')}, and the plant {plural(width, what)}"
     return ""
@@ -522,7 +530,7 @@ def misfit(arrays: Arrays) -> str:
 
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
-    given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
+    given = _rows(arrays)
     if misfit(arrays):
         return
     counts = {len(matrices[0]) for matrices in given.values()}

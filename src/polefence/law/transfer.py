@@ -13,7 +13,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from polefence.base.errors import InputError, PlantError, SpecError, shown
 from polefence.plant.expression import RationalFunction, counted, evaluate
@@ -193,6 +192,8 @@ def _evened(A: Any, B: Any, C: Any) -> tuple[Any, Any, Any]:
     """Return the system with states in even units: powers of two, so that nothing is rounded."""
     if not A:
         return A, B, C
+    from scipy.linalg import matrix_balance  # `check` starts without it
+
     floats = np.array([[float(x) for x in row] for row in A])
     _, (scale, _) = matrix_balance(floats, permute=False, separate=True)
     units = [Fraction(2) ** round(math.log2(x)) for x in scale]

@@ -188,3 +188,25 @@ def test_a_pid_takes_what_passes_into_its_integral_and_its_filter():
     E = np.array([[1, (p + d * w) / 2], [0, 0.5], [0, w / 2]])
     level = math.sqrt(solve_continuous_lyapunov(A, -E @ E.T)[0, 0])
     assert level * (1 - 1e-6) <= done.bounds[0].level <= level * 1.001
+
+
+def test_systems_of_python_control_are_the_loop():
+    """From [v, command] to all signals, as equations by hand have it."""
+    control = pytest.importorskip("control")
+    plant = loads(TRACKING)
+    structure = pf.Structure(measured=("error", "rate"), schedule=())
+    (a, b), s = (2.0, -1.0), 0.7j
+    law = structure.law(plant, [[[a, b]]])
+    for k, system in zip((1.0, 3.0), pf.closed_loops(plant, law), strict=True):
+        A = np.array([[0, 1, 0], [-k - a, -1 + b, 0], [-1, 0, -0.5]])
+        x = np.linalg.solve(s * np.eye(3) - A, np.array([0, a, 1.0]))
+        names = [*system.output_labels]
+        found = control.evalfr(system, s)[:, 1]
+        assert found[names.index("angle")] == pytest.approx(x[0])
+        assert found[names.index("error")] == pytest.approx(1 - x[0])
+        u = a * (1 - x[0]) + b * x[1]
+        assert found[names.index("cost")] == pytest.approx(0.2 * u)
+        assert found[names.index("u_of_law")] == pytest.approx(u)
+        pushed = control.evalfr(system, s)[:, 0]
+        x = np.linalg.solve(s * np.eye(3) - A, np.array([0, 1.0, 0]))
+        assert pushed[names.index("u_of_law")] == pytest.approx(1 - a * x[0] + b * x[1])

@@ -740,8 +740,8 @@ def require_passing(plant: UncertainPlant, law: Any, specification: Specificatio
         if weighting is None and np.any(D @ moved):
             raise InputError(
                 f"{specification.title}: through the law a disturbance passes straight into "
-                f"{output.name!r}, which has thus no bound; take a law that is strictly proper, or "
-                "give the sensor a bandwidth"
+                f"{output.name!r}, of which nothing is proved then; take a law that is strictly "
+                "proper, or give the sensor a bandwidth"
             )
 
 

@@ -56,7 +56,8 @@ def proper(
         names = ", ".join(repr(y.name) for y in gain.outputs(larger) if y.F)
         raise InputError(
             f"measured: a disturbance passes straight into {names}, and by any gain into what is "
-            "bounded, which has then no bound; give the law an order, or a sensor a bandwidth"
+            "bounded, of which nothing is proved then; give the law an order, or a sensor a "
+            "bandwidth"
         )
     return replace(structure, pattern=pattern)
 

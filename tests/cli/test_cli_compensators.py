@@ -266,6 +266,31 @@ def test_bad_laws_are_refused_and_nothing_is_written(folder, capsys, words, mess
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "law",
+    [
+        '[["1/s"', "{}", "[[]]", '{"A": 1}', '{"A": [[1]], "B": [[1]], "C": [["x"]]}',
+        '{"numerator": {}, "denominator": []}', '{"numerator": [1], "denominator": [1, "x"]}',
+        '{"zeros": [1e400], "poles": [1], "gain": 1}', '{"A": [[1e300]], "B": [[1]], "C": [[1]]}',
+        '{"A": "[[1]]", "B": [[1]], "C": [[1]]}', '{"A": [], "B": [[]], "C": [1]}',
+        '{"numerator": [[[1]], [[1, 2]]], "denominator": [1, 2]}',
+        "1/z", "s", "(s", '{"D": [["s"]]}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "measured": [1]}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "measured": {}}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "sample_time": "x"}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "grid": {"a": [1, 3]}}',
+        '{"A": [[[1]], [[1]]], "B": [[1]], "C": [[1]], "grid": 3}',
+        '{"A": [[[1]], [[1]]], "B": [[1]], "C": [[1]], "grid": {"b": [1, 3]}}',
+        '{"A": [[[1]], [[[1]]]], "B": [[1]], "C": [[1]]}',
+        '{"A": [[null]], "B": [[1]], "C": [[1]]}', '{"A": {"A": 1}, "B": [[1]], "C": [[1]]}',
+        '{"zeros": 1, "poles": [[1, 2, 3]], "gain": [1, 2]}',
+        '{"K": {"A": 1, "B": 2, "C": 3, "D": "s"}}',
+    ],
+)  # fmt: skip
+def test_hostile_words_are_refused_in_one_line(folder, capsys, law):
+    refused(capsys, "verify", "arm.toml", "--measured", "x", "--gain", law)
+
+
 def test_other_commands_say_what_to_do(folder, capsys):
     for law in ("[['1/(s + 1)', 0]]", "-1/(s+1)"):
         line = refused(capsys, "simulate", "arm.toml", "--law", law)

@@ -89,6 +89,8 @@ class Compensator(Short):
     def __post_init__(self) -> None:
         if self.measured is not None:
             names = (self.measured,) if isinstance(self.measured, str) else tuple(self.measured)
+            if not all(isinstance(name, str) for name in names):
+                raise InputError("measured must be names of signals, ['A', 'B']")
             object.__setattr__(self, "measured", names)
         if self.sample_time is not None:
             T = exact(self.sample_time, "sample_time")

@@ -34,7 +34,7 @@ from polefence.law.transfer import (
 )
 from polefence.law.well_posed import taken_off
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import MOST_STATES
+from polefence.plant.larger import MOST_GIVEN, law_states, with_states
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
@@ -115,9 +115,9 @@ class Compensator(Short):
             if shape != wanted[letter]:
                 (a, b), (c, d) = shape, wanted[letter]
                 raise InputError(f"{letter} is {a} x {b}; beside the others it must be {c} x {d}")
-        if k > MOST_STATES:
+        if k > MOST_GIVEN:
             raise InputError(
-                f"the law has {k} states; at most {MOST_STATES} are supported: reduce it, by "
+                f"the law has {k} states; at most {MOST_GIVEN} are supported: reduce it, by "
                 "balred, say, and look at what is proved of that"
             )
         if "D" not in shapes:
@@ -306,8 +306,10 @@ class Compensator(Short):
             return self._of_what_is_left(plant, signals).beside(plant)
         every = [y.name for y in signals] == [x.name for x in states(plant)]
         names = None if every else tuple(y.name for y in signals)
-        larger, structure = Structure(names, (), order=self.order).extended(plant)
-        measured = () if every else structure.outputs(larger)
+        larger = with_states(plant, self.order)
+        measured: tuple[Output, ...] = ()
+        if names is not None:
+            measured = Structure((*names, *law_states(self.order)), ()).outputs(larger)
         if self.grid is not None:
             table = GainTable(plant.parameters, self.grid, self._of_states(larger, measured))
             return larger, table

@@ -27,7 +27,7 @@ from polefence.proof.laws import OWN
 from polefence.proof.matrices import ONE, ZERO
 from polefence.proof.remainder import Remainder, Rows, Source
 
-MOST_STATES = 20  # bound on the order of a law
+MOST_STATES, MOST_GIVEN = 20, 40  # bounds on the order of a law that is sought, or given
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = OWN
 DERIVATIVE = "pid derivative of "
@@ -277,14 +277,14 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     Parameters
     ----------
     count : int
-        0 to `MOST_STATES`.
+        0 to `MOST_GIVEN`.
 
     Raises
     ------
     InputError
         If it is out of range, or a signal has the name of one of the states.
     """
-    require_order(count)
+    require_order(count, MOST_GIVEN)
     if not count:
         return plant
     labels = law_states(count)
@@ -377,12 +377,12 @@ def _apart(vertex: System, count: int, stays: Fraction, step: Fraction) -> bool:
     return alone and not driven and not any(any(a[n - count :] + b[m - count :]) for a, b in others)
 
 
-def require_order(count: Any) -> None:
-    """Refuse an order of a law unless it is a whole number from 0 to `MOST_STATES`."""
+def require_order(count: Any, most: int = MOST_STATES) -> None:
+    """Refuse an order of a law unless it is a whole number from 0 to ``most``."""
     if isinstance(count, bool) or not isinstance(count, int):
         raise InputError(f"order = {shown(count)} must be a whole number")
-    if not 0 <= count <= MOST_STATES:
-        raise InputError(f"order = {count} must be 0 to {MOST_STATES}")
+    if not 0 <= count <= most:
+        raise InputError(f"order = {count} must be 0 to {most}")
 
 
 def with_pid(

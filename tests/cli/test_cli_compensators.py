@@ -171,6 +171,33 @@ def test_one_file_with_plant_and_compensator(folder, capsys):
     assert "u = -K y of y = y1" in ran(capsys, "verify", "both.mat", "--minus")
 
 
+def test_a_gain_of_signals(folder, capsys):
+    """Twice x and v, in another order than the states."""
+    for law in ("[[-1, -5]]", "[-1 -5]", "law.json", "law.npz"):
+        (folder / "law.json").write_text('{"K": [[-1, -5]]}')
+        np.savez("law.npz", K=[[-1.0, -5.0]])
+        said = ran(
+            capsys, "verify", "arm.toml", "--gain", law, "--measured", "v, twice", "-o", "out"
+        )
+        assert said.startswith("proved: ")
+        assert "law: gains, u = K y of y = v [m/s], twice" in said
+        poles = Design.load("out").poles([0, 1])
+        assert np.allclose(np.poly(poles), np.poly(np.array([[0, 1], [3 - 10, -1 - 1]])))
+    A = np.stack([[[0, 1], [1, -1]], [[0, 1], [3, -1]]], axis=2)
+    plant = {
+        "A": A,
+        "B": [[0.0], [1.0]],
+        "C": [[2.0, 0.0]],
+        "K": np.stack([[[-2]], [[-5]]], axis=2),
+    }
+    savemat("both.mat", plant)
+    said = ran(capsys, "verify", "both.mat", "--measured", "y1", "-o", "out")
+    poles = Design.load("out").poles([0.5, 0.5])
+    assert np.allclose(np.poly(poles), np.poly(np.array([[0, 1], [2 - 7, -1]])))
+    line = refused(capsys, "verify", "both.mat")
+    assert "1 x 1; both needs 1 x 2" in line
+
+
 def test_a_compensator_a_vertex(folder, capsys):
     """A stronger law where the plant is less stable; its file has the vertices last."""
     A = np.stack([[[0, 1], [1, -1]], [[0, 1], [3, -1]]], axis=2)
@@ -249,7 +276,14 @@ def test_a_table_of_compensators(folder, capsys):
         ),
         (["--gain", "[['1/b', 2]]"], "unknown name 'b' in the law; known are the parameters (a)"),
         (["--gain", "[['1/(a - 2)', 2]]"], "--gain: the denominator of the gains is not seen to"),
-        (["--gain", "[[1, 2]]", "--measured", "x"], "--measured is for a compensator"),
+        (
+            ["--gain", "[[1, 2]]", "--measured", "x"],
+            "1 signal measured by name, and the law takes 2",
+        ),
+        (
+            ["--gain", '{"grid": {"a": [1, 3]}, "gains": [[[1, 2]], [[1, 2]]]}', "--measured", "x"],
+            "--measured is for a gain, or a compensator; a design, or a table of gains",
+        ),
         (["--gain", "1/(s+1)", "--measured", "q"], "no signal 'q'"),
         (["--gain", "1/(s+1)", "--measured", "f"], "an input passes straight into 'f'"),
         (["--gain", "law.json", "--measured", "x"], "law.json: names what it measures itself"),

@@ -75,8 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--measured",
         metavar="NAMES",
-        help="'A, B': what a gain or a compensator measures, in its order; default: the spec's [law], else "
-        "all states or all outputs, whichever are as many",
+        help="'A, B': what a gain or a compensator measures, in its order; default: the "
+        "spec's [law], else all states or all outputs, whichever are as many",
     )
     parser.add_argument(
         "--minus",

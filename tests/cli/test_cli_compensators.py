@@ -128,6 +128,8 @@ def test_files_of_numpy_json_and_csv(folder, capsys):
 
 def test_texts_of_the_command_line(folder, capsys):
     judged(capsys, "--gain=-40*(s + 3)/(s + 30)")
+    judged(capsys, "--gain", "-40*(s+3)/(s+30)")
+    judged(capsys, "--gain", "-(s+3)*40/(s+30)")
     judged(capsys, "--gain", "[['-40*(s + 3)/(s + 30)']]")
     judged(capsys, "--gain", json.dumps({"numerator": TOP, "denominator": BOTTOM}))
     said = ran(capsys, "verify", "arm.toml", "--gain", "[['-3 - 2*a', '-1 + a**2/8']]", "-o", "p")
@@ -167,6 +169,49 @@ def test_one_file_with_plant_and_compensator(folder, capsys):
     assert "law: order 1, u = K y of y = y1" in ran(capsys, "verify", "both.mat")
     savemat("both.mat", plant | {"Ac": a, "Bc": b, "Cc": -c, "Dc": -d})
     assert "u = -K y of y = y1" in ran(capsys, "verify", "both.mat", "--minus")
+
+
+def test_a_gain_of_signals(folder, capsys):
+    """Twice x and v, in another order than the states."""
+    for law in ("[[-1, -5]]", "[-1 -5]", "law.json", "law.npz"):
+        (folder / "law.json").write_text('{"K": [[-1, -5]]}')
+        np.savez("law.npz", K=[[-1.0, -5.0]])
+        said = ran(
+            capsys, "verify", "arm.toml", "--gain", law, "--measured", "v, twice", "-o", "out"
+        )
+        assert said.startswith("proved: ")
+        assert "law: gains, u = K y of y = v [m/s], twice" in said
+        poles = Design.load("out").poles([0, 1])
+        assert np.allclose(np.poly(poles), np.poly(np.array([[0, 1], [3 - 10, -1 - 1]])))
+    A = np.stack([[[0, 1], [1, -1]], [[0, 1], [3, -1]]], axis=2)
+    plant = {
+        "A": A,
+        "B": [[0.0], [1.0]],
+        "C": [[2.0, 0.0]],
+        "K": np.stack([[[-2]], [[-5]]], axis=2),
+    }
+    savemat("both.mat", plant)
+    said = ran(capsys, "verify", "both.mat", "--measured", "y1", "-o", "out")
+    poles = Design.load("out").poles([0.5, 0.5])
+    assert np.allclose(np.poly(poles), np.poly(np.array([[0, 1], [2 - 7, -1]])))
+    line = refused(capsys, "verify", "both.mat")
+    assert "1 x 1; both needs 1 x 2" in line
+
+
+def test_a_compensator_a_vertex(folder, capsys):
+    """A stronger law where the plant is less stable; its file has the vertices last."""
+    A = np.stack([[[0, 1], [1, -1]], [[0, 1], [3, -1]]], axis=2)
+    plant = {"A": A, "B": [[0.0], [1.0]], "C": [[1.0, 0.0]]}
+    each = {letter: np.stack([M, M], axis=2) for letter, M in ONE.items()}
+    each["D"] = np.stack([d, 2 * d], axis=2)
+    for more in ({f"{letter}c": M for letter, M in each.items()}, {"K": each}):
+        savemat("both.mat", plant | more)
+        said = ran(capsys, "verify", "both.mat", "-o", "out")
+        assert said.startswith("proved: ")
+        poles = Design.load("out").poles([0.25, 0.75])
+        own = control.ss([[0, 1], [2.5, -1]], [[0], [1]], [[1, 0]], 0)
+        law = control.ss(a, b, c, 1.75 * d)
+        assert np.allclose(np.poly(poles), np.poly(control.feedback(own, law, 1).poles()))
 
 
 def test_what_is_measured_comes_from_the_spec(folder, capsys):
@@ -230,8 +275,15 @@ def test_a_table_of_compensators(folder, capsys):
             "in z, and no sample time; sample the plant by --sample-time",
         ),
         (["--gain", "[['1/b', 2]]"], "unknown name 'b' in the law; known are the parameters (a)"),
-        (["--gain", "[['1/a', 2]]"], "D[1][1]: '1/a' is no polynomial in a"),
-        (["--gain", "[[1, 2]]", "--measured", "x"], "--measured is for a compensator"),
+        (["--gain", "[['1/(a - 2)', 2]]"], "--gain: the denominator of the gains is not seen to"),
+        (
+            ["--gain", "[[1, 2]]", "--measured", "x"],
+            "1 signal measured by name, and the law takes 2",
+        ),
+        (
+            ["--gain", '{"grid": {"a": [1, 3]}, "gains": [[[1, 2]], [[1, 2]]]}', "--measured", "x"],
+            "--measured is for a gain, or a compensator; a design, or a table of gains",
+        ),
         (["--gain", "1/(s+1)", "--measured", "q"], "no signal 'q'"),
         (["--gain", "1/(s+1)", "--measured", "f"], "an input passes straight into 'f'"),
         (["--gain", "law.json", "--measured", "x"], "law.json: names what it measures itself"),
@@ -248,6 +300,32 @@ def test_bad_laws_are_refused_and_nothing_is_written(folder, capsys, words, mess
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "law",
+    [
+        '[["1/s"', "{}", "[[]]", '{"A": 1}', '{"A": [[1]], "B": [[1]], "C": [["x"]]}',
+        '{"numerator": {}, "denominator": []}', '{"numerator": [1], "denominator": [1, "x"]}',
+        '{"zeros": [1e400], "poles": [1], "gain": 1}', '{"A": [[1e300]], "B": [[1]], "C": [[1]]}',
+        '{"A": "[[1]]", "B": [[1]], "C": [[1]]}', '{"A": [], "B": [[]], "C": [1]}',
+        '{"numerator": [[[1]], [[1, 2]]], "denominator": [1, 2]}',
+        "1/z", "s", "(s", '{"D": [["s"]]}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "measured": [1]}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "measured": {}}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "sample_time": "x"}',
+        '{"A": [[1]], "B": [[1]], "C": [[1]], "grid": {"a": [1, 3]}}',
+        '{"A": [[[1]], [[1]]], "B": [[1]], "C": [[1]], "grid": 3}',
+        '{"A": [[[1]], [[1]]], "B": [[1]], "C": [[1]], "grid": {"b": [1, 3]}}',
+        '{"A": [[[1]], [[[1]]]], "B": [[1]], "C": [[1]]}',
+        '{"A": [[null]], "B": [[1]], "C": [[1]]}', '{"A": {"A": 1}, "B": [[1]], "C": [[1]]}',
+        '{"zeros": 1, "poles": [[1, 2, 3]], "gain": [1, 2]}',
+        '{"K": {"A": 1, "B": 2, "C": 3, "D": "s"}}',
+    ],
+)  # fmt: skip
+def test_hostile_words_are_refused_in_one_line(folder, capsys, law):
+    refused(capsys, "verify", "arm.toml", "--measured", "x", "--gain", law)
+
+
 def test_other_commands_say_what_to_do(folder, capsys):
-    line = refused(capsys, "simulate", "arm.toml", "--law", "[['1/(s + 1)', 0]]")
-    assert "a law with states of its own; prove it by polefence verify --gain, with -o DIR" in line
+    for law in ("[['1/(s + 1)', 0]]", "-1/(s+1)"):
+        line = refused(capsys, "simulate", "arm.toml", "--law", law)
+        assert "--law: a law with states of its own; prove it by polefence verify --gain" in line

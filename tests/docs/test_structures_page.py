@@ -15,10 +15,11 @@ from polefence.cli.main import main
 from polefence.examples import spec_path, spec_text
 from polefence.law.structure import Structure
 from polefence.plant.spec import load
+from support.commands import ran
 from support.paths import DOCS
 
 PAGE = (DOCS / "structures.md").read_text()
-HARDWARE, PI = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+HARDWARE, PI, ERROR = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 
 
 def block(name):
@@ -125,3 +126,17 @@ def test_the_law_of_the_suspension_keeps_its_gains():
         load(spec_path("active-suspension")), FixedGain(np.zeros((1, 5))), np.eye(4)
     )
     assert passive.max() == pytest.approx(0.396, abs=5e-4)
+
+
+def test_a_law_measures_an_error(tmp_path, capsys):
+    """Beside a plant of two states, of which a filtered error is to be small."""
+    path = tmp_path / "error.toml"
+    path.write_text(
+        'name = "servo"\nstates = ["angle", "rate"]\ninputs = ["u"]\ndisturbances = ["command"]\n'
+        "[matrices]\nA = [[0, 1], [0, -1]]\nB = [[0], [1]]\nE = [[0], [0]]\n"
+        + ERROR.replace("order = 2", "order = 1")
+    )
+    words = ["--minimise", "gain of [error, u]", "--limit", "gain of angle <= 3"]
+    ran(capsys, "optimise", str(path), *words, "-o", str(tmp_path / "made"))
+    said = ran(capsys, "check", str(tmp_path / "made"), "--spec", str(path))
+    assert "'error' = -x1 + w1" in said

@@ -1,5 +1,8 @@
 """Compensators beside a plant: their loops, against python-control's, and what they refuse."""
 
+from dataclasses import replace
+from time import process_time
+
 import control
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from polefence import (
     HalfPlane,
     InputError,
     Parameter,
+    ScheduledGain,
     TableAnalysis,
     UncertainPlant,
     analyse,
@@ -195,8 +199,33 @@ def test_gains_through_the_reciprocal_of_a_mass():
     found = analyse(plant, [["-3/m - 1", "-2"]], HalfPlane(0))
     assert found.proved
     assert np.allclose(found.law.gain_at(m=3), [[-2, -2]])
-    with pytest.raises(InputError, match=r"D\[1\]\[1\]: '-3\*m' is no polynomial in 1/m"):
-        analyse(plant, [["-3*m", "-2"]], HalfPlane(0))
+    found = analyse(plant, [["-3*m", "-2"]], HalfPlane(0))  # a quotient of polynomials in 1/m
+    assert found.proved
+    assert np.allclose(found.law.gain_at(m=3), [[-9, -2]])
+
+
+RATIONAL = ["-(30 + 40/(0.1 + L))/(2*L)", "-6/L", "-1/(1 + L)"]
+
+
+def test_gains_with_a_denominator_are_proved_exactly(tmp_path):
+    plant = lever()
+    found = analyse(plant, [RATIONAL], HalfPlane(4.38))
+    assert found.proved
+    assert isinstance(found.law, ScheduledGain)
+    worst = np.inf
+    for L in np.linspace(0.1, 0.4, 301):
+        truth = np.array([eval(text, {"L": L}) for text in RATIONAL])
+        assert np.allclose(found.law.gain_at(L=L), [truth], rtol=1e-12)
+        A = np.array([[0, 1, 0], [30 - 40 * L, -1, 5 * L], [0, 0, -20]])
+        A[2] += 20 * truth
+        worst = min(worst, -np.linalg.eigvals(A).real.max())
+    assert worst_case(plant, [RATIONAL]).region.numbers["decay"] == pytest.approx(worst, rel=1e-4)
+    found.save(tmp_path)
+    assert check(tmp_path).proved
+    assert analyse(plant, [RATIONAL], HalfPlane(4.4)).answer == "refuted"
+    measured = Compensator(D=[RATIONAL[:2]], measured=["angle", "rate"])
+    assert np.allclose(measured.beside(plant)[1].gain_at(L=0.3)[0, 2], 0)
+    assert analyse(plant, measured, HalfPlane(0)).proved
 
 
 def test_a_compensator_with_entries_in_the_parameters():
@@ -240,6 +269,33 @@ def test_a_table_of_compensators(measured):
         assert close(np.linalg.eigvals(A + B @ table.gain_at(L=L)), loop.poles())
 
 
+@pytest.mark.parametrize("dt", [None, "0.05"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_compensator_a_vertex(seed, dt):
+    """As hinfgs has them: A, B, C and D are the means of those at the vertices."""
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(3, 3, 3)) / 4, rng.normal(size=(3, 2)), rng.normal(size=(2, 3))
+    blocks = [rng.normal(size=(3, *shape)) / 2 for shape in ((2, 2), (2, 2), (2, 2), (2, 2))]
+    plant = UncertainPlant.from_vertices(list(A), [B] * 3, sample_time=dt)
+    plant = replace(plant, outputs=tuple(Output(f"y{i}", C=[C[i]]) for i in range(2)))
+    law = Compensator(*blocks, sample_time=dt)
+    for own in (law, law.negated()):
+        larger, gain = own.beside(plant)
+        sign = 1 if own is law else -1
+        for alpha in ([1, 0, 0], [0.2, 0.5, 0.3], [0, 0.4, 0.6]):
+            step = 0 if dt is None else float(dt)
+            a, b, c, d = (np.tensordot(alpha, M, 1) for M in blocks)
+            P = control.ss(np.tensordot(alpha, A, 1), B, C, 0, step)
+            loop = control.feedback(P, control.ss(a, b, c, d, step), sign)
+            ours, acts = larger.at(alpha)
+            assert close(np.linalg.eigvals(ours + acts @ gain.gain(alpha)), loop.poles())
+    two = Compensator(*(M[:2] for M in blocks), sample_time=dt)
+    with pytest.raises(InputError, match="the law has 2 vertices; plant has 3: give one at each"):
+        two.beside(plant)
+    with pytest.raises(InputError, match="different numbers of knots or vertices: 2 and 3"):
+        Compensator(blocks[0][:2], *blocks[1:])
+
+
 def test_a_table_is_proved_cell_by_cell_and_refuted(tmp_path):
     plant = lever()
     D = [[[-120.0, -20.0]], [[-110.0, -18.0]], [[-100.0, -15.0]]]
@@ -251,6 +307,22 @@ def test_a_table_is_proved_cell_by_cell_and_refuted(tmp_path):
     assert again.proved
     assert again.plant.shape == (4, 2)
     assert analyse(plant, law.negated(), HalfPlane(0)).answer == "refuted"
+
+
+def test_a_law_of_more_states_than_are_sought(tmp_path):
+    """As D-K iterations leave them: 22 states."""
+    rng = np.random.default_rng(0)
+    fast = rng.normal(size=(21, 21)) - 12 * np.eye(21)
+    slow = Compensator.from_text("-1800*(s + 5)/(s + 100)")
+    A = np.zeros((22, 22))
+    A[0, 0], A[1:, 1:] = slow.A[0][0], fast
+    B, C = np.ones((22, 1)), np.full((1, 22), 0.5)
+    B[0], C[0, 0] = float(slow.B[0][0]), float(slow.C[0][0])
+    law = Compensator(A, B, C, slow.D, ["angle"])
+    found = analyse(lever(), law, HalfPlane(0))
+    assert found.proved
+    found.save(tmp_path)
+    assert check(tmp_path).proved
 
 
 def test_what_proves_also_bounds_and_saves(tmp_path):
@@ -278,15 +350,27 @@ def test_a_gain_of_all_states_stays_a_fixed_gain():
         ("1/(s", "cannot read the expression '1/(s'"),
         ("s + 1", "numerator has degree 1, the denominator 0; divide by a fast pole"),
         ("__import__('os')", "unknown name '__import__' in the law"),
+        (
+            [["sin(L)", 0, 0]],
+            "sin in the law: gains are polynomials in the parameters, or quotients",
+        ),
         ("(s + q)/(s + 1)", "unknown name 'q' in the law; known are the parameters"),
         ([["1/s", "1/z"]], "in s beside one in z"),
         ("1/(z - 0.5)", "in z, and no sample time; sample the plant by polefence.at_sample_time"),
         ("1/(s + 1)", "measures 1 signal; lever has 3 states and 0 outputs: neither has as many"),
         ([["L**9", 0, 0]], "has degree 9 in the parameters; at most 8"),
-        ([["1/(1 + L)", 0, 0]], "no polynomial in L; give a polynomial near to it, or a table"),
+        ([["1/(L - 0.2)", 0, 0]], "denominator of the gains is not seen to keep its sign for all"),
+        ([["1/L**5", "1/(1 + L)**4", 0]], "over one denominator have degree 9 in a parameter"),
+        ([["1/L**9", 0, 0]], "has degree 9 in the parameters; at most 8"),
+        (
+            Compensator([["-1/L"]], [[1]], [[1]], measured=["angle"]),
+            "A[1][1]: '-1/L' is no polynomial in L, as entries of laws with states must be",
+        ),
         ([["1", "2"]], "the law measures 2 signals"),
         ([["1", "2", "3"], ["1", "2", "3"]], "the law gives 2 inputs u; lever has 1 input"),
-        ("1/(s + 1)**21", "21 states; a law has at most 20"),
+        ("1/((s + 1)**21*(s + 2)**20)", "41 states or more; a law has at most 40"),
+        ("1/((s + 1)**32*(s + 2)**32)", "64 states or more; a law has at most 40"),
+        ([["1/s"] * 401], "more than 400 entries"),
         ("(s**999)/(s + 1)", "in '(s**999)/(s + 1)' is beyond 32"),
     ],
 )
@@ -297,9 +381,19 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
     assert "\n" not in str(refused.value)
 
 
+def test_work_on_transfer_functions_is_bounded():
+    """Forty states of digits that are all different are realised in seconds."""
+    rng = np.random.default_rng(0)
+    num, den = ([[[1.0, *rng.normal(size=n)] for _ in range(2)] for _ in range(2)] for n in (9, 10))
+    began = process_time()
+    assert Compensator.from_fields({"numerator": num, "denominator": den}).order == 40
+    assert process_time() - began < 60
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
+        ({"A": [[1]], "B": [[1]], "D": [[2]]}, "C is missing; give A, B, C and D"),
         ({"A": [[1]], "B": [[1]]}, "give A, B, C and D, or numerator and denominator"),
         ({"A": [[1, 2]], "B": [[1]], "C": [[1]]}, "A is 1 x 2"),
         (
@@ -322,8 +416,8 @@ def test_what_cannot_be_used_is_refused_in_one_line(law, message):
         ({"A": [[1]], "B": [[1]], "C": [[1]], "sample_time": -1}, "its sample time is not said"),
         ({"A": [[1]], "B": [[1]], "C": [[1]], "E": [[2]]}, "a descriptor system"),
         (
-            {"A": np.eye(21), "B": np.ones((21, 1)), "C": np.ones((1, 21))},
-            "the law has 21 states; at most 20 are supported: reduce it",
+            {"A": np.eye(41), "B": np.ones((41, 1)), "C": np.ones((1, 41))},
+            "the law has 41 states; at most 40 are supported: reduce it",
         ),
     ],
 )

@@ -16,13 +16,12 @@ NW, NU, NZ, NY = 2, 1, 3, 2
 
 
 def generalised(rng, n=3, dt=0, **names):
-    """Return one with all blocks but D21 and D22, which a law cannot measure past."""
+    """Return one with all blocks: with D22 u passes into y, and the law is well-posed or not."""
     A = rng.normal(size=(n, n)) - 2 * np.eye(n)
     if dt:
         A /= 4
     B, C = rng.normal(size=(n, NW + NU)), rng.normal(size=(NZ + NY, n))
     D = rng.normal(size=(NZ + NY, NW + NU))
-    D[NZ:] = 0
     return control.ss(A, B, C, D, dt, **names)
 
 
@@ -41,6 +40,27 @@ def test_loops_are_linear_fractional_transformations(seed, dt):
     larger, law = Compensator.from_control(K, ["y1", "y2"]).beside(plant)
     ours = larger.A[0] + larger.B[0] @ law.gain([1.0])
     assert close(np.linalg.eigvals(ours), P.lft(K).poles())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gains_are_those_of_the_lower_linear_fractional_transformation(seed):
+    """With D11, D12, D21 and D22: noise of y and u itself pass through the law into z."""
+    rng = np.random.default_rng(seed)
+    P = generalised(rng)
+    P = control.ss(P.A - 2 * np.eye(3), P.B, P.C, P.D)
+    K = control.ss(
+        -np.diag([1.0, 2.0]), *(rng.normal(size=s) / 9 for s in ((2, NY), (NU, 2), (NU, NY)))
+    )
+    plant = from_control(P, controls=NU, measured=NY)
+    limits = [Gain("z1"), Gain("z2"), Gain("z3")]
+    law = Compensator.from_control(K, ["y1", "y2"])
+    found = analyse(plant, law, HalfPlane(0), limits=limits)
+    assert found.proved
+    at = 1j * np.concatenate([[0], np.logspace(-3, 4, 3000)])
+    H = P.lft(K)(at)
+    for i, bound in enumerate(found.bounds):
+        sampled = np.linalg.norm(H[i], axis=0).max()
+        assert 0.9999 * sampled <= bound.bound.level <= 1.002 * sampled
 
 
 def test_blocks_are_rows_of_outputs():
@@ -113,6 +133,8 @@ def test_transfer_functions_are_plants_with_no_state_too_many():
 def test_a_family_of_generalised_plants():
     rng = np.random.default_rng(3)
     family = [generalised(rng) for _ in range(3)]
+    for P in family:
+        P.D[NZ:, NW:] = [[0.3], [0]]  # the same everywhere
     plant = from_control(family, controls=NU, measured=NY)
     K = control.ss([[-3.0]], [[0.1, 0.2]], [[0.3]], [[0.1, 0.0]])
     larger, law = Compensator.from_control(K, ["y1", "y2"]).beside(plant)

@@ -153,7 +153,7 @@ UNFIT = {
     "of cars": (Structure(("sprung-mass acceleration",)), "measured: no signal 'sprung-mass acc"),
     "input": (Structure(("force",)), "an input passes straight into 'force'; give its sensor or"),
     "output with D": (Structure(("rate of v",)), "an input passes straight into 'rate of v'"),
-    "output with F": (Structure(("w",)), "a disturbance passes straight into 'w'"),
+    "output with F": (Structure(("w",)), "measured: only disturbances; measure a signal of"),
     "dynamic all the same": (Structure(("rate of v",), order=1), "passes straight into"),
     "twice": (Structure(("x", "x [m]")), "measured: 'x' is given twice"),
     "schedule": (Structure(schedule=("n",)), "schedule: no parameter 'n'; known: 'k'"),

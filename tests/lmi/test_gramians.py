@@ -93,7 +93,7 @@ def problem(law, seed, gain=False, through=False, count=2, spread=0.08):
     }[law]()  # fmt: skip
     each = (np.array([M] * N) for M in (C, D, E, 0.2 * F * (through and gain)))
     plant = replace(plant, parameters=parameters)
-    return DualProblem(plant, own, *each, gain=gain)
+    return DualProblem(plant, own, *each, np.ones(2), gain=gain)
 
 
 def worst_of(own, count=25):
@@ -167,8 +167,9 @@ def test_parts_make_up_the_box_where_one_polynomial_is_not_enough(gain):
     law = PolynomialGain(((0,),), K[None], (), parameters)
     row, none = np.array([[[0, 1.0, 0, 0]]] * 2), np.zeros((2, 1, 1))
     own = DualProblem(
-        replace(plant, parameters=parameters), law, row, none, np.array([E] * 2), none, gain=gain
-    )
+        replace(plant, parameters=parameters),
+        law, row, none, np.array([E] * 2), none, np.ones(1), gain=gain,
+    )  # fmt: skip
     worst = worst_of(own, 80)
     assert all(dual.level > worst * 1.01 for dual in duals(own, worst, 1e-3))
     assert in_parts(own, worst * 0.99, 4) is None

@@ -221,7 +221,7 @@ WRONG = {
     "no bandwidth": (lambda p: with_sensor(p, "x"), "bandwidth is missing; give bandwidth"),
     "no noise": (lambda p: with_sensor(p, "x", 1, 0), "noise = 0 must be a positive number"),
     "infinite": (lambda p: with_sensor(p, "x", float("inf")), "must be a finite number"),
-    "order -1": (lambda p: with_states(p, -1), "order = -1 must be 0 to 20"),
+    "order -1": (lambda p: with_states(p, -1), "order = -1 must be 0 to 40"),
     "order 2.0": (lambda p: with_states(p, 2.0), "order = 2.0 must be a whole number"),
     "order twice": (lambda p: with_states(with_states(p, 1), 1), "a signal 'law state 1' already"),
     "discrete": (

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -324,3 +325,38 @@ def test_rows_that_are_of_no_outputs_are_left_out_and_said(tmp_path, capsys):
     assert "read: A, B, K from" in out
     assert "left out, no outputs: D has 3 columns, and the plant 1 input" in out
     assert not plant_from(read_arrays(path)).outputs
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02])
+def test_structures_of_linmod_are_plants(tmp_path, capsys, step):
+    """Simulink has small letters; of dlinmod Ts is the sample time, of linmod zero."""
+    stable = A / 4 if step else A
+    own = {"a": stable, "b": B, "c": np.eye(2)[:1], "d": np.zeros((1, 1)), "Ts": step}
+    own |= {"StateName": np.array(["m/x", "m/v"], dtype=object)}
+    path = tmp_path / "w.mat"
+    savemat(path, {"sys": own, "K": K / 8 if step else K})
+    plant = plant_from(read_arrays(path))
+    assert plant.period == (Fraction(step) if step else 0)
+    assert np.array_equal(plant.A[0], stable)
+    assert [y.name for y in plant.outputs] == ["y1"]
+    region = "disk(0, 1)" if step else "half_plane(0)"
+    assert f"in {region} for" in ran(capsys, "verify", path)
+
+
+def test_one_zero_is_a_whole_matrix_of_zeros(tmp_path):
+    """As ss(A, B, C, 0) has it."""
+    path = tmp_path / "w.mat"
+    savemat(path, {"A": A, "B": np.hstack([B, B]), "C": np.eye(2), "D": 0.0})
+    outputs = plant_from(read_arrays(path)).outputs
+    assert [y.name for y in outputs] == ["y1", "y2"]
+    assert not any(y.D for y in outputs)
+
+
+def test_a_sample_time_that_is_not_read_is_said(tmp_path, capsys):
+    path = tmp_path / "w.mat"
+    savemat(path, {"A": A, "B": B, "K": K, "Ts": 0.1})
+    said = ran(capsys, "verify", path)
+    assert "Ts is not read: --name sample_time=Ts if the plant is in discrete time" in said
+    said = ran(capsys, "verify", path, "--name", "sample_time=Ts", status=1)
+    assert "in disk(0, 1)" in said
+    assert "Ts is not" not in said

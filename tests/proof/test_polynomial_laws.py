@@ -126,12 +126,11 @@ def test_a_name_that_two_signals_have_is_none_to_measure():
         loads(json.dumps(table))
 
 
-def test_what_moves_with_inputs_or_disturbances_is_not_measured():
-    for key, row in (("D", [[1]]), ("F", [[1, 0]])):
-        table = document()
-        table["plant"]["outputs"][0][key] = row
-        with pytest.raises(FormatError, match="free of inputs"):
-            loads(json.dumps(table))
+def test_what_moves_with_inputs_is_not_measured():
+    table = document()
+    table["plant"]["outputs"][0]["D"] = [[1]]
+    with pytest.raises(FormatError, match="free of inputs"):
+        loads(json.dumps(table))
 
 
 def test_the_claim_says_what_is_measured():

@@ -18,7 +18,9 @@ from polefence.cli.main import main
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
+from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
+from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 
@@ -111,7 +113,15 @@ FILES = (
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
+    "passing/design.json",
 )  # fmt: skip
+PASSING = (
+    SPEC
+    + """[outputs]
+"error" = {C = [1, 0], F = [0.5]}
+"slip" = {C = ["k", 1], F = [-0.25]}
+"""
+)
 DAMPER = """name = "damped"
 states = ["d [m]", "v [m/s]"]
 inputs = ["u [N]"]
@@ -235,6 +245,7 @@ def write_every_file(made: Path) -> None:
     (made / "both.toml").write_text(BOTH)
     (made / "starts.toml").write_text(STARTS)
     (made / "discrete.toml").write_text(DISCRETE)
+    (made / "passing.toml").write_text(PASSING)
     (made / "moving.toml").write_text(SPEC.replace('through = "k"', "rate = [-1, 2]"))
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
@@ -265,6 +276,7 @@ def write_every_file(made: Path) -> None:
     ):
         assert quiet(words)[0] == 0, words
     _write_polynomial(made)
+    _write_passing(made)
     _write_gain_error(made)
     (made / "earlier").mkdir()  # of a claim that no command writes any more
     shutil.copy(EARLIER, made / "earlier" / "sampled.json")
@@ -288,6 +300,22 @@ def _write_polynomial(made: Path) -> None:
     both = HalfPlane(0.3), Sector(0.1)
     each = [Search(plant, law, part, Deadline()).in_parts() for part in both]
     Design(certificate_of(plant, law, both[0] & both[1], each)).save(made / "cells")
+
+
+def _write_passing(made: Path) -> None:
+    """Write a file of a law into whose signals a disturbance passes straight."""
+    plant = load(made / "passing.toml")
+    measured = plant.signal("error"), plant.signal("slip")
+    law = PolynomialGain(((0,), (1,)), [[[-3, -4]], [[0.25, -0.5]]], measured, plant.parameters)
+    certificate = analyse(plant, law, HalfPlane(0.3)).design.certificate
+    kinds = (
+        Rms("x", density=1), Gain(["x", "u"]), RelativeRms("v"), EnergyPeak("v", norm=1),
+        InitialPeak("x", impulse=1),
+    )  # fmt: skip
+    proved = [bounds.best_bound(plant, law, own) for own in kinds]
+    dual = bounds._Question.of(plant, law, kinds[0])
+    proved.append(next(bounds._dual_bounds(dual)))
+    bounds.save(certificate, [own.claim for own in proved], made / "passing")
 
 
 def _write_gain_error(made: Path) -> None:

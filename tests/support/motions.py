@@ -43,7 +43,7 @@ def motions(plant, law, count=3):
             if k >= period:
                 alpha = plant.alpha(p)
                 A, B, E = next(plant.near(alpha))
-                steps.append((A + B @ law.gain(alpha), E, alpha))
+                steps.append((A + B @ law.gain(alpha), E + B @ law.passing(alpha), alpha))
         yield dt, steps
 
 

@@ -132,17 +132,17 @@ def coordinates(alpha, sizes):
     return np.array(found)
 
 
-def measured(plant, names, count):
-    """Rows of states and outputs of these names, at every vertex; None for all states."""
-    found, n = [], len(plant["vertices"][0]["A"])
+def measured(plant, names, count, key="C"):
+    """Rows C or F of states and outputs of these names, at every vertex; None for all states."""
+    found, width = [], len(plant["vertices"][0]["A" if key == "C" else "E"][0])
     for name in names:
         states = [label.partition("[")[0].strip() for label in plant.get("states", [])]
         if name in states:
-            rows = np.eye(n)[[states.index(name)] * count]
+            rows = np.eye(width)[[states.index(name)] * count] if key == "C" else [[0.0] * width]
         else:
             own = next(output for output in plant["outputs"] if output["name"] == name)
-            rows = np.broadcast_to(array(own["C"]), (count, n))
-        found.append(rows)
+            rows = array(own[key]) if key in own else [[0.0] * width]
+        found.append(np.broadcast_to(rows, (count, width)))
     return np.stack(found, axis=1) if found else None
 
 
@@ -160,7 +160,10 @@ class Law:
         if self.polynomial:
             self.more = array(table["anti_windup"]) if "anti_windup" in table else None
             self.terms = [(np.array(t["powers"]), array(t["K"])) for t in table["terms"]]
-            self.C = None if plant is None else measured(plant, table.get("measured", []), count)
+            names, self.F = table.get("measured", []), None
+            self.C = None if plant is None else measured(plant, names, count)
+            if self.C is not None and "E" in plant["vertices"][0]:
+                self.F = measured(plant, names, count, "F")
         box = self.on == "box" and count > 1
         self.sizes = (2,) * (count.bit_length() - 1) if box else (count,)
         if not self.polynomial:
@@ -170,14 +173,23 @@ class Law:
         if self.fixed:
             return self.K
         if self.polynomial:
-            c = coordinates(alpha, self.sizes)
-            if len(self.terms[0][0]) < len(c):
-                c = c[1::2] - c[::2]
-            K = sum(np.prod(c**e) * K for e, K in self.terms)
+            K = self.own(alpha)
             return K if self.C is None else K @ np.tensordot(alpha, self.C, 1)
         weights = basis(coordinates(alpha, self.sizes), self.sizes, self.degree)
         W, Z = (np.tensordot(weights, M, 1) for M in (self.W, self.Z))
         return np.linalg.solve(W.T, Z.T).T
+
+    def own(self, alpha):
+        c = coordinates(alpha, self.sizes)
+        if len(self.terms[0][0]) < len(c):
+            c = c[1::2] - c[::2]
+        return sum(np.prod(c**e) * K for e, K in self.terms)
+
+    def passing(self, alpha):
+        """What passes from disturbances straight to inputs; zero where nothing does."""
+        if not self.polynomial or self.F is None:
+            return np.zeros((len(self.gain(alpha)), 1))
+        return self.own(alpha) @ np.tensordot(alpha, self.F, 1)
 
 
 def outside(region, poles):
@@ -263,14 +275,16 @@ def false_signal(plant, law, claim):
     level = number(claim["level"]) * (1 + SLACK) + 1e-12
 
     def rows_at(alpha):
-        return mix(alpha, C) + mix(alpha, D) @ law.gain(alpha), mix(alpha, F)
+        through = mix(alpha, F) + mix(alpha, D) @ law.passing(alpha)
+        return mix(alpha, C) + mix(alpha, D) @ law.gain(alpha), through
 
     filters = [own for own in claim.get("filters", []) if own]
     if any(plant.rates) and not filters and motions.false_signal(plant, law, claim, rows_at):
         return True
     for alpha in plant.alphas(domain_of(claim, law)):
         K = law.gain(alpha)
-        y, kind, through = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], mix(alpha, F) * scales
+        y, kind, P = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], law.passing(alpha)
+        through = (mix(alpha, F) + mix(alpha, D) @ P) * scales
         if kind != "gain" and np.any(through) and not filters:
             return True
         if "held" in claim:
@@ -286,9 +300,10 @@ def false_signal(plant, law, claim):
             poles = np.linalg.eigvals(A + B @ K)
             if (np.abs(poles).max() - 1 if plant.T else poles.real.max()) > SLACK:
                 return True
-            loop = behind(claim, (A + B @ K, E * scales, y, through), plant.T)
+            loop = behind(claim, (A + B @ K, (E + B @ P) * scales, y, through), plant.T)
             own = array(claim["baseline"]["K"]) if "K" in claim.get("baseline", {}) else 0 * K
-            passive = A + B @ own, E * scales, mix(alpha, C) + mix(alpha, D) @ own, through
+            shown, direct = mix(alpha, C) + mix(alpha, D) @ own, mix(alpha, F) * scales
+            passive = A + B @ own, E * scales, shown, direct
             if _reached(kind, claim, loop, behind(claim, passive, plant.T), plant.T) > level:
                 return True
     return False

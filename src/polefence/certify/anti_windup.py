@@ -124,7 +124,7 @@ def _loop(
 ) -> tuple[Source, Output, Loop]:
     """Return what the limit is asked for, and the loop with the gain that is sought."""
     unit = specification.at_most or 1.0
-    source, output = specification.condition(plant, law.domain_of(plant), unit)
+    source, output = specification.condition(plant, law.domain_of(plant), unit, law)
     loop = with_inputs(plant, law, loop_with(plant, law, output.C, output.D))
     return source, output, _sought(plant, law, loop, rows)
 

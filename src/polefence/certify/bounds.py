@@ -181,6 +181,7 @@ def best_bound(
         proved otherwise.
     """
     specification.require_fit(plant)
+    require_passing(plant, law, specification)
     plant = delta_form(plant)
     with stage(f"bound on {specification.title}"):
         return _best_bound(plant, law, specification, known)
@@ -479,6 +480,7 @@ def kept_bound(
     known : pair of Evidence and float, optional
         What proves it as far as floats tell; tried first.
     """
+    require_passing(plant, law, specification)
     with stage(f"limit on {specification.title}"):
         return _kept_bound(delta_form(plant), law, specification, known)
 
@@ -544,7 +546,7 @@ def _climb(
         return
     wide = behind(plant, law, specification)
     plant, law, specification = wide.plant, wide.law, wide.specification
-    source, output = specification.condition(plant, law.domain_of(plant), unit)
+    source, output = specification.condition(plant, law.domain_of(plant), unit, law)
     loop, enough = loop_with(plant, law, output.C, output.D), 0.0
     if output.held:
         loop = with_inputs(plant, law, loop)
@@ -734,9 +736,38 @@ def sampled(
     InputError
         If the loop is not stable at a point, or as `stationary` and `simulate` raise.
     """
+    require_passing(plant, law, specification)
     alpha = seeded(plant) if alpha is None else np.atleast_2d(np.asarray(alpha, dtype=float))
     values = specification.values(plant, law, alpha)
     return Sampled(specification, alpha, np.asarray(values))
+
+
+def require_passing(plant: UncertainPlant, law: Any, specification: Specification) -> None:
+    """Refuse a bound that does not exist, where disturbances pass into what a law measures.
+
+    Raises
+    ------
+    InputError
+        Saying what to do.
+    """
+    law = law.as_law() if hasattr(law, "as_law") else law
+    if not (isinstance(law, Law) and law.passes and specification.of_signal):
+        return
+    F = np.stack([y.arrays(plant)[2] for y in law.measured], axis=1)
+    specification.require_samples(plant, F)
+    at = law.domain_of(plant).nodes(law.passing_degree + 1)
+    passing = law.passing(at)
+    if specification.direct or passing is None:
+        return
+    moved = specification.passed(plant, passing)
+    for output, weighting in zip(specification.outputs(plant), specification.filters, strict=True):
+        D = np.tensordot(at, output.arrays(plant)[1], 1)[:, None]
+        if weighting is None and np.any(D @ moved):
+            raise InputError(
+                f"{specification.title}: through the law a disturbance passes straight into "
+                f"{output.name!r}, of which nothing is proved then; take a law that is strictly "
+                "proper, or give the sensor a bandwidth"
+            )
 
 
 def is_loose(level: float, worst: float) -> bool:
@@ -762,6 +793,8 @@ def each_sampled(
     InputError
         As `sampled` of one of them.
     """
+    for signal in specifications:
+        require_passing(plant, law, signal)
     noises, values = dict[Any, dict[int, Rms]](), dict[int, Array]()
     for k, signal in enumerate(specifications):
         if type(signal) is Rms:

@@ -69,14 +69,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="WHAT",
         help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design, a table "
         "or a compensator; .mat, .npz, .npy or .csv with a K, or Ac, Bc, Cc, Dc; or u = K y: "
-        "'(s + 50)/(s + 500)', rows of these, or of polynomials in the parameters; default: that "
+        "'(s + 50)/(s + 500)', rows of these, or of formulas in the parameters; default: that "
         "of PLANT",
     )
     parser.add_argument(
         "--measured",
         metavar="NAMES",
-        help="'A, B': what a compensator measures, in its order; default: the spec's [law], else "
-        "all states or all outputs, whichever are as many",
+        help="'A, B': what a gain or a compensator measures, in its order; default: the "
+        "spec's [law], else all states or all outputs, whichever are as many",
     )
     parser.add_argument(
         "--minus",

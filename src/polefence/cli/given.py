@@ -100,6 +100,8 @@ class Given:
         sign = "; u = -K x" if options.minus and not said else ""
         out = self.arrays.left_out(names)
         rest = f"; not read, no numbers: {', '.join(out)}" if out else ""
+        if "Ts" in self.arrays and "sample_time" not in self.arrays:
+            rest += "; Ts is not read: --name sample_time=Ts if the plant is in discrete time"
         rest += f"; left out, no outputs: {strange}" if strange else ""
         listed = ", ".join(self.arrays.listed(names))
         return [*said, f"read: {listed} from {self.arrays.place}{sign}{rest}"]
@@ -129,7 +131,8 @@ def read_given(options: Any) -> Given:
         law = _sampled_law(plant, seen, arrays, names, options)
     if options.measured is not None:
         raise InputError(
-            "--measured is for a compensator, or a gain with texts; write u = K x of all states"
+            "--measured is for a gain, or a compensator; a design, or a table of gains, is of what "
+            "it was made for"
         )
     if options.minus:
         if isinstance(law, GainTable):
@@ -144,13 +147,33 @@ def _given(
     plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
 ) -> Found | None:
     """Return the compensator that the options name; None of any other law."""
+    try:
+        found = None
+        if options.gain is not None:
+            found = read_compensator(plant, options.gain, names)
+        elif arrays is not None:
+            found = compensator_from(arrays, alone=False)
+            found = None if found is None else (found[0], ())  # the line of what is read has names
+        if found is None and options.measured is not None:
+            found = _gain_of_signals(arrays, names, options)
+    except InputError as problem:
+        raise type(problem)(_with_options(str(problem))) from problem
+    return found
+
+
+def _gain_of_signals(arrays: Arrays | None, names: dict[str, str], options: Any) -> Found | None:
+    """Return a gain of what --measured names, one or one a vertex; None of another law."""
     if options.gain is not None:
-        try:
-            return read_compensator(plant, options.gain, names)
-        except InputError as problem:
-            raise type(problem)(_with_options(str(problem))) from problem
-    found = None if arrays is None else compensator_from(arrays, alone=False)
-    return None if found is None else (found[0], ())  # the line of what is read has its names
+        name, text = _read(options.gain, "--gain")
+        if text is not None:
+            K = _parsed(name, text)
+            K = K["K"] if isinstance(K, dict) and [*K] == ["K"] else K
+            return (Compensator(D=K), ()) if isinstance(K, list) else None
+        arrays = read_arrays(name, names)
+    if arrays is None or ("K" not in arrays and len(arrays.matrices) != 1):
+        return None
+    each = arrays.only("K")
+    return Compensator(D=each[0] if len(each) == 1 else each), ()
 
 
 def _beside(
@@ -203,7 +226,7 @@ def _with_options(text: str) -> str:
 
 
 def _told(what: str) -> str:
-    return "--gain" if is_written(what) or not Path(what).exists() else what
+    return "--gain" if is_written(what) else what
 
 
 def _with_own_states(plant: UncertainPlant, options: Any) -> UncertainPlant:
@@ -421,5 +444,5 @@ def _as_json(text: str) -> str:
 
 
 def is_written(what: str) -> bool:
-    """Whether a word of the command line is a matrix or a table itself, not a file's name."""
-    return what.lstrip().startswith(("[", "{"))
+    """Whether a word of the command line is a law itself, not a file's name."""
+    return what.lstrip().startswith(("[", "{")) or _is_transfer(what)

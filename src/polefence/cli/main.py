@@ -134,11 +134,13 @@ def _one_line(error: BaseException) -> str:
 
 
 def _negative_numbers(arguments: Sequence[str]) -> list[str]:
-    """Write -4e1 as -40: argparse takes plain negative numbers only."""
+    """Write -4e1 as -40, and -5/(s+1) behind a space: argparse takes them for options."""
     return [_plain(word) if word.startswith("-") else word for word in arguments]
 
 
 def _plain(word: str) -> str:
+    if re.fullmatch(r"-[-+*/().^0-9eEsz]*[*/(][-+*/().^0-9eEsz]*", word):
+        return f" {word}"
     try:
         number = Decimal(word)
     except InvalidOperation:

@@ -187,6 +187,11 @@ def require_drivable(claims: Sequence[Claim], timed: bool, observer: bool = Fals
 
 
 def _board(design: Design, program: Program, texts: Texts, claims: Sequence[Claim]) -> Board:
+    if design.law.passes:
+        raise InputError(
+            "a board (--board) reads samples, and white noise that passes straight into what the "
+            "law measures has no finite variance there; give the sensor a bandwidth"
+        )
     own, delay = kept(design), texts.delay
     sampling = design.plant.sampling
     plant = design.plant if sampling is None else sampling.plant

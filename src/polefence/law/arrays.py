@@ -93,7 +93,7 @@ def _of_matrices(
     """Return matrices by their letters; the sample time is the plant's where there is one."""
     there = [name for name in names if name in arrays]
     fields: dict[str, Any] = {
-        letter: arrays.one(name)
+        letter: arrays[name] if len(arrays.matrices.get(name, ())) > 1 else arrays.one(name)
         for letter, name in zip("ABCD", names, strict=True)
         if name in there
     }

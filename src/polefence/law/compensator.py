@@ -20,17 +20,27 @@ from polefence.law.fields import WANTED, matrices_of, place, quotients
 from polefence.law.fixed import FixedGain
 from polefence.law.law import Law
 from polefence.law.laws import given_law
-from polefence.law.parametric import Entries, Entry, Term
+from polefence.law.parametric import Entries, Entry, Term, is_polynomial, quotient_gain
 from polefence.law.polynomial import PolynomialGain
 from polefence.law.structure import Structure
 from polefence.law.table import GainTable
-from polefence.law.transfer import LETTERS, Quotient, letters_in, read_quotient, realised
+from polefence.law.transfer import (
+    LETTERS,
+    MOST_ENTRIES,
+    Quotient,
+    letters_in,
+    read_quotient,
+    realised,
+)
+from polefence.law.well_posed import taken_off
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import MOST_STATES
+from polefence.plant.larger import MOST_GIVEN, law_states, with_states
 from polefence.plant.outputs import LATE, Output, split, states
 from polefence.plant.parameters import exact
 from polefence.plant.system import as_array, floats
+from polefence.proof.functions import FUNCTIONS
 from polefence.proof.matrices import ZERO
+from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
 from polefence.proof.text import milliseconds_text, plural
 
@@ -49,7 +59,9 @@ class Compensator(Short):
     ----------
     A, B, C, D : (k, k), (k, r), (m, k) and (m, r) matrices
         D is zero where it is left out. Entries are numbers, or texts of expressions that are
-        polynomials in the plant's parameters; of a table, of `grid`, numbers.
+        polynomials in the plant's parameters; of a gain D alone also quotients of polynomials. Of
+        (N, ...) matrices of numbers there is one at each vertex of the plant, and their mean with
+        the weights alpha between.
     measured : sequence of str, optional
         The plant's signals y. By default all states, or all outputs, whichever are as many as the
         columns of D.
@@ -77,36 +89,40 @@ class Compensator(Short):
     def __post_init__(self) -> None:
         if self.measured is not None:
             names = (self.measured,) if isinstance(self.measured, str) else tuple(self.measured)
+            if not all(isinstance(name, str) for name in names):
+                raise InputError("measured must be names of signals, ['A', 'B']")
             object.__setattr__(self, "measured", names)
         if self.sample_time is not None:
             T = exact(self.sample_time, "sample_time")
             if T <= 0:
                 raise InputError(f"sample_time = {shown(self.sample_time)} must be positive [s]")
             object.__setattr__(self, "sample_time", T)
-        read = _read_rows if self.grid is None else _read_knots
+        several = self.grid is not None or any(_depth(getattr(self, x)) > 2 for x in SYSTEM)
+        read = _read_several if several else _read_rows
         given = {letter: read(getattr(self, letter), letter) for letter in SYSTEM}
         shapes = {letter: np.shape(M)[-2:] for letter, M in given.items() if len(M)}
-        k = shapes["A"][0] if "A" in shapes else 0
-        if not k and not {"A", "B", "C"} & set(shapes):
-            if "D" not in shapes:
-                raise InputError(f"a compensator without matrices; {WANTED}")
-            shapes |= {"B": (0, shapes["D"][1]), "C": (shapes["D"][0], 0)}
-        missing = [letter for letter in "ABC" if k and letter not in shapes]
-        if missing or ("A" not in shapes and k == 0 and shapes["B"][0]):
-            raise InputError(f"{(missing or ['A'])[0]} is missing; {WANTED}")
-        r, m = shapes["B"][1], shapes["C"][0]
+        if several:
+            given = _of_one_length(given)
+        missing = [x for x in "ABC" if x not in shapes and {*"ABC"} & shapes.keys()]
+        if missing or not shapes:
+            raise InputError(f"{(missing or ['D'])[0]} is missing; {WANTED}")
+        if shapes.keys() == {"D"}:
+            m, r, k = *shapes["D"], 0
+        else:
+            k, m, r = shapes["A"][0], shapes["C"][0], shapes["B"][1]
         wanted = {"A": (k, k), "B": (k, r), "C": (m, k), "D": (m, r)}
         for letter, shape in shapes.items():
-            if shape != wanted[letter] and 0 not in shape:
+            if shape != wanted[letter]:
                 (a, b), (c, d) = shape, wanted[letter]
                 raise InputError(f"{letter} is {a} x {b}; beside the others it must be {c} x {d}")
-        if k > MOST_STATES:
+        if k > MOST_GIVEN:
             raise InputError(
-                f"the law has {k} states; at most {MOST_STATES} are supported: reduce it, by "
+                f"the law has {k} states; at most {MOST_GIVEN} are supported: reduce it, by "
                 "balred, say, and look at what is proved of that"
             )
         if "D" not in shapes:
-            given["D"] = _zeros(np.shape(given["C"])[:-2], m, r, self.grid is None)
+            lead = np.shape(given["C"])[:-2]
+            given["D"] = np.zeros((*lead, m, r)) if several else ((ZERO,) * r,) * m
         for letter, matrix in given.items():
             object.__setattr__(self, letter, matrix)
 
@@ -129,6 +145,8 @@ class Compensator(Short):
             If it cannot be read, or is improper.
         """
         rows = _as_rows(text)
+        if sum(map(len, rows)) > MOST_ENTRIES:
+            raise InputError(f"transfer: more than {MOST_ENTRIES} entries")
         read = [
             [read_quotient(entry, place("transfer", i, j, rows)) for j, entry in enumerate(row)]
             for i, row in enumerate(rows)
@@ -217,7 +235,7 @@ class Compensator(Short):
 
     def __repr__(self) -> str:
         m, r = np.shape(self.D)[-2:]
-        table = ", a table" if self.grid is not None else ""
+        table = ", a table" if self.grid is not None else ", one a vertex" * self._several
         return f"<Compensator {m} x {r}, order {self.order}{table}>"
 
     @property
@@ -230,9 +248,14 @@ class Compensator(Short):
         """Number of the signals that it measures."""
         return int(np.shape(self.D)[-1])
 
+    @property
+    def _several(self) -> bool:
+        """Whether it holds matrices at knots, or at vertices."""
+        return isinstance(self.D, np.ndarray)
+
     def negated(self) -> Compensator:
         """Return u = -K y: C and D with the other sign."""
-        if self.grid is not None:
+        if self._several:
             return replace(self, C=-self.C if self.order else (), D=-self.D)
         C, D = (tuple(tuple(map(_negative, row)) for row in M) for M in (self.C, self.D))
         return replace(self, C=C, D=D)
@@ -279,14 +302,36 @@ class Compensator(Short):
                 f"the law gives {plural(rows, 'input')} u; {plant.name} has {plural(m, 'input')}"
             )
         signals = self.signals(plant)
+        if any(y.D for y in signals):
+            return self._of_what_is_left(plant, signals).beside(plant)
         every = [y.name for y in signals] == [x.name for x in states(plant)]
         names = None if every else tuple(y.name for y in signals)
-        larger, structure = Structure(names, (), order=self.order).extended(plant)
-        measured = () if every else structure.outputs(larger)
+        larger = with_states(plant, self.order)
+        measured: tuple[Output, ...] = ()
+        if names is not None:
+            measured = Structure((*names, *law_states(self.order)), ()).outputs(larger)
         if self.grid is not None:
             table = GainTable(plant.parameters, self.grid, self._of_states(larger, measured))
             return larger, table
         return larger, given_law(larger, self._law(plant, measured))
+
+    def _of_what_is_left(self, plant: UncertainPlant, signals: Sequence[Output]) -> Compensator:
+        """Return it as a law of signals without what inputs pass straight into them."""
+        if self.grid is not None:
+            names = " and ".join(repr(y.name) for y in signals if y.D)
+            raise InputError(
+                f"a table measures {names}, into which an input passes straight; measure states, "
+                "or a sensor with a bandwidth"
+            )
+        for y in signals:
+            if not (y.C or y.F):
+                raise InputError(
+                    f"measured: an input passes straight into {y.name!r}, and nothing else does; "
+                    "measure another signal"
+                )
+        A, B, C, D = taken_off([getattr(self, key) for key in SYSTEM], plant, signals)
+        left = tuple(y.name + WITHOUT * bool(y.D) for y in signals)
+        return replace(self, A=A, B=B, C=C, D=D, measured=left)
 
     def _require_time(self, plant: UncertainPlant) -> None:
         T, theirs = self.sample_time, plant.sample_time
@@ -311,6 +356,22 @@ class Compensator(Short):
         )
 
     def _law(self, plant: UncertainPlant, measured: tuple[Output, ...]) -> Law:
+        if self._several:
+            gains = self._gains(plant)
+            if gains.ndim != 3 or len(gains) != len(plant.vertices):
+                raise InputError(
+                    f"the law has {len(gains)} vertices; {plant.name} has {len(plant.vertices)}: "
+                    "give one at each, or the knots of a table as grid"
+                )
+            return PolynomialGain(tuple(map(tuple, np.eye(len(gains), dtype=int))), gains, measured)
+        if not self.order:
+            reader = Entries(plant)
+            values = [
+                [reader.value(e, f"D[{i + 1}][{j + 1}]") for j, e in enumerate(row)]
+                for i, row in enumerate(self.D)
+            ]
+            if not all(is_polynomial(value) for row in values for value in row):
+                return quotient_gain(plant, values, measured)
         terms = self._terms(plant)
         count = len(plant.parameters) or len(plant.vertices)
         powers = sorted({e for _, _, term in terms for e in term} | {(0,) * count})
@@ -341,18 +402,28 @@ class Compensator(Short):
                     terms.append((top + i, left + j, term))
         return terms
 
+    def _gains(self, larger: UncertainPlant) -> Any:
+        """Return [D, C; B, A] of what is measured and its states at every knot, or vertex."""
+        k, T = self.order, larger.sample_time
+        if not k:
+            return self.D
+        A, B = self.A, self.B
+        if T is not None:
+            A, B = (A - np.eye(k)) / float(T), B / float(T)
+        left, right = (np.concatenate(M, axis=-2) for M in ([self.D, B], [self.C, A]))
+        return np.concatenate([left, right], axis=-1)
+
     def _of_states(self, larger: UncertainPlant, measured: tuple[Output, ...]) -> Any:
         """Return the gains of all states of the larger plant at every knot."""
-        k, T = self.order, larger.sample_time
-        A, B, C, D = self.A, self.B, self.C, self.D
-        if k and T is not None:
-            A, B = (A - np.eye(k)) / float(T), B / float(T)
-        gains = np.concatenate([D, B], axis=-2) if k else D
-        if k:
-            gains = np.concatenate([gains, np.concatenate([C, A], axis=-2)], axis=-1)
+        gains = self._gains(larger)
         if not measured:
             return gains
         for y in measured:
+            if y.F:
+                raise InputError(
+                    f"a table measures {y.name!r}, into which a disturbance passes straight; "
+                    "measure states, or a sensor with a bandwidth"
+                )
             if len(y.C) > 1:
                 raise InputError(
                     f"a table measures {y.name!r}, whose row changes with the parameters: beside "
@@ -400,6 +471,12 @@ def written(plant: UncertainPlant, data: Any) -> Compensator:
     rows = _as_rows(data)
     names = {p.name for p in plant.parameters}
     found = set[str]().union(*(letters_in(e) for row in rows for e in row if isinstance(e, str)))
+    functions = sorted((found - names) & FUNCTIONS.keys())
+    if functions:
+        raise InputError(
+            f"{functions[0]} in the law: gains are polynomials in the parameters, or quotients of "
+            "these; give one near to it, or a table at knots as grid"
+        )
     strange = sorted(found - names - set(LETTERS))
     if strange:
         raise InputError(
@@ -454,10 +531,6 @@ def _negative(entry: Entry) -> Entry:
     return f"-({entry})" if isinstance(entry, str) else -entry
 
 
-def _zeros(lead: tuple[int, ...], m: int, r: int, plain: bool) -> Any:
-    return ((ZERO,) * r,) * m if plain else np.zeros((*lead, m, r))
-
-
 def _read_rows(value: Any, letter: str) -> Rows:
     rows = _as_rows(value)
     widths = {len(row) for row in rows}
@@ -469,13 +542,32 @@ def _read_rows(value: Any, letter: str) -> Rows:
     )
 
 
-def _read_knots(value: Any, letter: str) -> Any:
-    if not np.size(value):
+def _read_several(value: Any, letter: str) -> Any:
+    if not np.size(np.asarray(value, dtype=object)):
         return ()
     array = floats(value, letter)
-    if array.ndim < 3 or not np.all(np.isfinite(array)):
-        raise InputError(f"{letter} must be finite matrices at every knot, nested lists of them")
+    if array.ndim < 2 or not np.all(np.isfinite(array)):
+        raise InputError(f"{letter} must be finite matrices, one at every knot or vertex")
     return array
+
+
+def _of_one_length(given: dict[str, Any]) -> dict[str, Any]:
+    """Return matrices at the same knots or vertices; one alone is the same at all."""
+    leads = {np.shape(M)[:-2] for M in given.values() if len(M) and np.ndim(M) > 2}
+    if len(leads) > 1:
+        told = " and ".join(" x ".join(map(str, lead)) for lead in sorted(leads))
+        raise InputError(f"A, B, C and D are of different numbers of knots or vertices: {told}")
+    lead = next(iter(leads), ())
+    return {
+        x: np.broadcast_to(M, (*lead, *np.shape(M)[-2:])) if len(M) else M for x, M in given.items()
+    }
+
+
+def _depth(value: Any) -> int:
+    """Return how deep lists or arrays are nested."""
+    if isinstance(value, list | tuple):
+        return 1 + (_depth(value[0]) if value else 0)
+    return int(np.ndim(value))
 
 
 def _entry(value: Any, what: str) -> Entry:

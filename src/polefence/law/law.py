@@ -156,6 +156,20 @@ class Law(Short):
         """Return the gain of a plant's states at alpha when the law is given another alpha."""
         return self.gain(law)
 
+    @property
+    def passes(self) -> bool:
+        """Whether a disturbance passes straight into a signal that it is given."""
+        return False
+
+    @property
+    def passing_degree(self) -> int:
+        """Degree of `passing` in each simplex."""
+        return 0
+
+    def passing(self, alpha: Array) -> Array | None:  # noqa: ARG002
+        """Return what passes straight from disturbances to inputs, (..., m, q); None: nothing."""
+        return None
+
     def parts(self, alpha: Array) -> tuple[Array, Array]:
         """Return W and Z, or I and K, at points alpha (count, N)."""
         K = np.asarray(self.gain(alpha))

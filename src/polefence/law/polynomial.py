@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -20,11 +21,12 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import laws as proof
 from polefence.proof.laws import Point
+from polefence.proof.matrices import Rationals
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialGain(Law):
-    """u = K(p) y, y = C x what is measured, K a polynomial: the sum of its terms' gains times c^e.
+    """u = K(p) y, y = C x + F w what is measured, K a polynomial: the sum of gains times c^e.
 
     c are the parameters' coordinates in [-1, 1], in which the plant is multi-affine: from the lower
     to the upper bound of p, or of 1/p where the plant is affine in that. Of a plant without
@@ -78,6 +80,8 @@ class PolynomialGain(Law):
             raise InputError(
                 f"{len(self.measured)} signals are measured; the gains have {self.gains.shape[2]}"
             )
+        if self.measured and not any(y.C for y in self.measured):
+            raise InputError("measured: only disturbances; measure a signal of the states too")
         if self.anti_windup is not None:
             gain = frozen(self.anti_windup, 2, "anti_windup")
             object.__setattr__(self, "anti_windup", gain)
@@ -99,8 +103,12 @@ class PolynomialGain(Law):
     @property
     def degree(self) -> int:
         """Degree of K(p) C(p) in each parameter, or in alpha."""
-        degree = max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
-        return degree + int(any(len(output.C) > 1 for output in self.measured))
+        return self._own_degree + int(any(len(output.C) > 1 for output in self.measured))
+
+    @property
+    def _own_degree(self) -> int:
+        """Degree of K(p) in each parameter, or in alpha."""
+        return max(max(e, default=0) if self.parameters else sum(e) for e in self.powers)
 
     @property
     def fixed(self) -> bool:
@@ -127,22 +135,58 @@ class PolynomialGain(Law):
         """Rows of what is measured, (N, r, n), or (1, r, n) where they are the same everywhere."""
         if not self.measured:
             return np.eye(self.gains.shape[2])[None]
-        count = max(len(output.C) for output in self.measured)
-        rows = [np.array([[float(x) for x in row] for row in y.C]) for y in self.measured]
-        return np.stack([np.broadcast_to(C, (count, C.shape[1])) for C in rows], axis=1)
+        C = np.array([[[float(x) for x in row] for row in M] for M in self._rows[0]])
+        return C[:1] if all(len(output.C) < 2 for output in self.measured) else C
+
+    @cached_property
+    def F(self) -> Array | None:
+        """Rows F of what is measured, as those of C; None where no disturbance passes."""
+        if not self.passes:
+            return None
+        F = np.array([[[float(x) for x in row] for row in M] for M in self._rows[1]])
+        return F[:1] if all(len(y.F) < 2 for y in self.measured) else F
+
+    @property
+    def passes(self) -> bool:
+        """Whether a disturbance passes straight into a signal that it is given."""
+        return any(y.F for y in self.measured)
+
+    @property
+    def passing_degree(self) -> int:
+        """Degree of `passing` in each simplex."""
+        if not self.passes:
+            return 0
+        return self._own_degree + int(any(len(y.F) > 1 for y in self.measured))
+
+    def passing(self, alpha: Array) -> Array | None:
+        """Return K F, what passes straight from disturbances to inputs; None: nothing."""
+        if self.F is None:
+            return None
+        F = self.F[0] if len(self.F) == 1 else np.tensordot(alpha, self.F, 1)
+        return np.asarray(self.own_gain(alpha) @ F)
+
+    @property
+    def _rows(self) -> tuple[tuple[Rationals, ...], tuple[Rationals, ...]]:
+        """C and F of what is measured, at each vertex; nothing where no disturbance passes."""
+        N, found = self.domain.corners, []
+        for key in "CF":
+            every = [getattr(y, key) for y in self.measured]
+            width = max((len(row) for rows in every for row in rows), default=0)
+            none = ((Fraction(0),) * width,)
+            spread = [rows if len(rows) > 1 else (rows or none) * N for rows in every]
+            count = N if width else 0
+            found.append(tuple([list(rows[k]) for rows in spread] for k in range(count)))
+        return found[0], found[1]
 
     @property
     def exact(self) -> proof.Law:
         """The law in rationals, with the rows that it measures at each vertex."""
-        N, measured = self.domain.corners, self.measured
-        rows = [y.C if len(y.C) > 1 else y.C * N for y in measured]
-        C = tuple([list(row[k]) for row in rows] for k in range(N)) if rows else ()
+        measured = self.measured
+        C, F = self._rows
         names, degree = tuple(y.name for y in measured), proof.total_degree(self.powers)
         K = [rationals(gain) for gain in self.gains]
         more = None if self.anti_windup is None else rationals(self.anti_windup)
-        return proof.Law(
-            K, degree=degree, powers=self.powers, measured=names, C=C, anti_windup=more
-        )
+        return proof.Law(K, None, None, degree, self.powers, names, C, more, F)
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data, as a proof file has it."""

@@ -23,6 +23,7 @@ from polefence.plant.larger import law_states, require_order, with_pid, with_sta
 from polefence.plant.outputs import Output, split, states
 from polefence.plant.spec import law_table
 from polefence.plant.system import Array
+from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
 
 MAX_DEGREE, MAX_TERMS = 8, 500  # of a law in its parameters; of numbers that are free
@@ -152,11 +153,12 @@ class Structure(Short):
                 signal = plant.signal(split(name)[0])
             except InputError as error:
                 raise InputError(f"measured: {error}") from error
-            if signal.D or signal.F:
-                what = "an input" if signal.D else "a disturbance"
+            if signal.D:
+                left = f"measure '{signal.name}{WITHOUT}', by code that takes its input off, or "
+                left *= bool(signal.C or signal.F)
                 raise InputError(
-                    f"measured: {what} passes straight into {name!r}; give its sensor or the "
-                    "actuator a bandwidth, or measure another signal"
+                    f"measured: an input passes straight into {name!r}; {left}give its sensor or "
+                    "the actuator a bandwidth"
                 )
             if signal in signals:
                 raise InputError(f"measured: {signal.name!r} is given twice; give it once")
@@ -166,12 +168,22 @@ class Structure(Short):
                     f'[sensor."{signal.name}"], and measure "measured {signal.name}"'
                 )
             signals.append(signal)
+        if not any(signal.C for signal in signals):
+            raise InputError("measured: only disturbances; measure a signal of the states too")
         return tuple(signals)
 
     def rows(self, plant: UncertainPlant) -> Array:
         """Return C of what is measured, (N, r, n), or (1, r, n) where it is the same everywhere."""
         C = np.stack([signal.arrays(plant)[0] for signal in self.outputs(plant)], axis=1)
         return C[:1] if np.all(C[0] == C) else C
+
+    def passing_rows(self, plant: UncertainPlant) -> Array | None:
+        """Return F of what is measured, as `rows` does C; None where no disturbance passes."""
+        outputs = self.outputs(plant)
+        if not any(signal.F for signal in outputs):
+            return None
+        F = np.stack([signal.arrays(plant)[2] for signal in outputs], axis=1)
+        return F[:1] if np.all(F[0] == F) else F
 
     def powers(self, plant: UncertainPlant) -> tuple[tuple[int, ...], ...]:
         """Return the exponents of the law's terms: of the parameters' coordinates in [-1, 1].

@@ -96,6 +96,10 @@ class GainTable(Short):
         """Knots of each parameter, in floats."""
         return [np.array([float(v) for v in self.grid[p.name]]) for p in self.parameters]
 
+    def passing(self, alpha: Array) -> Array | None:  # noqa: ARG002
+        """Return None: it is of all states, and no disturbance passes into these."""
+        return None
+
     def over(self, plant: UncertainPlant, alpha: Array) -> Array:
         """Return the gains at points alpha (count, N) of a plant, (count, m, n).
 

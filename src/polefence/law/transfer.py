@@ -13,16 +13,15 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from polefence.base.errors import InputError, PlantError, SpecError, shown
 from polefence.plant.expression import RationalFunction, counted, evaluate
-from polefence.plant.larger import MOST_STATES
+from polefence.plant.larger import MOST_GIVEN
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact
 from polefence.proof.matrices import ONE, ZERO
 
-MOST_BEFORE = 2 * MOST_STATES  # states before those that are not seen are left out
+MOST_ENTRIES = 400
 LETTERS = ("s", "z")
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
@@ -99,6 +98,8 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
         If one is improper, or there are too many states.
     """
     count = len(rows[0])
+    if len(rows) * count > MOST_ENTRIES:
+        raise InputError(f"{what}: {len(rows)} x {count} entries; at most {MOST_ENTRIES}")
     for i, row in enumerate(rows):
         for j, (top, bottom) in enumerate(row):
             if len(top) > len(bottom):
@@ -112,7 +113,9 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
         column = [row[j] for row in rows]
         common = [ONE]
         for _, bottom in column:
+            _require_few(len(bottom) - 1, what)
             common = _least_common(common, bottom)
+        _require_few(len(common) - 1 + sum(len(former) - 1 for _, _, former in blocks), what)
         remainders = []
         for i, (top, bottom) in enumerate(column):
             whole = _times(top, _divided(common, bottom)[0])
@@ -120,8 +123,6 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
             remainders.append(rest)
         blocks.append((j, remainders, common))
     k = sum(len(common) - 1 for _, _, common in blocks)
-    if k > MOST_BEFORE:
-        raise InputError(f"{what}: {k} states; a law has at most {MOST_STATES}")
     A, B = [[ZERO] * k for _ in range(k)], [[ZERO] * count for _ in range(k)]
     C, at = [[ZERO] * k for _ in rows], 0
     for j, remainders, common in blocks:
@@ -137,10 +138,13 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
                 C[i][at + power] = x
         at += own
     A, B, C = _seen(A, B, C)
-    if len(A) > MOST_STATES:
-        raise InputError(f"{what}: {len(A)} states; a law has at most {MOST_STATES}")
     A, B, C = _evened(A, B, C)
     return _frozen(A), _frozen(B), _frozen(C), _frozen(D)
+
+
+def _require_few(states: int, what: str) -> None:
+    if states > MOST_GIVEN:
+        raise InputError(f"{what}: {states} states or more; a law has at most {MOST_GIVEN}")
 
 
 def _seen(A: Any, B: Any, C: Any) -> tuple[Any, Any, Any]:
@@ -185,6 +189,8 @@ def _evened(A: Any, B: Any, C: Any) -> tuple[Any, Any, Any]:
     """Return the system with states in even units: powers of two, so that nothing is rounded."""
     if not A:
         return A, B, C
+    from scipy.linalg import matrix_balance  # `check` starts without it
+
     floats = np.array([[float(x) for x in row] for row in A])
     _, (scale, _) = matrix_balance(floats, permute=False, separate=True)
     units = [Fraction(2) ** round(math.log2(x)) for x in scale]
@@ -255,12 +261,12 @@ def _descending(polynomial: dict[tuple[int, ...], Fraction]) -> Coefficients:
 def _row(value: Any, what: str) -> list[Any]:
     """Return numbers in a row: a list, an array of one row or column, one number."""
     array = np.asarray(value, dtype=object)
-    if any(isinstance(x, str) for x in array.ravel()[:MOST_BEFORE]):
+    if any(isinstance(x, str) for x in array.ravel()[:MOST_GIVEN]):
         raise InputError(f"{what} must be coefficients, [1, 50] of s + 50")
     if array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
         raise InputError(f"{what} must be coefficients in one row, [1, 50] of s + 50")
-    if array.size > MOST_BEFORE + 1:
-        raise InputError(f"{what}: {array.size} coefficients; a law has at most {MOST_STATES}")
+    if array.size > MOST_GIVEN + 1:
+        raise InputError(f"{what}: {array.size} coefficients; a law has at most {MOST_GIVEN}")
     return [_number(x) for x in array.ravel()]
 
 
@@ -281,8 +287,8 @@ def _product_of_roots(value: Any, what: str) -> Coefficients:
 def _roots(value: Any, what: str) -> Iterator[complex]:
     """Yield roots: numbers, texts such as "-1+2j", or pairs [real, imaginary]."""
     array = np.asarray(value, dtype=object)
-    if array.size > MOST_BEFORE:
-        raise InputError(f"{what}: {array.size} numbers; a law has at most {MOST_STATES} states")
+    if array.size > MOST_GIVEN:
+        raise InputError(f"{what}: {array.size} numbers; a law has at most {MOST_GIVEN} states")
     if array.ndim == 2 and array.shape[1] == 2 and isinstance(value, list):
         yield from (complex(float(exact(a, what)), float(exact(b, what))) for a, b in value)
         return

@@ -375,6 +375,10 @@ def _array(where: str, value: Any, first: bool) -> Any:
     return (value if first else np.moveaxis(value, 2, 0)).tolist()
 
 
+# Fields of a structure that is a system; linmod of Simulink has small letters.
+_SYSTEM = (frozenset("ABC"), frozenset("abcd"))
+
+
 def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
     given, structures = dict[str, Any](), dict[str, tuple[dict[str, Any], ...]]()
     fields = dict[str, list[Any]]()
@@ -387,12 +391,19 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
             structures[name] = members
         else:
             given[name] = value
-    systems = [name for name, members in structures.items() if {*"ABC"} <= members[0].keys()]
-    laws = systems if "A" in given else ["K"] if len(systems) > 1 else []  # beside their plant
+    systems = {
+        name: named
+        for name, members in structures.items()
+        for named in _SYSTEM
+        if named <= members[0].keys()
+    }
+    laws = systems if "A" in given else {"K"} if len(systems) > 1 else ()  # beside their plant
     for name, members in structures.items():
-        for key in () if name in systems and name in laws else members[0]:
-            values = [member[key] for member in members]
+        for own in () if name in systems and name in laws else members[0]:
+            key, values = own, [member[own] for member in members]
             value = values[0] if len(values) == 1 else matlab.Cells(tuple(values))
+            if name in systems:
+                key = _key_of(key, value, systems[name])
             fields.setdefault(key, []).append(value)
     for key, lists in fields.items():
         if len(lists) == 1 and key not in given:
@@ -401,6 +412,13 @@ def _mat(path: Path, raw: bytes) -> Iterator[tuple[str, Any]]:
         matrices = _or_fault(_of_matlab, f"{path}: {name}", value)
         if matrices is not None:
             yield name, matrices
+
+
+def _key_of(key: str, value: Any, letters: frozenset[str]) -> str:
+    """Return what a field of a system is called here: of linmod A for a; Ts of a discrete one."""
+    if key == "Ts" and isinstance(value, np.ndarray) and value.size == 1 and value.item() > 0:
+        return "sample_time"
+    return key.upper() if key in letters else key
 
 
 def _plain(value: Any) -> Any:
@@ -416,6 +434,8 @@ def _plain(value: Any) -> Any:
         return [cells[i::rows] for i in range(rows)]
     if isinstance(value, list):
         return value[0] if len(value) == 1 else value
+    if isinstance(value, np.ndarray) and value.ndim == 3:
+        return np.moveaxis(value, 2, 0)  # one matrix a vertex
     return None if isinstance(value, matlab.Unread) else value
 
 
@@ -488,13 +508,21 @@ def _each(matrices: list[Any], N: int) -> list[Any]:
     return matrices * N if len(matrices) == 1 else matrices
 
 
+def _rows(arrays: Arrays) -> dict[str, list[Exact]]:
+    """Return C, D and F; a D or F of zeros says nothing, whatever its shape: often it is one 0."""
+    given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
+    zero = [key for key in given if not any(x for M in given[key] for row in M for x in row)]
+    return {key: M for key, M in given.items() if key == "C" or key not in zero}
+
+
 def misfit(arrays: Arrays) -> str:
     """Return why C, D and F of a file are no rows of outputs of its plant; "" where they are."""
     n = len(arrays["A"][0])
     m = len(arrays["B"][0][0]) if "B" in arrays else n
     q = len(arrays["E"][0][0]) if arrays.holds("E") else 0
+    given = _rows(arrays)
     for key, width, what in (("C", n, "state"), ("D", m, "input"), ("F", q, "disturbance")):
-        columns = len(arrays[key][0][0]) if arrays.holds(key) else width
+        columns = len(given[key][0][0]) if key in given else width
         if columns != width:
             return f"{key} has {plural(columns, 'column')}, and the plant {plural(width, what)}"
     return ""
@@ -502,7 +530,7 @@ def misfit(arrays: Arrays) -> str:
 
 def _outputs(plant: UncertainPlant, arrays: Arrays) -> Iterator[Output]:
     """Yield the rows of C, D and F as outputs."""
-    given = {key: arrays[key] for key in "CDF" if arrays.holds(key)}
+    given = _rows(arrays)
     if misfit(arrays):
         return
     counts = {len(matrices[0]) for matrices in given.values()}

@@ -35,6 +35,7 @@ from polefence.plant.outputs import (
     rate_named,
     split,
     states,
+    without_inputs,
 )
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.polynomial import Domain
@@ -460,7 +461,9 @@ class UncertainPlant(Short):
         return (*states(self), *inputs(self), *self.every_output)
 
     def signal(self, name: str) -> Output:
-        """Return a state, an input or an output by its name without the unit, or the rate of one.
+        """Return a state, an input or an output by its name without the unit, or what is of one.
+
+        "rate of NAME" is of a state, "NAME without inputs" of a signal: without its D u.
 
         Raises
         ------
@@ -470,9 +473,9 @@ class UncertainPlant(Short):
         known = self.signals
         if name in [signal.name for signal in known]:
             return pick(known, name)
-        rate = rate_named(self, name)
-        if rate is not None:
-            return rate
+        of_another = without_inputs(self, name) or rate_named(self, name)
+        if of_another is not None:
+            return of_another
         if self.vehicle is None and name in OF_A_CAR:
             raise InputError(
                 f"no signal {name!r}: cars have it by a table [vehicle], and {self.name} has none"

@@ -27,7 +27,7 @@ from polefence.proof.laws import OWN
 from polefence.proof.matrices import ONE, ZERO
 from polefence.proof.remainder import Remainder, Rows, Source
 
-MOST_STATES = 20  # bound on the order of a law
+MOST_STATES, MOST_GIVEN = 20, 40  # bounds on the order of a law that is sought, or given
 # Prefixes of the names of its states and signals.
 LAW, INTEGRAL, FILTER = OWN
 DERIVATIVE = "pid derivative of "
@@ -277,14 +277,14 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     Parameters
     ----------
     count : int
-        0 to `MOST_STATES`.
+        0 to `MOST_GIVEN`.
 
     Raises
     ------
     InputError
         If it is out of range, or a signal has the name of one of the states.
     """
-    require_order(count)
+    require_order(count, MOST_GIVEN)
     if not count:
         return plant
     labels = law_states(count)
@@ -318,7 +318,9 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
         A = (*vertex.exact_A[: n - count], *(_unit(n, n - count + i, stays) for i in range(count)))
         B = [(*row, *more) for row in vertex.exact_B[: n - count]]
         B += [_unit(m + count, m + i, step) for i in range(count)]
-        vertices.append(System(A, tuple(B), vertex.exact_E, vertex.name))
+        E = vertex.exact_E  # what passes into the rates comes through the inputs then
+        E = None if E is None else (*E[: n - count], *((ZERO,) * len(E[0]),) * count)
+        vertices.append(System(A, tuple(B), E, vertex.name))
     return replace(
         plant,
         vertices=tuple(vertices),
@@ -375,12 +377,12 @@ def _apart(vertex: System, count: int, stays: Fraction, step: Fraction) -> bool:
     return alone and not driven and not any(any(a[n - count :] + b[m - count :]) for a, b in others)
 
 
-def require_order(count: Any) -> None:
-    """Refuse an order of a law unless it is a whole number from 0 to `MOST_STATES`."""
+def require_order(count: Any, most: int = MOST_STATES) -> None:
+    """Refuse an order of a law unless it is a whole number from 0 to ``most``."""
     if isinstance(count, bool) or not isinstance(count, int):
         raise InputError(f"order = {shown(count)} must be a whole number")
-    if not 0 <= count <= MOST_STATES:
-        raise InputError(f"order = {count} must be 0 to {MOST_STATES}")
+    if not 0 <= count <= most:
+        raise InputError(f"order = {count} must be 0 to {most}")
 
 
 def with_pid(
@@ -395,7 +397,7 @@ def with_pid(
     Parameters
     ----------
     signals : sequence of Output
-        Combinations of states alone.
+        No input passes into one.
     bandwidth : number
         [Hz]
 
@@ -423,9 +425,11 @@ def with_pid(
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
     for i, signal in enumerate(signals):
-        C, _, _ = signal.exact(plant)
+        C, _, F = signal.exact(plant)
         rows = [(*(w * x for x in row), *_unit(2 * r, r + i, -w)) for row in C]
-        derivatives.append(Output(f"{DERIVATIVE}{signal.name}", f"{signal.unit or 1}/s", rows))
+        through = [[w * x for x in row] for row in F] if signal.F else ()
+        unit = f"{signal.unit or 1}/s"
+        derivatives.append(Output(f"{DERIVATIVE}{signal.name}", unit, rows, F=through))
     larger = replace(larger, outputs=(*larger.outputs, *derivatives))
     names = [signal.name for signal in signals]
     names += [state.name for state in states(larger)[n : n + r]]

@@ -17,7 +17,7 @@ from polefence.plant.evaluated import beyond
 from polefence.plant.parameters import check_label
 from polefence.plant.system import Array, Exact, read_matrix
 from polefence.proof.matrices import mix
-from polefence.proof.plant import RATE
+from polefence.proof.plant import RATE, WITHOUT
 from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 
@@ -255,6 +255,27 @@ def rate_rows(plant: UncertainPlant, state: int) -> tuple[Exact, Exact, Exact]:
     return A, B, E
 
 
+def without_inputs(plant: UncertainPlant, name: str) -> Output | None:
+    """Return "NAME without inputs", C x + F w of a signal C x + D u + F w; None of another name.
+
+    Raises
+    ------
+    InputError
+        If there is no such signal, or nothing is left of it.
+    """
+    if not name.endswith(WITHOUT):
+        return None
+    whole = plant.signal(name.removesuffix(WITHOUT))
+    if whole.near is not None:
+        raise InputError(
+            f"no signal {name!r}: {whole.name!r} holds functions of the parameters; give it "
+            f'[sensor."{whole.name}"], and measure "measured {whole.name}"'
+        )
+    if not (whole.C or whole.F):
+        raise InputError(f"no signal {name!r}: {whole.name!r} is inputs alone")
+    return replace(whole, name=name, D=())
+
+
 def rate_named(plant: UncertainPlant, name: str) -> Output | None:
     """Return the signal "rate of NAME" of a state, or of an input at a sample time.
 
@@ -354,17 +375,23 @@ def choose(
 
 
 def output_matrices(
-    plant: UncertainPlant, outputs: Sequence[Output], alpha: Array, K: Array
+    plant: UncertainPlant,
+    outputs: Sequence[Output],
+    alpha: Array,
+    K: Array,
+    passing: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return C + D K (..., p, n) and F (..., p, q) of outputs in closed loops u = K x.
+    """Return C + D K (..., p, n) and F + D P (..., p, q) of outputs in loops u = K x + P w.
 
     Parameters
     ----------
     alpha : (..., N) array
     K : (..., m, n) array
+    passing : (..., m, q) array, optional
+        P; zero by default.
     """
     C, D, F = rows_at(plant, outputs, alpha)
-    return C + D @ K, F
+    return C + D @ K, F if passing is None else F + D @ passing
 
 
 def rows_at(

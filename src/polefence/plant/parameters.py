@@ -46,7 +46,7 @@ def exact(value: Any, what: str) -> Fraction:
     number = _rational(value, what)
     digits = max(number.numerator.bit_length(), number.denominator.bit_length()) * 0.302
     if number and not (1 <= LARGEST * abs(number) <= LARGEST**2 and digits < 300):
-        raise PlantError(f"{what} is out of range; use 1e-100 to 1e100, at most 300 digits")
+        raise PlantError(f"{what} is out of range; use 0, or 1e-100 to 1e100, at most 300 digits")
     return number
 
 

@@ -5,7 +5,8 @@ With W = I and Z = K for a gain, and K = Z W^-1 for a scheduled law, X is W V, s
 law multiple + Q W. The dual form needs no V: W Q (A W + B Z) is W (Q A_c) W.
 
 A polynomial law is u = K(p) y, K the sum of gains times c^e: c the parameters' coordinates in
-[-1, 1], or alpha where there are none; y = C x are states, or outputs of the plant.
+[-1, 1], or alpha where there are none; y = C x + F w are states, or outputs of the plant. Where
+disturbances pass straight into y, those of the loop are E + B K F, and F + D K F of its outputs.
 """
 
 from __future__ import annotations
@@ -55,9 +56,9 @@ class Law(Short):
 
     Coefficients of W and Z are those of Bernstein polynomials: of ``degree`` in each simplex, in
     the order of `monomials`. With ``powers``, one exponent a K, it is a polynomial, of signals that
-    are ``measured``: their names, and their rows C at every vertex; of all states where there are
-    none. ``anti_windup`` (n x m) times sat(u) - u is added to the rates of the law's own states
-    while inputs saturate.
+    are ``measured``: their names, and their rows C and F at every vertex, no F where none has one;
+    of all states where there are none. ``anti_windup`` (n x m) times sat(u) - u is added to the
+    rates of the law's own states while inputs saturate.
     """
 
     K: list[Rationals] | None = None
@@ -68,6 +69,7 @@ class Law(Short):
     measured: tuple[str, ...] = ()
     C: tuple[Rationals, ...] = ()
     anti_windup: Rationals | None = None
+    F: tuple[Rationals, ...] = ()
 
     @property
     def fixed(self) -> bool:
@@ -108,6 +110,15 @@ class Law(Short):
 
     def _gain(self, sizes: Sizes) -> Polynomial:
         """Return K C of a polynomial law."""
+        own = self._own_gain(sizes)
+        return own * affine(self.C, sizes) if self.C else own
+
+    def passing(self, sizes: Sizes) -> Polynomial:
+        """Return K F, what passes straight from the disturbances to the inputs."""
+        return self._own_gain(sizes) * affine(self.F, sizes)
+
+    def _own_gain(self, sizes: Sizes) -> Polynomial:
+        """Return K of a polynomial law."""
         total: Polynomial | None = None
         for e, K in zip(self.powers, self.K or [], strict=True):
             term = constant(K, sizes)
@@ -117,7 +128,7 @@ class Law(Short):
             total = term if total is None else total + term
         if total is None:
             raise FormatError("a polynomial law has no terms")
-        return total * affine(self.C, sizes) if self.C else total
+        return total
 
     def gain(self, alpha: list[Fraction], at: list[Fraction]) -> Rationals:
         """Return K, of a law without W, for weights alpha and their coordinates in each simplex."""
@@ -158,8 +169,10 @@ class Law(Short):
                 term = [[factor * x for x in row] for row in K]
                 gained[exponent] = add(gained[exponent], term) if exponent in gained else term
         gains, powers = list(gained.values()), tuple(gained)
-        C = tuple(on_corners(list(self.C), low, high)) if self.C else ()
-        return replace(self, K=gains, degree=total_degree(powers), powers=powers, C=C)
+        C, F = (
+            tuple(on_corners(list(rows), low, high)) if rows else () for rows in (self.C, self.F)
+        )
+        return replace(self, K=gains, degree=total_degree(powers), powers=powers, C=C, F=F)
 
     def write(self, on: str) -> dict[str, Any]:
         """Return it as a file has it; ``on`` is the domain of one that is not fixed."""
@@ -192,16 +205,17 @@ def read_law(table: Table, plant: Plant) -> tuple[Law, str]:
 
 
 def _read_polynomial(table: Table, plant: Plant) -> Law:
-    rows, measured, C = table.tables("terms", 500), table.texts("measured"), []
+    rows, measured, C, F = table.tables("terms", 500), table.texts("measured"), [], []
+    none: list[Rationals] = [[[Fraction(0)] * plant.q]] * len(plant.A)
     for name in measured[:MAX_MEASURED]:
         signal = plant.signal(name)
-        if signal is None or signal.F or any(map(any, (D[0] for D in signal.D))):
+        if signal is None or any(map(any, (D[0] for D in signal.D))) or signal.near is not None:
             raise FormatError(
-                f"{table.path('measured')}: {shown(name)} is not a "
-                "state or output of the plant, free "
-                "of inputs and disturbances"
+                f"{table.path('measured')}: {shown(name)} is not a state or output of the plant, "
+                "free of inputs, and known exactly"
             )
         C.append(signal.C)
+        F.append(list(signal.F) or none)
     if len(measured) > MAX_MEASURED or len(set(measured)) < len(measured):
         raise FormatError(f"{table.path('measured')}: a name is given twice, or there are too many")
     r = len(C) if C else plant.n
@@ -212,9 +226,13 @@ def _read_polynomial(table: Table, plant: Plant) -> Law:
         raise FormatError(
             f"{table.path('terms')}: powers must be one per parameter, or one per vertex"
         )
-    stacked = tuple([row for (row,) in matrices] for matrices in zip(*C, strict=True))
+    of_C, of_F = (
+        tuple([row for (row,) in matrices] for matrices in zip(*rows, strict=True))
+        for rows in (C, F)
+    )
+    of_F = of_F if any(map(any, (row for M in of_F for row in M))) else ()
     degree, more = total_degree(powers), _read_anti_windup(table, plant)
-    return Law(K, degree=degree, powers=powers, measured=measured, C=stacked, anti_windup=more)
+    return Law(K, None, None, degree, powers, measured, of_C, more, of_F)
 
 
 def _read_anti_windup(table: Table, plant: Plant) -> Rationals | None:

@@ -21,6 +21,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS = 8
 RATE = "rate of "  # begins the name of a state's rate, or an input's
+WITHOUT = " without inputs"  # ends that of what is left of a signal, C x + F w of C x + D u + F w
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ class Plant(Short):
             raise FormatError(f"{what}: the plant has no E: no disturbance acts on it")
 
     def signal(self, name: str) -> Output | None:
-        """Return the state, input or output of a name that no other has, or the rate of one."""
+        """Return the state, input or output of a name that no other has, or what is of one."""
         zero = Fraction(0)
         known = [output for output in self.outputs if output.name == name]
         for labels, letter, count in ((self.states, "x", self.n), (self.inputs, "u", self.m)):
@@ -175,7 +176,16 @@ class Plant(Short):
                     C = unit if letter == "x" else [zero] * self.n
                     D = unit if letter == "u" else [zero] * self.m
                     known.append(Output([[C]] * len(self.A), [[D]] * len(self.A), name))
-        return known[0] if len(known) == 1 else None if known else self._rate(name)
+        if known:
+            return known[0] if len(known) == 1 else None
+        return self._without_inputs(name) or self._rate(name)
+
+    def _without_inputs(self, name: str) -> Output | None:
+        """Return what is left of a signal without what inputs pass straight into it."""
+        whole = self.signal(name.removesuffix(WITHOUT)) if name.endswith(WITHOUT) else None
+        if whole is None or whole.near is not None:
+            return None
+        return replace(whole, D=[[[Fraction(0)] * self.m]] * len(self.A), name=name)
 
     def _rate(self, name: str) -> Output | None:
         """Return the signal "rate of NAME" of a state, or of an input at samples.

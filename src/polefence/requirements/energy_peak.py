@@ -54,9 +54,11 @@ class EnergyPeak(Specification):
         """Return what a row says."""
         return cls(row.table["signal"], **row.given("norm"))
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+    def source(
+        self, plant: UncertainPlant, domain: Domain, law: Law | None = None
+    ) -> conditions.Source:
         """Return disturbances of unit norm as noise: they ask the same of X."""
-        E, degree = self.driving(plant)
+        E, degree = self.driving(plant, law)
         return conditions.noise(f"energy{self.scales(plant) or ''}", domain, E, 1.0, degree)
 
     @property
@@ -91,10 +93,14 @@ class EnergyPeak(Specification):
         return proof.EnergyPeak(subject, outputs, level, norm, scales=scales, held=held)
 
     def condition(
-        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it as in the claim: a disturbance of unit norm, and the output times the norm."""
-        source, output = super().condition(plant, domain, unit)
+        source, output = super().condition(plant, domain, unit, law)
         return source, replace(output, C=self.norm * output.C, D=self.norm * output.D)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
@@ -128,7 +134,7 @@ class EnergyPeak(Specification):
         if held is not None:
             return self._between(plant, held, alpha, SEARCHED)
         channel = super().channel(plant, alpha)
-        return replace(channel, E=self.norm * channel.E)
+        return channel.louder(self.norm)
 
     def _between(self, plant: UncertainPlant, held: Held, alpha: Array, times: int) -> Channel:
         """Return the channel of the signal at so many times of each part of a period."""

@@ -13,12 +13,12 @@ from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import disturbances, stacked
+from polefence.plant.outputs import disturbances
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.between import Held
-from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
 from polefence.requirements.specification import Specification
 from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as ClosedLoops
@@ -46,9 +46,14 @@ class Gain(Specification):
         per = units.pop() if len(units) == 1 else ""
         return f"{super().unit(plant) or 1} per {per or 'unit'}"
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+    def source(
+        self,
+        plant: UncertainPlant,
+        domain: Domain,  # noqa: ARG002
+        law: Law | None = None,
+    ) -> conditions.Source:
         """Return the way the disturbances enter."""
-        return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant))
+        return conditions.Through(f"gain{self.scales(plant) or ''}", *self.driving(plant, law))
 
     def held(self, plant: UncertainPlant) -> Held | None:
         """Return what is held between samples, where the gain is that at all times."""
@@ -92,12 +97,16 @@ class Gain(Specification):
         return replace(channel, E=E[:, :n], C=shown[..., :n], D=shown[..., n:], F=F)
 
     def condition(
-        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return the condition with the direct feedthrough of the disturbance."""
-        source, output = super().condition(plant, domain, unit)
-        _, _, F = stacked(plant, self.outputs(plant))
-        return source, replace(output, F=self.scaled(plant, F) if np.any(F) else None)
+        source, output = super().condition(plant, domain, unit, law)
+        F, degree = self.through(plant, law)
+        return source, replace(output, F=F, F_degree=degree)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the gain on a grid of frequencies, and exactly at the worst points."""
@@ -106,7 +115,7 @@ class Gain(Specification):
 
     @staticmethod
     def _of(channel: Channel, closed: ClosedLoops) -> Array:
-        loops = channel.closed(closed.K, Modes(closed.closed, closed.step))
+        loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
         values = on_grid(loops.modes, loops.E, loops.C, loops.F)
         worst = np.argsort(-values)[:20]  # points of the grid
         modes = Modes(loops.A[worst], closed.step)
@@ -128,11 +137,15 @@ class Gain(Specification):
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
         points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
 
-        def turned() -> list[tuple[Array, Array]]:
+        def turned() -> list[Turned]:
             away = s[:, None, None] * np.eye(A.shape[-1]) - A
             right = np.linalg.solve(away, E @ v[:, :, None])[:, None, :, 0]
             back, seen = np.swapaxes(away.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None]
             left = np.linalg.solve(back, seen)
-            return [((left.conj() * right).real, (u.conj()[:, :, None] * right).real)]
+            seen, driven = u.conj()[:, :, None], v[:, None]
+            from_state, from_w = left.conj(), (left.conj() * driven).real
+            return [
+                Turned((from_state * right).real, (seen * right).real, from_w, (seen * driven).real)
+            ]
 
         return Slopes(values, points, turned)

@@ -19,7 +19,7 @@ from polefence.plant.outputs import Output, Signal
 from polefence.plant.polynomial import Domain, bernstein, binomial, elevated, times
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
 from polefence.requirements.specification import Row, Specification, is_number, number
 from polefence.response.closed import gains
 
@@ -110,7 +110,12 @@ class GainNorm(Specification):
             units.append(given or (1.0,) * count)
         return units[0], units[1]
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+    def source(
+        self,
+        plant: UncertainPlant,  # noqa: ARG002
+        domain: Domain,  # noqa: ARG002
+        law: Law | None = None,  # noqa: ARG002
+    ) -> conditions.Source:
         """Return nothing: no signal moves.
 
         Raises
@@ -119,6 +124,10 @@ class GainNorm(Specification):
             Always.
         """
         raise InputError("the gain norm takes no signal")
+
+    def passed(self, plant: UncertainPlant, F: Array) -> Array:  # noqa: ARG002
+        """Return zero: no signal moves."""
+        return np.zeros_like(F)
 
     def law_norm(self, plant: UncertainPlant, unit: float | None = None) -> Norm:
         """Return the bound as a condition has it; with a ``unit`` it is not fixed."""
@@ -163,9 +172,10 @@ class GainNorm(Specification):
         # slopes of the singular values within 20 % of the largest
         points, some = np.nonzero(values >= 0.8 * values[:, :1])
 
-        def turned() -> list[tuple[Array, Array]]:
+        def turned() -> list[Turned]:
             left, right = u[points, :, some], (loops.E[points] @ vt[points, some, :, None])[..., 0]
-            return [(np.zeros_like(loops.A[points]), left[:, :, None] * right[:, None, :])]
+            dA = np.zeros_like(loops.A[points])
+            return [Turned(dA, left[:, :, None] * right[:, None, :])]
 
         return Slopes(values[points, some], points, turned)
 

@@ -23,7 +23,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.between import Held
 from polefence.requirements.held import PRINTED, SEARCHED, at_times
-from polefence.requirements.slopes import Channel, Loops, Slopes
+from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
 from polefence.requirements.specification import (
     Row,
     Specification,
@@ -152,22 +152,30 @@ class InitialPeak(Specification):
                 "varies; give initial states as points"
             )
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:  # noqa: ARG002
+    def source(
+        self,
+        plant: UncertainPlant,
+        domain: Domain,  # noqa: ARG002
+        law: Law | None = None,
+    ) -> conditions.Source:
         """Return the initial states."""
         self._require_states(plant)
-        return self._starts(plant, "points")
+        return self._starts(plant, "points", law)
 
-    def _starts(self, plant: UncertainPlant, kind: str) -> conditions.Points:
+    def _starts(self, plant: UncertainPlant, kind: str, law: Law | None) -> conditions.Points:
         """Return the initial states under a name that begins with a word."""
-        N = len(plant.vertices)
+        N, degree = len(plant.vertices), 1
+        if self.impulse:
+            E, degree = self.driving(plant, law)
+            N = len(E)
         x0 = [np.tile(np.array(p, dtype=float)[:, None], (N, 1, 1)) for p in self.points]
         if self.impulse:
-            E, acting = self.entering(plant), self._impulses(plant)
+            acting = self._impulses(plant)
             x0 += [self.impulse * E[:, :, k : k + 1] for k in np.flatnonzero(acting)]
         X0 = np.array(self.ellipsoid, dtype=float) if self.ellipsoid else None
         starts = self.points, self.impulse, self.ellipsoid, self.scales(plant)
         name = f"{kind} {starts!r}"  # a hash would take -1 for -2
-        return conditions.Points(name, tuple(x0), X0)
+        return conditions.Points(name, tuple(x0), X0, degree)
 
     def claim(
         self,
@@ -231,6 +239,10 @@ class InitialPeak(Specification):
         if not self.impulse:
             return ()
         return self.scales(plant) or (1.0,) * plant.disturbance_count
+
+    def passed(self, plant: UncertainPlant, F: Array) -> Array:
+        """Return of what passes into a law's signals what impulses do."""
+        return np.asarray(F * np.array(self._impulses(plant) or (0.0,) * F.shape[-1]))
 
     def begun(self, loops: Closed) -> list[Array]:
         """Return the points and what each impulse leaves, (count, n) of as many loops."""
@@ -310,12 +322,15 @@ class InitialPeak(Specification):
         if held is not None:
             return self._between(plant, held, alpha, SEARCHED)
         C, D, _ = rows_at(plant, self.outputs(plant), alpha)
-        impulses = np.zeros((len(alpha), plant.shape[0], 0))
+        impulses, first = np.zeros((len(alpha), plant.shape[0], 0)), len(self.points)
+        S = np.zeros((plant.disturbance_count, 0))
         if self.impulse:
-            E = self.impulse * np.array(self._impulses(plant)) * disturbance(plant)
-            impulses = np.tensordot(alpha, E[:, :, np.any(E, axis=(0, 1))], 1)
+            S = self.impulse * np.diag(self._impulses(plant))
+            S = S[:, np.any(S, axis=0)]
+            impulses = np.tensordot(alpha, disturbance(plant) @ S, 1)
         E = self._columns(impulses)
-        return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])))
+        S = np.pad(S, ((0, 0), (first, E.shape[2] - first - S.shape[1])))
+        return Channel(*plant.at(alpha), E, C, D, np.zeros((len(alpha), 1, E.shape[2])), S)
 
     def _columns(self, impulses: Array) -> Array:
         """Return the points, what impulses leave (count, n, q) and the axes behind one another."""
@@ -358,7 +373,7 @@ class InitialPeak(Specification):
         y *= np.array(members)[:, None]
         values = np.sqrt((y**2).sum(axis=(1, 2)))
 
-        def turned() -> list[tuple[Array, Array]]:
+        def turned() -> list[Turned]:
             size = np.maximum(values, TINY)[:, None, None]
             start = loops.E[points] @ np.swapaxes(y, 1, 2) / size
             # the integral of e^A'(t - s) C' x0' e^A's over s, as a block of an exponential
@@ -368,7 +383,7 @@ class InitialPeak(Specification):
             dA = moved(both, np.eye(2 * n))[:, :n, n:]
             dC = np.zeros((len(points), *loops.C.shape[1:]))
             dC[np.arange(len(points)), row] = (motion @ start)[..., 0]
-            return [(dA, dC)]
+            return [Turned(dA, dC, np.swapaxes(C @ motion, 1, 2) @ y / size)]
 
         return Slopes(values, points, turned)
 

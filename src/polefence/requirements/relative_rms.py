@@ -75,10 +75,14 @@ class RelativeRms(Rms):
         return ""
 
     def condition(
-        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return the condition with the passive variance, from below, as the unit of its square."""
-        source, output = super().condition(plant, domain, unit)
+        source, output = super().condition(plant, domain, unit, law)
         return source, replace(output, square=self.square(plant, domain, output.C))
 
     def square(self, plant: UncertainPlant, domain: Domain, C: Array) -> Polynomial:

@@ -142,10 +142,12 @@ class Rms(Specification):
         """Scale that makes the density 1."""
         return float(1 / np.sqrt(self.density))
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+    def source(
+        self, plant: UncertainPlant, domain: Domain, law: Law | None = None
+    ) -> conditions.Source:
         """Return white noise."""
         name = f"noise {self.density!r}{self.scales(plant) or ''}"
-        E, degree = self.driving(plant)
+        E, degree = self.driving(plant, law)
         return conditions.noise(name, domain, E, self.density / 2, degree)
 
     def held(self, plant: UncertainPlant) -> Held | None:
@@ -196,7 +198,8 @@ class Rms(Specification):
         wide = behind(plant, None, self)
         channel = Specification.channel(wide.specification, wide.plant, alpha)
         more = wide.plant.shape[0] - plant.shape[0]
-        channel = replace(channel, E=(self.density / 2) ** 0.5 * channel.E, filters=more)
+        size = (self.density / 2) ** 0.5
+        channel = replace(channel.louder(size), filters=more)
         if self.held(plant) is None:
             return channel
         longest, *others = (self.over(plant, alpha, length) for length in self.lengths(plant))

@@ -15,6 +15,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, SpecError, shown
 from polefence.base.explained import explained_fields
+from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -141,6 +142,10 @@ class Saturation(InitialPeak):
         if self.norm:
             self.entering(plant)
 
+    def passed(self, plant: UncertainPlant, F: Array) -> Array:
+        """Return of what passes into a law's signals what disturbances of a norm do."""
+        return np.asarray(self.scaled(plant, F)) if self.norm else super().passed(plant, F)
+
     def cut_off(self, plant: UncertainPlant) -> tuple[int, ...]:
         """Return the numbers of the inputs that are held back, each once.
 
@@ -154,20 +159,26 @@ class Saturation(InitialPeak):
             raise InputError(f"saturation of {len(signals)} signals; at most {MAX_INPUTS}")
         return tuple(dict.fromkeys(_moving(plant, signal) for signal in signals))
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
+    def source(
+        self, plant: UncertainPlant, domain: Domain, law: Law | None = None
+    ) -> conditions.Source:
         """Return the initial states, or disturbances of unit norm as noise."""
         if self.norm:
-            (E, degree), scales = self.driving(plant), self.scales(plant)
+            (E, degree), scales = self.driving(plant, law), self.scales(plant)
             name = f"saturation {self.norm} {scales}"
             return conditions.noise(name, domain, self.norm * E, 1.0, degree)
         self._require_states(plant)
-        return self._starts(plant, "saturation")
+        return self._starts(plant, "saturation", law)
 
     def condition(
-        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return it with the numbers of the inputs that are held back."""
-        source, output = super().condition(plant, domain, unit)
+        source, output = super().condition(plant, domain, unit, law)
         return source, replace(output, held=self.cut_off(plant))
 
     def claim(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,9 @@ class Channel:
     ----------
     A, B, E, C, D, F : (count, n, n), (count, n, m), (count, n, q), (count, p, n), (count, p, m),
         (count, p, q) arrays
+    S : (disturbances, q) array, optional
+        What each column of E and F is of the plant's, so that what passes through a law comes in
+        alike; where there is none, nothing that does is asked for.
     filters : int
         How many of the states, the last ones, are those of filters: no gain is of them.
     more : (count,) array or zero
@@ -42,6 +45,7 @@ class Channel:
     C: Array
     D: Array
     F: Array
+    S: Array | None = None
     filters: int = 0
     more: Any = 0.0
     length: float = 1.0
@@ -52,6 +56,11 @@ class Channel:
         beside = tuple(channel[some] for channel in self.beside)
         matrices = {key: getattr(self, key)[some] for key in "ABECDF"}
         return replace(self, **matrices, more=more, beside=beside)
+
+    def louder(self, size: float) -> Channel:
+        """Return the channel with disturbances of so many times the size."""
+        S = None if self.S is None else size * self.S
+        return replace(self, E=size * self.E, F=size * self.F, S=S)
 
     def in_units(self, d: Array) -> Channel:
         """Return the channel with states in units d (n,), and filters in matching units."""
@@ -75,8 +84,15 @@ class Channel:
             units.append(fed / rate if fed and rate else units[-1])
         return np.array(units)
 
-    def closed(self, K: Array, modes: Modes) -> Loops:
-        """Return the loops under gains K (count, m, n), with the modes of A + B K."""
+    def closed(self, K: Array, modes: Modes, passing: Array | None = None) -> Loops:
+        """Return the loops under u = K x + P w, with the modes of A + B K.
+
+        Parameters
+        ----------
+        K : (count, m, n) array
+        passing : (count, m, q) array, optional
+            P; left out where it is zero.
+        """
         if self.filters:
             K = np.pad(K, ((0, 0), (0, 0), (0, self.filters)))
             modes = Modes(self.A + self.B @ K, modes.step)
@@ -84,16 +100,27 @@ class Channel:
             channel.closed(K, Modes(channel.A + channel.B @ K, modes.step))
             for channel in self.beside
         )
-        shown = self.C + self.D @ K
-        return Loops(modes, self.E, shown, self.F, self.more, self.length, beside)
+        shown, E, F = self.C + self.D @ K, self.E, self.F
+        if passing is not None and self.S is not None:
+            moved = passing @ self.S
+            E, F = E + self.B @ moved, F + self.D @ moved
+        return Loops(modes, E, shown, F, self.more, self.length, beside)
 
     def slopes(self, slopes: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
         dK: Any = 0.0
-        for channel, (dA, dC) in zip((self, *self.beside), slopes.turned(), strict=True):
+        for channel, turned in zip((self, *self.beside), slopes.turned(), strict=True):
             B, D = (np.swapaxes(M[slopes.points], 1, 2) for M in (channel.B, channel.D))
-            dK = dK + B @ dA + D @ dC
+            dK = dK + B @ turned.A + D @ turned.C
         return np.asarray(dK[..., : dK.shape[-1] - self.filters])
+
+    def passing_slopes(self, slopes: Slopes) -> Array:
+        """Return slopes with respect to P of `closed` (rows, m, q)."""
+        (turned,) = slopes.turned()
+        B, D = (np.swapaxes(M[slopes.points], 1, 2) for M in (self.B, self.D))
+        parts = (M @ d for M, d in ((B, turned.E), (D, turned.F)) if d is not None)
+        dP = np.sum(list(parts), axis=0)
+        return np.asarray(dP if self.S is None else dP @ self.S.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +157,15 @@ class Loops:
         return self.modes.covariance(self.E)
 
 
+class Turned(NamedTuple):
+    """Slopes with respect to A, C, E and F of loops, (rows, ., .); None is zero."""
+
+    A: Array
+    C: Array
+    E: Array | None = None
+    F: Array | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """Values, one or more a point where more are near the worst, and their slopes.
@@ -140,14 +176,13 @@ class Slopes:
     points : (rows,) array of int
         Numbers of the points.
     turned : callable
-        Returns the slopes with respect to A and C of the loops, and of each beside them, (rows, n,
-        n) and (rows, p, n) arrays: they take as long as the values, and who looks for the worst
-        point asks for none.
+        Returns the slopes with respect to the loops, and to each beside them: they take as long as
+        the values, and who looks for the worst point asks for none.
     """
 
     values: Array
     points: Any
-    turned: Callable[[], list[tuple[Array, Array]]]
+    turned: Callable[[], list[Turned]]
 
 
 def of_noise(loops: Loops) -> Slopes:
@@ -162,12 +197,12 @@ def of_noise(loops: Loops) -> Slopes:
     CX = C @ X
     values = np.sqrt(np.maximum((CX * C).sum(axis=(1, 2)) + loops.more, 0.0))
 
-    def turned() -> list[tuple[Array, Array]]:
+    def turned() -> list[Turned]:
         Q = loops.modes.observed(np.swapaxes(C, 1, 2) @ C)
         size = np.where(values > 0, values, 1.0)[:, None, None]
         step = loops.modes.step
         moved = X + step * loops.A @ X if step else X
-        return [(Q @ moved / size, CX / size)]
+        return [Turned(Q @ moved / size, CX / size, Q @ loops.E / size)]
 
     return Slopes(values, np.arange(len(values)), turned)
 
@@ -185,15 +220,15 @@ def of_largest(loops: Loops) -> Slopes:
     points, which = np.nonzero(chosen & (every >= ALIKE * every.max(axis=1, keepdims=True)))
     values = every[points, which]
 
-    def turned() -> list[tuple[Array, Array]]:
+    def turned() -> list[Turned]:
         modes = Modes(loops.A[points], loops.modes.step)
         c, cX = C[points, which], CX[points, which]
         size = np.where(values > 0, values, 1.0)[:, None]
         moved = X[points] + modes.step * modes.A @ X[points]
-        dA = modes.observed(c[:, :, None] * c[:, None]) @ moved / size[:, :, None]
+        Q = modes.observed(c[:, :, None] * c[:, None]) / size[:, :, None]
         dC = np.zeros((len(points), *C.shape[1:]))
         dC[np.arange(len(points)), which] = cX / size
-        return [(dA, dC)]
+        return [Turned(Q @ moved, dC, Q @ loops.E[points])]
 
     return Slopes(values, points, turned)
 
@@ -210,10 +245,10 @@ def _in_any_order(loops: Loops) -> Slopes:
     found = common(F, times * np.swapaxes(C, 2, 3) @ C, W, GAP)
     values = np.sqrt(np.maximum(found.cost + more, 0.0))
 
-    def turned() -> list[tuple[Array, Array]]:
+    def turned() -> list[Turned]:
         dF, dM = found.slopes
         size = 2 * np.where(values > 0, values, 1.0)[:, None, None, None]
         dA, dC = step * dF / size, 2 * times * C @ dM / size
-        return [(dA[:, k], dC[:, k]) for k in range(len(every))]
+        return [Turned(dA[:, k], dC[:, k]) for k in range(len(every))]
 
     return Slopes(values, np.arange(len(values)), turned)

@@ -283,20 +283,64 @@ class Specification(Short):
         """
         return np.asarray(self.scaled(plant, disturbance(plant)))
 
-    def driving(self, plant: UncertainPlant) -> tuple[Array, int]:
+    def driving(self, plant: UncertainPlant, law: Law | None = None) -> tuple[Array, int]:
         """Return Bernstein coefficients of E, scaled, (count, n, q), and their degree.
+
+        Parameters
+        ----------
+        law : Law, optional
+            Of the loop whose E is meant: with what passes through it.
 
         Raises
         ------
         InputError
             If the plant has none.
         """
-        degree, domain = plant.curve_degree, plant.domain
-        if degree == 1:
+        passes = law is not None and law.passes
+        if plant.curve_degree == 1 and not passes:
             return self.entering(plant), 1
         disturbance(plant)
-        E = domain.interpolated(plant.driven(domain.nodes(degree)), degree)
-        return np.asarray(self.scaled(plant, E)), degree
+        degree, domain = _passed_degree(plant, law)
+        at = domain.nodes(degree)
+        E, passing = plant.driven(at), None if law is None else law.passing(at)
+        if passing is not None:
+            E = E + plant.at(at)[1] @ passing
+        return np.asarray(self.scaled(plant, domain.interpolated(E, degree))), degree
+
+    def through(self, plant: UncertainPlant, law: Law | None = None) -> tuple[Array | None, int]:
+        """Return coefficients of F of the outputs, (count, p, q), as `driving` does those of E.
+
+        None where F is zero.
+        """
+        (_, D, F), degree = stacked(plant, self.outputs(plant)), 1
+        if law is not None and law.passes:
+            degree, domain = _passed_degree(plant, law)
+            at = domain.nodes(degree)
+            passing = law.passing(at)
+            D, F = (np.tensordot(at, M, 1) for M in (D, F))
+            F = F if passing is None else F + D @ passing
+            F = domain.interpolated(F, degree)
+        F = np.asarray(self.scaled(plant, F))
+        return (F if np.any(F) else None), degree
+
+    def passed(self, plant: UncertainPlant, F: Array) -> Array:
+        """Return of what passes into a law's signals, (..., q), what its disturbances pass."""
+        return np.asarray(self.scaled(plant, F))
+
+    def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
+        """Refuse what passes into a law's signals at samples of a plant in continuous time.
+
+        Raises
+        ------
+        InputError
+            Saying what to do.
+        """
+        if F is not None and plant.sampling is not None and np.any(self.passed(plant, F)):
+            raise InputError(
+                f"{self.title}: a disturbance passes straight into what the law measures, and at a "
+                "sample white noise has no finite variance, nor has one of bounded energy a "
+                "bounded value; give the sensor a bandwidth"
+            )
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the unit of the bound, or the units of the entries where they differ."""
@@ -316,20 +360,32 @@ class Specification(Short):
         disturbance(plant)
         self.exact_outputs(plant)
 
-    def source(self, plant: UncertainPlant, domain: Domain) -> conditions.Source:
-        """Return the source of the signal's motion."""
+    def source(
+        self, plant: UncertainPlant, domain: Domain, law: Law | None = None
+    ) -> conditions.Source:
+        """Return the source of the signal's motion; of the loop of a law that is given."""
         raise NotImplementedError
 
     def condition(
-        self, plant: UncertainPlant, domain: Domain, unit: float | None = None
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
-        """Return it as an LMI has it; with a ``unit`` its bound is not fixed."""
+        """Return it as an LMI has it; with a ``unit`` its bound is not fixed.
+
+        Parameters
+        ----------
+        law : Law, optional
+            One that is given: disturbances may pass through it.
+        """
         outputs = self.exact_outputs(plant)
         C, D = (
             np.concatenate([floats(getattr(output, key)) for output in outputs], axis=1)
             for key in "CD"
         )
-        source, level = self.source(plant, domain), self.at_most if unit is None else unit
+        source, level = self.source(plant, domain, law), self.at_most if unit is None else unit
         level = 1.0 if level is None else level
         return source, conditions.Output(self.title, source.name, C, D, level, unit is None)
 
@@ -351,9 +407,9 @@ class Specification(Short):
         """Return the loops whose disturbances are so many times as large."""
         outputs = self.outputs(plant)
         C, D, F = stacked(plant, outputs)
-        E, F = size * self.entering(plant), np.asarray(self.scaled(plant, F))
-        near = tuple(output.near for output in outputs)
-        return DualProblem(plant, law, C, D, E, F, gain, near=near)
+        E, near = size * self.entering(plant), tuple(output.near for output in outputs)
+        acting = size * np.array(self.scales(plant) or (1.0,) * E.shape[-1])
+        return DualProblem(plant, law, C, D, E, acting * F, acting, gain, near=near)
 
     def _storing(self, plant: UncertainPlant, held: Held, size: float = 1.0) -> Storing:
         """Return the plant between samples, whose disturbances are so many times as large."""
@@ -429,7 +485,8 @@ class Specification(Short):
         disturbance(plant)
         E = self.scaled(plant, plant.driven(alpha))
         C, D, F = rows_at(plant, self.outputs(plant), alpha)
-        return Channel(*plant.at(alpha), E, C, D, self.scaled(plant, F))
+        S = np.diag(self.scales(plant) or (1.0,) * E.shape[-1])
+        return Channel(*plant.at(alpha), E, C, D, self.scaled(plant, F), S)
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return the bounded quantity of stable closed loops of its `channel`, with slopes."""
@@ -439,6 +496,13 @@ class Specification(Short):
 def limit_text(limit: Specification) -> str:
     """Return a specification and its limit, which reads back as it is."""
     return limit.title if limit.at_most is None else f"{limit.title} <= {exactly(limit.at_most)}"
+
+
+def _passed_degree(plant: UncertainPlant, law: Law | None) -> tuple[int, Domain]:
+    """Return the degree of what passes through a law and B, or of E, and where it is one."""
+    if law is None or not law.passes:
+        return plant.curve_degree, plant.domain
+    return plant.curve_degree + law.passing_degree, law.domain_of(plant)
 
 
 def listed(names: Sequence[str], ends: Sequence[str] = ()) -> str:

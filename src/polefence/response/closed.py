@@ -24,6 +24,9 @@ class Loops:
     plant : UncertainPlant
     alpha : (count, N) array
     A, B, E, K : (count, n, n), (count, n, m), (count, n, q), (count, m, n) arrays
+        E is the loop's: with what passes from disturbances to inputs.
+    passing : (count, m, q) array
+        What does, of u = K x + passing w.
     """
 
     plant: UncertainPlant
@@ -32,6 +35,7 @@ class Loops:
     B: Array
     E: Array
     K: Array
+    passing: Array
 
     @property
     def step(self) -> float:
@@ -42,6 +46,11 @@ class Loops:
     def closed(self) -> Array:
         """A + B K, (count, n, n)."""
         return np.asarray(self.A + self.B @ self.K)
+
+    @property
+    def passed(self) -> Array | None:
+        """What passes from disturbances to inputs, None where nothing does."""
+        return self.passing if self.passing.any() else None
 
     def poles(self) -> Array:
         """Closed-loop poles, (count, n) complex; (z - 1) / T of a delta form."""
@@ -74,13 +83,15 @@ def close(plant: UncertainPlant, law: Any, alpha: Any, disturbed: bool = True) -
     Es = [v.E for v in plant.vertices]
     if any(E is None for E in Es):
         if not disturbed:
-            nothing = np.zeros((len(alpha), plant.shape[0], 0))
-            return Loops(plant, alpha, A, B, nothing, gains(plant, law, alpha))
+            nothing = np.zeros((len(alpha), sum(plant.shape), 0))
+            E, passed = np.split(nothing, [plant.shape[0]], axis=1)
+            return Loops(plant, alpha, A, B, E, gains(plant, law, alpha), passed)
         raise InputError(
             f"{plant.name} has no E, so no disturbance enters; give E for every vertex, or "
             "in [matrices]"
         )
-    return Loops(plant, alpha, A, B, plant.driven(alpha), gains(plant, law, alpha))
+    E, passed = plant.driven(alpha), passing(plant, law, alpha)
+    return Loops(plant, alpha, A, B, E + B @ passed, gains(plant, law, alpha), passed)
 
 
 def gains(plant: UncertainPlant, law: Any, alpha: Array) -> Array:
@@ -89,6 +100,15 @@ def gains(plant: UncertainPlant, law: Any, alpha: Array) -> Array:
     if law is None:
         return np.zeros((len(alpha), m, n))
     return law_or_table(plant, law).over(plant, alpha)
+
+
+def passing(plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+    """Return what passes straight from disturbances to inputs, (count, m, q)."""
+    nothing = np.zeros((len(alpha), plant.shape[1], plant.disturbance_count))
+    if law is None:
+        return nothing
+    passed = law_or_table(plant, law).passing(alpha)
+    return nothing if passed is None else passed
 
 
 def point_text(plant: UncertainPlant, alpha: Array) -> str:

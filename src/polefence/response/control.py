@@ -9,7 +9,7 @@ import numpy as np
 from polefence.base.explained import explained
 from polefence.law.control import to_control, valid_names
 from polefence.plant.family import UncertainPlant
-from polefence.response.closed import gains
+from polefence.response.closed import gains, passing
 
 
 @explained
@@ -30,8 +30,8 @@ def closed_loops(plant: UncertainPlant, law: Any = None, alpha: Any = None) -> l
     -------
     list of control.StateSpace
         From [v, w], v added to what the law demands, to the states, the plant's outputs, and
-        u = K x + v, which is called as its input with ``_of_law`` behind. Other names are those of
-        `to_control`.
+        u = K x + v (or K y + v), which is called as its input with ``_of_law`` behind. Other names
+        are those of `to_control`.
 
     Raises
     ------
@@ -44,25 +44,26 @@ def closed_loops(plant: UncertainPlant, law: Any = None, alpha: Any = None) -> l
     """
     points = np.eye(len(plant.vertices)) if alpha is None else np.atleast_2d(alpha)
     plants = [to_control(plant, weights, outputs=True) for weights in points]
-    Ks = gains(plant, law, np.asarray(points, dtype=float))
-    return [
-        _closed(plant_at, K, k) for k, (plant_at, K) in enumerate(zip(plants, Ks, strict=True), 1)
-    ]
+    alpha = np.asarray(points, dtype=float)
+    each = zip(plants, gains(plant, law, alpha), passing(plant, law, alpha), strict=True)
+    return [_closed(plant_at, K, P, k) for k, (plant_at, K, P) in enumerate(each, 1)]
 
 
-def _closed(plant: Any, K: Any, number: int) -> Any:
-    """Return one plant with its gain."""
+def _closed(plant: Any, K: Any, P: Any, number: int) -> Any:
+    """Return one plant with u = K x + P w + v."""
     import control  # there, for the plant is one of its systems
 
     m = len(K)
     fed, through = plant.B[:, :m] @ K, plant.D[:, :m] @ K
+    acting = np.eye(plant.ninputs)  # [u; w] of [v; w]
+    acting[:m, m:] = P
     given, outputs = plant.input_labels, plant.output_labels
     demands = valid_names((*given, *outputs, *(f"{name}_of_law" for name in given[:m])))
     return control.ss(
         plant.A + fed,
-        plant.B,
+        plant.B @ acting,
         np.vstack([plant.C + through, K]),
-        np.vstack([plant.D, np.eye(m, plant.ninputs)]),
+        np.vstack([plant.D @ acting, acting[:m]]),
         plant.dt,
         states=plant.state_labels,
         inputs=given,

@@ -184,7 +184,7 @@ def simulate(
     asked = choose(plant, signals)
     step, w = sampled(loops, w, time, len(asked))
     grid.require_size(len(w), len(loops.alpha), len(asked))
-    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K, loops.passed)
     first = started(start, *loops.closed.shape[:2])
     if hold == "held" or loops.step:
         Phi, Gamma = _at_samples(loops, loops.E, step)
@@ -322,7 +322,7 @@ def _path(
     loops = close(plant, law, alpha, disturbed=source not in pushes)
     asked = choose(plant, signals)
     winds = disturbances(plant)
-    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K, loops.passed)
     if source in pushes:
         j = pushes.index(source)
         B = loops.B[:, :, j : j + 1]

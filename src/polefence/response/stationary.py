@@ -102,7 +102,7 @@ def stationary(
     loops = close(plant, law, alpha)
     asked = choose(plant, signals)
     psd = _densities(psd, loops.E.shape[-1])
-    C, D = output_matrices(plant, asked, loops.alpha, loops.K)
+    C, D = output_matrices(plant, asked, loops.alpha, loops.K, loops.passed)
     white = np.flatnonzero(np.any(D * psd, axis=(0, 2)))
     if len(white):
         raise InputError(

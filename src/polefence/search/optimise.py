@@ -53,6 +53,7 @@ from polefence.requirements.named import by_name
 from polefence.requirements.specification import Specification
 from polefence.search.conflict import refusal, refuted
 from polefence.search.effort import Closer, calmer, gain_of, is_too_fast, least
+from polefence.search.proper import proper, whitened
 from polefence.search.structured import as_sampled
 from polefence.search.task import Candidate, Missing, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
@@ -256,6 +257,8 @@ def _optimised(
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
+        asked_for = limits if minimise is None else (minimise, *limits)
+        structure = proper(structure, plant, asked_for)
         if minimise is not None and len(minimise.tuned(1.0)) > 1:
             raise InputError(
                 f"{minimise.title}: with a structure, minimise it for one input; limit the others"
@@ -380,11 +383,10 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     NotProvedError
         If there is none. It says which limits could be kept, proved of a law each.
     """
-    orders = orders_below(structure.order)
+    orders = orders_below(structure)
     with bounded(MOST_WORK) as effort:
-        searches = Orders(
-            structure, [structured(task, replace(structure, order=k)) for k in orders]
-        )
+        problems = [structured(task, replace(structure, order=k)) for k in orders]
+        searches = Orders(task, structure, problems)
         last = len(orders) - 1
         known = searches.tuned(last) if last else ()
     with bounded(MOST_WORK) as proving:  # whatever the searches of all orders took
@@ -399,7 +401,8 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     slow = _slower_than_late_samples(task)
     if slow or not task.limits:
         raise NotProvedError("; ".join(filter(None, (reason, slow, cut))))
-    _refute(task)
+    if not whitened(structure, task.plant):
+        _refute(task)
     near, (larger, gain) = list[str](), searches.problems[-1]
     with bounded(MOST_WORK * 0.25) as looked:
         for limit, done in _attainable(larger, gain, searches.starts(last)):

@@ -236,9 +236,15 @@ def _promising(candidates: Sequence[Tuned]) -> Iterator[Tuned]:
             yield tuned
 
 
-def orders_below(order: int) -> list[int]:
-    """Return the orders of searches up to one: each from zero on, of high orders the last alone."""
-    return [*range(min(order, EACH) + 1), *([order] if order > EACH else [])]
+def orders_below(structure: Structure) -> list[int]:
+    """Return the orders of searches up to one: each from the first on, of high ones the last alone.
+
+    The first is zero, or one for laws that are strictly proper.
+    """
+    order, pattern = structure.order, structure.pattern
+    free = pattern is None or any(entry != "0" for row in pattern for entry in row)
+    below = range(0 if free else 1, min(order, EACH) + 1)
+    return [*below, *([order] if order > EACH else [])] or [order]
 
 
 class Orders:
@@ -248,6 +254,8 @@ class Orders:
 
     Parameters
     ----------
+    bare : Task
+        Of the plant without the law's own states.
     structure : Structure
         With the highest order.
     problems : sequence of pairs of Task and Structure
@@ -259,9 +267,11 @@ class Orders:
         Whether the search of an order stopped at its share of the work.
     """
 
-    def __init__(self, structure: Structure, problems: Sequence[tuple[Task, Structure]]) -> None:
-        self.structure, self.problems = structure, problems
-        self.orders = orders_below(structure.order)
+    def __init__(
+        self, bare: Task, structure: Structure, problems: Sequence[tuple[Task, Structure]]
+    ) -> None:
+        self.bare, self.structure, self.problems = bare, structure, problems
+        self.orders = orders_below(structure)
         self.cut = False
         self._tuned = dict[int, list[Tuned]]()
         self._starts = dict[int, list[Law]]()
@@ -304,15 +314,17 @@ class Orders:
 
     def starts(self, k: int) -> list[Law]:
         """Return laws of the k-th order to start from: of one below, filters, observers."""
-        if k and k not in self._starts:
-            (task, _), (before, gain) = self.problems[k], self.problems[k - 1]
-            laws = (
-                beside_filters(tuned.law, before.plant, task.plant, gain, task.region)
-                for tuned in self.tuned(k - 1)
-            )
+        if self.orders[k] and k not in self._starts:
+            known = list[Law]()
+            if k:
+                (task, _), (before, gain) = self.problems[k], self.problems[k - 1]
+                laws = (
+                    beside_filters(tuned.law, before.plant, task.plant, gain, task.region)
+                    for tuned in self.tuned(k - 1)
+                )
+                known = [law for law in laws if law is not None]
             structure = replace(self.structure, order=self.orders[k])
-            known = [law for law in laws if law is not None]
-            self._starts[k] = [*known, *_with_states(self.problems[0][0], structure)]
+            self._starts[k] = [*known, *_with_states(self.bare, structure)]
         return self._starts.get(k, [])
 
 

@@ -93,7 +93,7 @@ class Subject(Short):
     def signals(self) -> tuple[str, ...]:
         """Names of what a law can measure: states, without a road's own, and outputs."""
         names = list(own_states(self.plant))
-        outputs = [y.name for y in self.plant.outputs if not (y.D or y.F)]
+        outputs = [y.name for y in self.plant.outputs if y.C and not y.D]
         known = () if self.structure is None else self.structure.measured or ()
         for name in (*(split(state)[0] for state in known), *outputs):
             if name not in names and len(names) < 24:

@@ -303,7 +303,7 @@ class _Ridden:
         psd = np.where(plant.physical, 0.0, 1.0)
         psd[list(known.roads)] = density
         asked = (*self.signals, *self.force, *self.later)
-        C, F = output_matrices(plant, asked, loops.alpha, loops.K)
+        C, F = output_matrices(plant, asked, loops.alpha, loops.K, loops.passed)
         if np.any(F * psd):
             raise InputError(f"{plant.name}: the road reaches the acceleration unfiltered; check E")
         first = len(self.signals)

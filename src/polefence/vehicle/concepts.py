@@ -225,9 +225,10 @@ class _Task:
     ) -> None:
         self.plant, self.specification, self.dampers = plant, specification, dampers
         self.known, self.measured, self.body = known, measured, body
-        _, through, _ = stacked(plant, choose(plant, measured))
-        if through.any():
-            raise InputError(f"measured: a force passes straight into {', '.join(measured)}")
+        _, *through = stacked(plant, choose(plant, measured))
+        for M, what in zip(through, ("force", "disturbance"), strict=True):
+            if M.any():
+                raise InputError(f"measured: a {what} passes straight into {', '.join(measured)}")
         for signal in choose(plant, measured):
             if signal.unit not in NOISE:
                 raise InputError(

@@ -83,6 +83,30 @@ def test_slopes_are_those_of_central_differences(k, seed):
 
 
 @pytest.mark.parametrize("k", range(8))
+def test_slopes_of_what_passes_through_a_law_are_those_of_central_differences(k):
+    plant, K, random, each = requirements(1)
+    channel = each[k].channel(plant, ALPHA).in_units(np.array([1.0, 2.0, 0.5, 4.0]))
+    acts = each[k].kind != "gain norm" and getattr(each[k], "impulse", 1.0) > 0
+    modes = Modes(channel.A + channel.B @ np.broadcast_to(K, (len(ALPHA), *K.shape)))
+    through = random.normal(size=(len(ALPHA), len(K), plant.disturbance_count))
+
+    def values(P):
+        return each[k].slopes(channel.closed(K[None], modes, P)).values
+
+    found = each[k].slopes(channel.closed(K[None], modes, through))
+    if channel.S is None:
+        assert np.array_equal(values(through), values(0 * through))
+        return
+    slopes = channel.passing_slopes(found)
+    assert acts == bool(np.any(slopes))
+    for _ in range(4):
+        step, size = random.normal(size=through.shape), 1e-5
+        difference = (values(through + size * step) - values(through - size * step)) / (2 * size)
+        along = (slopes * step[found.points]).sum(axis=(1, 2))
+        assert np.abs(difference - along).max() <= 1e-5 * max(np.abs(slopes).max(), 1.0)
+
+
+@pytest.mark.parametrize("k", range(8))
 def test_the_worst_of_the_rows_is_the_value(k):
     plant, K, _, each = requirements(5)
     found, _ = evaluated(each[k], each[k].channel(plant, ALPHA), K)

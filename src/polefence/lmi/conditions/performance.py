@@ -108,17 +108,21 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Initial states, each (N, n, 1) at the vertices; and X0 of an ellipsoid of them, (n, n)."""
+    """Initial states, each (N, n, 1) at the vertices; and X0 of an ellipsoid of them, (n, n).
+
+    With a ``degree`` above one they are Bernstein coefficients, (count, n, 1).
+    """
 
     name: str
     points: tuple[Array, ...]
     ellipsoid: Array | None = None
+    degree: int = 1
 
     def changed(self, inverse: Array, rate: float) -> Points:  # noqa: ARG002
         """Return them in coordinates x = T x_s."""
         X0 = self.ellipsoid
         X0 = None if X0 is None else np.asarray(inverse @ X0 @ inverse.T)
-        return Points(self.name, tuple(inverse @ x for x in self.points), X0)
+        return replace(self, points=tuple(inverse @ x for x in self.points), ellipsoid=X0)
 
     def intensity(self, domain: Domain) -> Array:  # noqa: ARG002
         """Return the sum of x0 x0' in the middle of the family, and X0, (n, n)."""
@@ -171,8 +175,8 @@ class Output:
         The bound where it is fixed; else the unit in which it is measured.
     fixed : bool
         Whether the bound is fixed; else it grows with r.
-    F : (N, p, q) array, optional
-        For `Through` only.
+    F : (count, p, q) array, optional
+        For `Through` only: Bernstein coefficients of ``F_degree``.
     square : polynomial, optional
         A positive scalar: the bound's square is level^2 times this, not level^2.
     held : tuple of int
@@ -186,6 +190,7 @@ class Output:
     level: float
     fixed: bool = True
     F: Array | None = None
+    F_degree: int = 1
     square: Polynomial | None = None
     held: tuple[int, ...] = ()
 
@@ -230,7 +235,7 @@ class Demands:
     def degree(self, domain: Domain) -> int:
         """Return the highest degree of what is asked, in each simplex; at least 1."""
         degrees = [degree_of(s.EE, domain) for s in self.sources if isinstance(s, Noise)]
-        degrees += [s.degree for s in self.sources if isinstance(s, Through)]
+        degrees += [s.degree for s in self.sources if isinstance(s, Points | Through)]
         squares = [o.square for o in self.outputs if o.square is not None]
         return max([1, *degrees, *(degree_of(P, domain) for P in squares)])
 
@@ -410,7 +415,7 @@ def raised(source: Source, domain: Domain, degree: int, q: int) -> Callable[[Exp
     elif isinstance(source, Points) and not source.points:
         return lambda _: np.zeros((0, 0))
     elif isinstance(source, Points):
-        P, columns = bernstein(domain, np.concatenate(source.points, axis=2), 1), q
+        P, columns = bernstein(domain, np.concatenate(source.points, axis=2), source.degree), q
     else:
         P, columns = bernstein(domain, source.E, source.degree), q
     zero = np.zeros((len(next(iter(P.values()))), columns))
@@ -429,7 +434,8 @@ def squares(output: Output, domain: Domain, degree: int) -> dict[Exponent, float
 def _raised_F(output: Output, domain: Domain, degree: int, q: int) -> Callable[[Exponent], Array]:
     if output.F is None:
         return lambda _: np.zeros((output.rows, q))
-    table = elevated(bernstein(domain, output.F, 1), domain, degree - 1)
+    table = bernstein(domain, output.F, output.F_degree)
+    table = elevated(table, domain, degree - output.F_degree)
     return lambda e: table[e]
 
 

@@ -80,12 +80,11 @@ class _Interpolation:
     def total(self) -> int:
         """Degree of the inequalities."""
         problem = self.problem
-        varies = bool(np.ptp(problem.E, axis=0).any())
         inverted = any(move.inverted for move in self.motion.moves)
         # s^2 in dX/dt, s = 1/p
         return max(
             self.degree + problem.rows,
-            2 * varies * problem.plant.curve_degree,
+            2 * problem.driving_degree,
             self.degree - 1 + 2 * inverted,
         )
 

@@ -199,7 +199,9 @@ class DualProblem:
     plant : UncertainPlant
     law : Law
     C, D, E, F : arrays (N, ., .)
-        At the vertices, disturbances scaled.
+        At the vertices, disturbances scaled. What passes through the law comes to E and F.
+    acting : (q,) array
+        How many times each disturbance acts.
     gain : bool
         Whether the bound is the gain from them, else the root of tr E'QE.
     share : Polynomial, optional
@@ -228,6 +230,7 @@ class DualProblem:
     D: Array
     E: Array
     F: Array
+    acting: Array
     gain: bool = False
     share: Polynomial | None = None
     box: Box | None = None
@@ -254,9 +257,7 @@ class DualProblem:
         """How many times each disturbance acts, (q,)."""
         if self.means is not None:  # what it is off by is in the means
             return np.zeros(self.E.shape[-1])
-        E = np.stack([v.E for v in self.plant.vertices if v.E is not None])
-        sizes, entering = (np.abs(M).max(axis=(0, 1)) for M in (self.E, E))
-        return np.asarray(sizes / np.where(entering > 0, entering, 1.0))
+        return self.acting
 
     @property
     def clocked(self) -> bool:
@@ -288,6 +289,24 @@ class DualProblem:
     def degree(self) -> int:
         """Degree of what is multiplied with Q."""
         return self.left + self.rows
+
+    @property
+    def driving_degree(self) -> int:
+        """Degree of E of the loop."""
+        own = self.plant.curve_degree if np.ptp(self.E, axis=0).any() else 0
+        passed = self.law.passing_degree + self.plant.curve_degree if self.law.passes else 0
+        return max(own, passed)
+
+    def passing(self, alpha: Array) -> Array | None:
+        """Return what passes from disturbances to inputs at points of the part; None: nothing."""
+        if self.box is not None:
+            alpha = self.box.alpha(self.domain, alpha)
+        return self.law.passing(alpha)
+
+    @property
+    def passes(self) -> bool:
+        """Whether disturbances pass straight into the outputs of the loop."""
+        return bool(np.any(self.F)) or (self.law.passes and bool(np.any(self.D)))
 
     @property
     def share_degree(self) -> int:
@@ -375,6 +394,9 @@ class DualProblem:
         C, D, F = self._outputs(alpha)
         curved = self.plant.curve_degree > 1
         E = self.plant.driven(alpha) * self.scales if curved else np.tensordot(alpha, self.E, 1)
+        passing = self.law.passing(alpha)
+        if passing is not None:
+            E, F = E + B @ passing * self.acting, F + D @ passing * self.acting
         W, Z = self.law.parts(alpha)
         if self.means is None or self.means.M is None:
             return W, A @ W + B @ Z, C @ W + D @ Z, E, F

@@ -96,10 +96,7 @@ class Interpolation:
         """Of what is a share: its degree; Q's basis and E at its nodes; its coefficients; more."""
         problem, domain, degree = self.problem, self.problem.domain, self.total
         if problem.share is not None:
-            varies = bool(np.ptp(problem.E, axis=0).any())
-            degree = max(
-                problem.share_degree, self.degree + 2 * varies * problem.plant.curve_degree
-            )
+            degree = max(problem.share_degree, self.degree + 2 * problem.driving_degree)
         at = domain.nodes(degree)
         shares = domain.interpolated(problem.shares(at), degree)
         more = problem.more(at)
@@ -324,8 +321,16 @@ class Interpolation:
 
     def _driving(self, cover: Cover) -> Array:
         """Return the columns of the disturbances as they are scaled."""
-        known = sum(self.problem.plant.shape)
-        return np.asarray(cover.columns[known:] * self.problem.scales)
+        problem, (n, m) = self.problem, self.problem.plant.shape
+        columns = cover.columns[n + m :] * problem.scales
+        passing = problem.passing(problem.domain.nodes(problem.law.passing_degree))
+        if passing is None:
+            return np.asarray(columns)
+        V = problem.domain.interpolated(
+            cover.columns[n : n + m, None] * passing * problem.acting, problem.law.passing_degree
+        )
+        longest = (V**2).sum(axis=1).max(axis=0)
+        return np.asarray(np.sqrt(columns**2 + np.count_nonzero(longest) * longest))
 
     def _cost(self, Q: Array, both: Array, cover: Cover) -> tuple[Array, Array]:
         """Return what a remainder adds to the inequality at points, and the border's P H."""
@@ -459,13 +464,16 @@ class Interpolation:
     def total(self) -> int:
         """Degree of the inequality."""
         problem = self.problem
-        squares = [2 * problem.rows]
-        if problem.step:
-            squares.append(self.degree + 2 * problem.rows)
-        elif problem.gain and not np.any(problem.F):
-            varies = bool(np.ptp(problem.E, axis=0).any())
-            from_E = varies * problem.plant.curve_degree
-            squares.append(2 * (self.degree + problem.left + from_E))
+        entering, rows = self.degree + problem.driving_degree, problem.rows
+        if not problem.gain:
+            squares = [2 * rows, (self.degree + 2 * rows) * bool(problem.step)]
+        elif problem.step:
+            squares = [self.degree + 2 * rows, rows + entering, problem.driving_degree + entering]
+            squares.append(2 * rows)
+        elif problem.passes:  # as blocks, nothing is squared
+            squares = [problem.left + entering]
+        else:
+            squares = [2 * rows, 2 * (problem.left + entering)]
         return max(self.degree + problem.degree, *squares)
 
 

@@ -148,7 +148,12 @@ class OverClock(Interpolation):
     def _share(self, level: float | None, least: Array) -> float:  # noqa: ARG002
         return SHARES[0]
 
-    def _cheapest(self, Q: Array, units: Array) -> tuple[Array, Array]:
+    def _cheapest(
+        self,
+        Q: Array,
+        units: Array,
+        level: float | None,  # noqa: ARG002 -- of gains, which have none of a clock
+    ) -> tuple[Array, Array]:
         entries, sizes = list[Array](), list[tuple[Array, Array]]()
         for ticks, (own, basis, (W, N, *_)) in zip(self.parts, self.looped, strict=True):
             known = self.problem.entries(ticks)

@@ -44,6 +44,7 @@ class EnergyPeak(StoredClaim):
 
     kind: ClassVar[str] = "energy peak"
     has_dual: ClassVar[bool] = True
+    has_passing: ClassVar[bool] = True
     needs_dual: ClassVar[bool] = False
 
     norm: Fraction = Fraction(1)

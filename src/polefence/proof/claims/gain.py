@@ -42,10 +42,19 @@ class Gain(StoredClaim):
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
     along_motions: ClassVar[bool] = True
+    has_passing: ClassVar[bool] = True
 
     def require_extra(self) -> None:
         """Refuse what is sampled, or a storage function, where it does not fit."""
         super().require_extra()
+        subject = self.subject
+        # what moves E then moves A + B K too: of twice H H' one is for each
+        alike = subject.step or any(item.dual for item in subject.evidence.per_cell)
+        if alike and subject.law.F and subject.remainder is not None:
+            raise FormatError(
+                "law.measured: where a disturbance passes straight into it, a gain of a plant with "
+                "a remainder is proved in continuous time, and not in the dual form"
+            )
         if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
             raise FormatError("held: a gain at all times needs Q of the dual form in every part")
 
@@ -81,7 +90,7 @@ class Gain(StoredClaim):
             # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
             entering = constant(spread.entering(2), X.sizes)
             lemma[0][0] = lemma[0][0] - entering - constant(spread.omega, X.sizes)
-            lost = [x * x for x in spread.driving(self.scales, self.subject.q)]
+            lost = [x * x for x in self.subject.off(self.scales)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering
         if below is not None:
@@ -101,8 +110,8 @@ class Gain(StoredClaim):
         entering, step = self.subject.driving(self.scales, Q.sizes), self.subject.step
         E = loop.WQ * entering
         spread = self.subject.evidence.spread
-        straight = any(output.F for output in self.outputs)
-        if not step and not straight and self.level:
+        through = self.subject.through(self.outputs, self.scales)
+        if not step and through is None and self.level:
             products = self._products(both, E, Y)
             if products is not None:
                 if spread is None:
@@ -155,7 +164,8 @@ class Gain(StoredClaim):
 
     def _lemma(self, minus: Polynomial, E: Polynomial, Y: Polynomial) -> list[list[Polynomial]]:
         sizes, q = minus.sizes, self.subject.q
-        F = self.subject.straight(self.outputs, self.scales)
+        F = self.subject.through(self.outputs, self.scales)
+        F = constant([[Fraction(0)] * q for _ in self.outputs], sizes) if F is None else F
         return [
             [minus, E.times(-1), Y.T.times(-1)],
             [diagonal([self.level] * q, sizes), F.T.times(-1)],

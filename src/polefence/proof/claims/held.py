@@ -45,6 +45,11 @@ class HeldClaim(SignalClaim):
         if self.held is None:
             return
         subject, evidence = self.subject, self.subject.evidence
+        if subject.law.F:
+            raise FormatError(
+                "held: at samples a disturbance that passes straight into what is measured has no "
+                "bounded value"
+            )
         self.held.require(len(subject.A), subject.n, subject.m, subject.q, subject.sizes)
         if not subject.step or self.filters:
             raise FormatError("held: belongs to a sampled plant, and a signal without filters")

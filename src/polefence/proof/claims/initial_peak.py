@@ -31,6 +31,7 @@ class InitialPeak(StartedClaim, StoredClaim):
     """
 
     kind: ClassVar[str] = "initial peak"
+    has_passing: ClassVar[bool] = True
     needs_dual: ClassVar[bool] = False
 
     def require_extra(self) -> None:

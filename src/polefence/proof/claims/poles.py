@@ -594,9 +594,10 @@ def law_text(law: Law) -> str:
     if law.scheduled:
         return f"K(alpha) = Z W^-1 of degree {law.degree}"
     none: list[Rationals] = [[[]]] * len(law.C)
-    rows = ([[C[k]] for C in law.C] for k in range(len(law.measured)))
-    pairs = zip(law.measured, rows, strict=True)
-    named = [f"{quoted(name)} = {output_text(C, none)}" for name, C in pairs]
+    named = []
+    for k, name in enumerate(law.measured):
+        C, F = ([[rows[k]] for rows in M] for M in (law.C, law.F))
+        named.append(f"{quoted(name)} = {output_text(C, none, F)}")
     what = ", ".join(named) or "all states"
     gain = f"a polynomial gain of degree {law.degree}" if law.degree else "one gain"
     return f"{gain} of {what}"

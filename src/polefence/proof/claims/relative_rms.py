@@ -84,6 +84,7 @@ class RelativeRms(SignalClaim):
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
     has_filters: ClassVar[bool] = True
+    has_passing: ClassVar[bool] = True
     has_cells: ClassVar[bool] = False  # the baseline is of the whole box
     has_motion: ClassVar[bool] = False  # along a motion there is no one covariance to compare with
 

@@ -58,6 +58,7 @@ class Rms(HeldClaim):
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True
     has_filters: ClassVar[bool] = True
+    has_passing: ClassVar[bool] = True
     motion_note: ClassVar[str] = ", independently of w"
 
     intensity: Fraction = Fraction(1)

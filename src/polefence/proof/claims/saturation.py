@@ -62,6 +62,7 @@ class Saturation(StartedClaim):
     kind: ClassVar[str] = "saturation"
     most: ClassVar[int] = MAX_INPUTS
     has_cells: ClassVar[bool] = False
+    has_passing: ClassVar[bool] = True
 
     norms: tuple[Fraction, ...] = ()
     held: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
@@ -100,6 +101,9 @@ class Saturation(StartedClaim):
             len(Y) != len(chosen) or any(len(row) != self.subject.n for row in Y) for Y in self.held
         ):
             raise FormatError(f"held must be of {len(chosen)} rows and {self.subject.n} columns")
+        pushes, loop = self.norms or self.impulses, self.subject
+        if loop.law.F and pushes and loop.through(self.outputs, pushes) is not None:
+            raise FormatError("F: a disturbance passes straight into an input that saturates")
         if not self.norms:
             super().require_extra()
         elif self.points or any(self.impulses) or self.ellipsoid:

@@ -17,6 +17,9 @@ Disturbances w = diag(s) v have ``scales`` s, zero of one that does not act: E a
 E diag(s) and F diag(s), and what is claimed is of v.
 
 Signals may be bounded behind ``filters``; the evidence is then of the loop with these in series.
+
+Of a law u = K (C x + F w), into whose signals disturbances pass, the loop has E + B K F in place of
+E, and outputs have F + D K F in place of F: see `Subject.driving` and `Subject.through`.
 """
 
 from __future__ import annotations
@@ -252,18 +255,55 @@ class Subject(Short):
         return decreasing(minus, X, N, self.step, self.evidence.spread)
 
     def driving(self, scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:
-        """Return E, with the curve of a remainder, each column times its scale."""
+        """Return E of the loop, with the curve of a remainder, each column times its scale."""
         E = affine(self.E, sizes)
         if self.remainder is not None:
             E = self.remainder.curved(E, self.n + self.m)
+        if self.law.F:
+            E = E + self.entering(sizes) * self.law.passing(sizes)
         return E * diagonal(scales, sizes) if scales else E
 
-    def straight(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Polynomial:
-        """Return F of outputs, each column times its scale."""
-        none = [[[Fraction(0)] * self.q]] * len(self.A)
-        F = affine(stacked([output.F or none for output in outputs]), self.sizes)
-        F = curved_rows(outputs, F, self.n + self.m)
-        return F * diagonal(scales, self.sizes) if scales else F
+    def through(self, outputs: Sequence[Output], scales: Sequence[Fraction]) -> Polynomial | None:
+        """Return F of outputs of the loop, each column times its scale; None where it is zero."""
+        none: list[Rationals] = [[[Fraction(0)] * self.q]] * len(self.A)
+        total: Polynomial | None = None
+        if any(output.F or output.near for output in outputs):
+            F = affine(stacked([output.F or none for output in outputs]), self.sizes)
+            total = curved_rows(outputs, F, self.n + self.m)
+        if self.law.F:
+            D = curved_rows(outputs, affine(stacked([y.D for y in outputs]), self.sizes), self.n)
+            passed = D * self.law.passing(self.sizes)
+            total = passed if total is None else total + passed
+        if total is None:
+            return None
+        total = total * diagonal(scales, self.sizes) if scales else total
+        return total if any(any(map(any, M)) for M in total.terms.values()) else None
+
+    def off(self, scales: Sequence[Fraction]) -> tuple[Fraction, ...]:
+        """Return d, one a disturbance: a remainder moves E w by H Delta G w with G'G <= diag(d)^2.
+
+        G = diag(columns) [K F; I] diag(scales), whose columns of K F are no longer at any alpha
+        than the longest of their coefficients; |sum of q columns|^2 <= q times the sum of squares.
+        """
+        spread = self.evidence.spread
+        if spread is None:
+            return ()
+        columns = spread.driving(scales, self.q)
+        if not self.law.F:
+            return columns
+        own = spread.columns[self.n : self.n + self.m]
+        V = diagonal(own, self.sizes) * self.law.passing(self.sizes)
+        V = V * diagonal(scales, self.sizes) if scales else V
+        longest = [Fraction(0)] * self.q
+        for e, M in V.terms.items():
+            whole = V.whole * multinomial(e, V.sizes)
+            for k, column in enumerate(zip(*M, strict=True)):
+                longest[k] = max(longest[k], Fraction(sum(x * x for x in column), whole**2))
+        count = sum(map(bool, longest))
+        return tuple(
+            root_above(x * x + count * more) if more else x
+            for x, more in zip(columns, longest, strict=True)
+        )
 
     def entering(self, sizes: Sizes) -> Polynomial:
         """Return B, with the curve of a remainder."""
@@ -334,9 +374,8 @@ class Subject(Short):
         n, form = self.n, self.law.form(self.sizes)
         both = self._plant(outputs) * form
         W, N, Y = form.part(slice(n)), both.part(slice(n)), both.part(slice(n, None))
-        F = self.straight(outputs, scales) if any(output.F for output in outputs) else None
-        whole = transfer(W, N, Y, self.driving(scales, self.sizes), F, power)
-        return whole.bilinear(self.step)
+        E, F = self.driving(scales, self.sizes), self.through(outputs, scales)
+        return transfer(W, N, Y, E, F, power).bilinear(self.step)
 
     def _require_motion(self, evidence: Evidence) -> None:
         """Refuse evidence that does not hold while parameters move."""
@@ -401,6 +440,7 @@ class SignalClaim(Short, Claim):
     has_motion: ClassVar[bool] = True  # whether parameters of the plant may move
     has_storage: ClassVar[bool] = False  # whether a storage function can be a part of the proof
     has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
+    has_passing: ClassVar[bool] = False  # whether disturbances may pass into what a law measures
     most: ClassVar[int] = 1  # entries of a vector
     along_motions: ClassVar[bool] = False  # whether its dual form holds while parameters move
 
@@ -643,6 +683,7 @@ class SignalClaim(Short, Claim):
             raise FormatError(f"a bound on {self.kind} is not proved by the transfer function")
         if evidence.dual and (not self.has_dual or evidence.multiple or not evidence.X):
             raise FormatError(f"a bound on {self.kind} has no dual form of this kind")
+        self._require_passing()
         if evidence.storage and not self.has_storage:
             raise FormatError(f"a bound on {self.kind} has no storage function")
         for key in ("level", "intensity", "norm"):
@@ -652,6 +693,19 @@ class SignalClaim(Short, Claim):
             raise FormatError("E is missing: no disturbance acts on the loop")
         self.require_extra()
         self._require_disturbances()
+
+    def _require_passing(self) -> None:
+        """Refuse a law into whose signals disturbances pass, where it is not provided for."""
+        subject = self.subject
+        if not subject.law.F:
+            return
+        N, r = len(subject.A), len(subject.law.C[0])
+        require_shapes(list(subject.law.F), N, r, subject.q, "F of what is measured")
+        if not self.has_passing:
+            raise FormatError(
+                "law.measured: a disturbance passes straight into what is measured; no bound on "
+                f"{self.kind} of this kind is proved with that"
+            )
 
     def _require_remainder(self) -> None:
         loop, spread = self.subject, self.subject.evidence.spread
@@ -688,8 +742,10 @@ class SignalClaim(Short, Claim):
     def _require_disturbances(self) -> None:
         """Refuse scales that do not fit, and noise that is in the output itself."""
         require_scales(self.scales, self.subject.q)
-        through = any(F[0][k] for output in self.outputs for F in output.F for k in self.acting)
-        if through and not self.direct:
+        if self.direct:
+            return
+        acts = tuple(Fraction(k in self.acting) for k in range(self.subject.q))
+        if self.subject.through(self.outputs, acts) is not None:
             raise FormatError(f"F: a disturbance passes straight into the output of {self.kind}")
 
     def symmetric(self) -> Iterator[tuple[str, Rationals]]:
@@ -1094,7 +1150,7 @@ def moving(
     """Return the intensity times E E', or more where E is only near that of the vertices."""
     E = subject.driving(scales, sizes)
     square, spread = E.half_times(E.T).times(intensity), subject.evidence.spread
-    most = max(spread.driving(scales, subject.q), default=0) if spread else 0
+    most = max(subject.off(scales), default=0)
     if spread is None or not most:
         return square
     more = spread.entering((1 + 1 / SHARE) * intensity * most**2)
@@ -1139,7 +1195,7 @@ def with_remainder(
 def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomial:
     """Return intensity tr E'QE, or more where E is only near that of the vertices."""
     E, spread = claim.subject.driving(claim.scales, Q.sizes), claim.subject.evidence.spread
-    driving = spread.driving(claim.scales, claim.subject.q) if spread else ()
+    driving = claim.subject.off(claim.scales)
     total = number(0, Q.sizes)
     for k in range(claim.subject.q):
         column = E.part(slice(None), slice(k, k + 1))

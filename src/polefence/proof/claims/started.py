@@ -17,7 +17,7 @@ from polefence.proof.matrices import (
     whole_numbers,
 )
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import Polynomial, affine, constant, number
+from polefence.proof.polynomials import Polynomial, constant, number
 from polefence.proof.reading import Table, as_matrix, plain
 from polefence.proof.text import ellipsoid_text, impulses_text, points_text
 from polefence.proof.work import FormatError
@@ -109,14 +109,15 @@ class StartedClaim(SignalClaim):
         """
         sizes, subject, rows = X.sizes, self.subject, Rows()
         one, later = number(1, sizes), X
-        if subject.step and subject.change is not None and varies(subject.E):
+        moves = varies(subject.E) or subject.law.F
+        if subject.step and subject.change is not None and moves:
             later = X + subject.change
         for k, point in enumerate(self.points):
             x = constant([[x] for x in point], sizes)
             rows[f"of point {k + 1}"] = [[one, x.T], [X]]
         for k, size in enumerate(self.impulses):
             if size:
-                x = affine(subject.E, sizes).part(slice(None), slice(k, k + 1)).times(size)
+                x = subject.driving((), sizes).part(slice(None), slice(k, k + 1)).times(size)
                 rows[f"of impulse {k + 1}"] = [[one, x.T], [later]]
         if self.ellipsoid:
             rows["of the ellipsoid"] = [[X - constant(list(map(list, self.ellipsoid)), sizes)]]

@@ -157,15 +157,23 @@ class Points:
         rates = growth_of(poles, modes.step)
         return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
 
-    def requirement(self, k: int, K: Array, modes: Modes) -> Found:
-        """Return the k-th requirement."""
+    def requirement(self, k: int, K: Array, inner: Array, modes: Modes) -> Found:
+        """Return the k-th requirement, at gains of all states, and of what is measured."""
         channel = self.channels[k + 1]
         if channel.beside:
             spend(len(K) * IN_ANY_ORDER * (1 + len(channel.beside)) * channel.A.shape[-1] ** 4)
         if channel.length != 1:  # of a clock that is not perfect
             modes = Modes(channel.A + channel.B @ K, modes.step)
-        measure = self.task.requirements[k].slopes(channel.closed(K, modes))
-        return Found(measure.values, measure.points, lambda: channel.slopes(measure))
+        passing = self.unknowns.passing(inner)
+        measure = self.task.requirements[k].slopes(channel.closed(K, modes, passing))
+        if passing is None or channel.S is None:
+            return Found(measure.values, measure.points, lambda: channel.slopes(measure))
+
+        def turned() -> Array:
+            C, F = (np.swapaxes(M[measure.points], 1, 2) for M in self.unknowns.seen)
+            return np.asarray(channel.slopes(measure) @ C + channel.passing_slopes(measure) @ F)
+
+        return Found(measure.values, measure.points, turned, inner=True)
 
     def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
@@ -226,13 +234,13 @@ class Points:
             measures.append((replace(measure, values=measure.values - 1), MARGIN))
         return measures
 
-    def limited(self, K: Array, modes: Modes) -> list[tuple[Found, float]]:
+    def limited(self, K: Array, inner: Array, modes: Modes) -> list[tuple[Found, float]]:
         """Return the limits, kept where zero or less, and their margins."""
         first = len(self.task.requirements) - len(self.task.limits)
         measures = []
         for k, specification in enumerate(self.task.limits):
-            measure, limit = self.requirement(first + k, K, modes), specification.at_most or 1.0
-            measures.append((_beyond(measure, limit), MARGIN))
+            measure = self.requirement(first + k, K, inner, modes)
+            measures.append((_beyond(measure, specification.at_most or 1.0), MARGIN))
         return measures
 
     def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
@@ -248,7 +256,7 @@ class Points:
             return Found(
                 values, points, lambda: np.concatenate([measure.dK for measure in measures])
             )
-        return self.requirement(0, K, modes)
+        return self.requirement(0, K, inner, modes)
 
     def rows(
         self,
@@ -279,7 +287,7 @@ class Points:
         if phase != REGION:
             if not np.all(self.evaluable(modes)):
                 return None
-            measures += self.limited(K, modes)
+            measures += self.limited(K, inner, modes)
         kept = [_kept(measure, margin) for measure, margin in measures]
         if phase == LEVEL:
             level = self.level(K, inner, modes, kappa)
@@ -323,13 +331,13 @@ class Points:
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):
             measures = [some.level(K[good], inner[good], evaluated)]
-            measures += [measure for measure, _ in some.limited(K[good], evaluated)]
+            measures += [measure for measure, _ in some.limited(K[good], inner[good], evaluated)]
             for row, measure in zip(rest, measures, strict=True):
                 row[good] = _largest(measure, int(good.sum()))
         return np.array([rest[0], *bounds, *rest[1:]])
 
     def __getitem__(self, some: Any) -> Points:
-        at = replace(self.unknowns, terms=self.unknowns.terms[some], C=self.unknowns.C[some])
+        at = self.unknowns[some]
         return replace(
             self,
             alpha=self.alpha[some],
@@ -373,7 +381,7 @@ def _scaled(measure: Found, unit: float) -> Found:
 
 def _beyond(measure: Found, limit: float) -> Found:
     """Return by how much values are beyond a limit, in shares of it."""
-    return Found(measure.values / limit - 1, measure.points, lambda: measure.dK / limit)
+    return replace(measure, values=measure.values / limit - 1, turned=lambda: measure.dK / limit)
 
 
 def _less(measure: Found, level: float) -> Found:

@@ -37,6 +37,11 @@ class Unknowns:
         return self.structure.rows(self.plant) * self.states
 
     @cached_property
+    def passing_rows(self) -> Array | None:
+        """F of what is measured, as rows of C; None where no disturbance passes into it."""
+        return self.structure.passing_rows(self.plant)
+
+    @cached_property
     def signals(self) -> Array:
         """Typical sizes of what is measured, (r,)."""
         sizes = np.sqrt((self.rows**2).sum(axis=2)).max(axis=0)
@@ -85,12 +90,18 @@ class Unknowns:
         law = self._law(theta)
         rows = law.C[0]
         plain = np.all(np.isin(rows, (0, 1))) and np.all(rows.sum(axis=1) == 1)
-        return FixedGain(law.gains[0] @ rows) if law.constant and plain else law
+        plain_states = law.constant and plain and not law.passes
+        return FixedGain(law.gains[0] @ rows) if plain_states else law
 
     def at(self, alpha: Array) -> At:
         """Return what these numbers are at points alpha (count, N)."""
-        weights = alpha if len(self.rows) > 1 else np.ones((len(alpha), 1))
-        return At(self, self.blank.terms(alpha), np.tensordot(weights, self.rows, 1))
+
+        def rows_at(rows: Array) -> Array:
+            weights = alpha if len(rows) > 1 else np.ones((len(alpha), 1))
+            return np.tensordot(weights, rows, 1)
+
+        F = None if self.passing_rows is None else rows_at(self.passing_rows)
+        return At(self, self.blank.terms(alpha), rows_at(self.rows), F)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +114,27 @@ class At:
     terms : (count, terms) array
     C : (count, r, n) array
         Of states in their sizes.
+    F : (count, r, q) array, optional
+        Where disturbances pass into what is measured.
     """
 
     unknowns: Unknowns
     terms: Array
     C: Array
+    F: Array | None = None
+
+    def __getitem__(self, some: Any) -> At:
+        F = None if self.F is None else self.F[some]
+        return At(self.unknowns, self.terms[some], self.C[some], F)
+
+    @property
+    def seen(self) -> tuple[Array, Array]:
+        """C and F of what is measured, of F no columns where no disturbance passes."""
+        return self.C, self.C[:, :, :0] if self.F is None else self.F
+
+    def passing(self, K: Array) -> Array | None:
+        """Return what passes from disturbances to inputs under gains of what is measured."""
+        return None if self.F is None else K @ self.F
 
     def gains(self, theta: Array) -> Array:
         """Return K of what is measured, (count, m, r)."""

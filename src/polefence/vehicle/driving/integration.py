@@ -773,6 +773,11 @@ def gains_of(space: Space, law: Any, true: Array | None = None) -> Gains:
 
         return table
     given = given_law(plant, law)
+    if given.passes:
+        raise InputError(
+            "a disturbance passes straight into what the law measures: drives are of laws of "
+            "states; give the sensor a bandwidth"
+        )
     if len(given.C) > 1:
         if true is None:
             varying = ", ".join(repr(y.name) for y in given.measured if len(y.C) > 1)

@@ -75,7 +75,9 @@ def test_a_gain_of_what_inputs_pass_into_is_that_loop(plant):
     for k in np.linspace(1, 2, 11):
         A, E, C, F = by_hand(K, k)
         away = 1j * w[:, None, None] * np.eye(2) - A
-        worst = max(worst, np.linalg.norm(C @ np.linalg.solve(away, E + 0j) + F, 2, (1, 2)).max())
+        worst = max(
+            worst, np.linalg.norm(C @ np.linalg.solve(away, E[None] + 0j) + F, 2, (1, 2)).max()
+        )
     assert worst * (1 - 1e-4) <= bound.level <= worst * 1.01
 
 

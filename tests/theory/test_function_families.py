@@ -82,7 +82,7 @@ def test_bounds_are_above_the_worst_and_near_it(pendulum):
             X = solve_continuous_lyapunov(closed, -0.05 * B @ B.T)
             rms = max(rms, math.sqrt(closed[1] @ X @ closed[1]))
             w = np.sqrt(-closed[1, 0]) * np.linspace(0.8, 1.2, 201)
-            response = np.linalg.solve(1j * w[:, None, None] * np.eye(2) - closed, B)
+            response = np.linalg.solve(1j * w[:, None, None] * np.eye(2) - closed, B[None])
             gain = max(gain, np.abs(response[:, 0, 0]).max())
     bound = best_bound(pendulum, law, Rms(("acceleration",), density=0.1))
     assert rms < bound.level < rms * 1.005
@@ -177,8 +177,9 @@ def test_a_part_of_the_box_is_nearer(pendulum):
         corner = part.vertices[-1].A
         A, _ = matrices(0.5 + 0.5 * float(side), -0.6 + 1.2 * float(side))
         np.testing.assert_allclose(corner, A, rtol=1e-10)
-    assert sizes[2] < 1e-3
-    assert sizes[2] <= sizes[1] <= sizes[0]
+    # down to what is good enough, of a lower degree
+    assert sizes[1] < sizes[0] / 10
+    assert max(sizes[1:]) < 18 * 2**-17
 
 
 def test_specs_are_written_as_they_were(pendulum):

@@ -11,7 +11,7 @@ product of t - t_j, and L, the Lebesgue constant, for the interpolations that fo
 a function of one parameter, where that is not small, it is bounded on intervals of t, from its
 Taylor series about their middles less the polynomial's; and of sums of products of such functions
 from those of the factors.
-Where a table has a knot inside, less derivatives are bounded. Of s of them a polynomial of degree
+Where a table has a knot inside, fewer derivatives are bounded. Of s of them a polynomial of degree
 s - 1 is near, and the interpolation of d is off by 1 + L^q times as much at most. With straight
 lines between its values the function is interpolated between the corners alone: with slopes from a
 to b the error is at most (b - a) / 4.
@@ -117,8 +117,9 @@ class Functions(Short):
         """Return the functions at a point of the box, to what `widest` says."""
         count = len(self.ranges)
         whole = (Fraction(0),) * count, (Fraction(1),) * count
-        parts = (_Part(self, tree, *whole) for tree in self.trees)
-        return tuple(part.exactly(at) or intervals.middle(part.value(at)) for part in parts)
+        parts = [_Part(self, tree, *whole) for tree in self.trees]
+        known = ((part, part.exactly(at)) for part in parts)
+        return tuple(intervals.middle(part.value(at)) if x is None else x for part, x in known)
 
     def widest(self, at: Point) -> Fraction:
         """Return what `values` are off by at most."""
@@ -372,7 +373,7 @@ class _Part:
         Of fewer derivatives it is that of a lower degree, times one and the Lebesgue constants.
         """
         if degree >= self.smooth:
-            lower = self._by_derivatives(self.smooth - 1)
+            lower = self._chord_error() if self.kinked else self._by_derivatives(self.smooth - 1)
             return lower * (1 + LEBESGUE[degree - 1] ** len(self.axes))
         grown, total = Fraction(1), Fraction(0)
         for i in self.axes:

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from polefence import InputError, UncertainPlant, with_actuator, with_sensor
-from polefence.certify.certificate import file_plant, plant_of
+from polefence.certify.certificate import plant_of
 from polefence.examples import family
+from polefence.plant.exact import file_plant
 from polefence.plant.larger import with_dynamics, with_pid, with_states
 from polefence.plant.outputs import Output, states
 from polefence.plant.spec import load, loads

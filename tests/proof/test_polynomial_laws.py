@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from polefence import Parameter, UncertainPlant
-from polefence.certify.certificate import file_plant
 from polefence.law.laws import PolynomialGain
+from polefence.plant.exact import file_plant
 from polefence.proof.claims import prove
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.margins import Subject

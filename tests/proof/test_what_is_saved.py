@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polefence.certify.certificate import file_plant
 from polefence.cli.main import main
+from polefence.plant.exact import file_plant
 from polefence.plant.spec import load
 from polefence.proof import document, work
 from polefence.proof.claims.base import prove

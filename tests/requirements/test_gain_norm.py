@@ -24,12 +24,12 @@ from polefence import (
 )
 from polefence.base.errors import SpecError
 from polefence.certify.bounds import best_bound, bounds_file, kept_bound, sampled
-from polefence.certify.certificate import file_plant
 from polefence.certify.design import check
 from polefence.cli.main import main
 from polefence.examples import spec_path
 from polefence.lmi.conditions.gain_norm import Norm, add_norm, tangents
 from polefence.lmi.conditions.pencil import Builder
+from polefence.plant.exact import file_plant
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.spec import loads

@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 from polefence import FixedGain, Parameter, RelativeRms, UncertainPlant, at_sample_time
 from polefence.base.errors import InputError
 from polefence.certify import bounds
-from polefence.certify.certificate import file_plant
+from polefence.plant.exact import file_plant
 from polefence.plant.larger import with_actuator, with_pid, with_sensor, with_states
 from polefence.plant.outputs import pick, states
 from polefence.plant.samples import claim_of_samples

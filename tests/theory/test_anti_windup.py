@@ -20,8 +20,8 @@ from polefence import (
 from polefence.base.errors import InputError
 from polefence.certify.anti_windup import with_anti_windup
 from polefence.certify.bounds import best_bound, save
-from polefence.certify.certificate import file_plant
 from polefence.plant.delta import delta_form
+from polefence.plant.exact import file_plant
 from polefence.plant.larger import with_states
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove

@@ -30,8 +30,8 @@ from polefence import (
 )
 from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound, kept_bound, sampled
-from polefence.certify.certificate import file_plant
 from polefence.plant.delta import delta_form, sampled_form
+from polefence.plant.exact import file_plant
 from polefence.plant.points import seeded
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads

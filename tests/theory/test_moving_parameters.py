@@ -26,8 +26,8 @@ from polefence import (
 )
 from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound
-from polefence.certify.certificate import file_plant
 from polefence.certify.given import analyse
+from polefence.plant.exact import file_plant
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.base import prove
 from polefence.proof.document import loads

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from polefence.certify.exact import holds
 from polefence.certify.measured import dual_plant
 from polefence.law.laws import Law, law_of
 from polefence.plant.cars import Car
-from polefence.plant.exact import bare_plant
+from polefence.plant.exact import bare_plant, file_plant
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
@@ -408,30 +408,6 @@ def in_floats(matrices: Any) -> Array:
     return np.array([float(Fraction(e)) for e in entries.ravel()]).reshape(entries.shape)
 
 
-def file_plant(plant: UncertainPlant) -> files.Plant:
-    """Return a plant as files have it, with its names; of samples, the car that is sampled."""
-    vehicle = plant.vehicle if plant.sampling is None else plant.sampling.plant.vehicle
-    described = None if vehicle is None else asdict(vehicle)
-    if plant.car is not None:
-        described = plant.car.document()
-    return replace(
-        bare_plant(plant),
-        name=plant.name,
-        states=tuple(plant.states),
-        inputs=tuple(plant.inputs),
-        disturbances=tuple(plant.disturbances),
-        outputs=tuple(_file_output(plant, output) for output in plant.every_output),
-        vehicle=described,
-        noise=plant.noise,
-    )
-
-
-def _file_output(plant: UncertainPlant, output: Output) -> files.Output:
-    C, D, F = ([[list(row)] for row in rows] for rows in output.exact(plant))
-    driven = tuple(F) if any(any(f[0]) for f in F) else ()
-    return files.Output(C, D, output.name, driven, output.unit, output.near)
-
-
 def sampling_of(
     claim: Samples, plant: UncertainPlant, vehicle: dict[str, Any] | None = None
 ) -> SamplesOf:
@@ -550,6 +526,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
                 f"1/{p.name}" if p.inverted else p.name,
                 p.label,
                 p.rate,
+                p.dead_time,
             )
             for p in plant.ranges
         )

@@ -32,9 +32,9 @@ from polefence.base import VERSION
 from polefence.base.errors import InputError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.renamed import write_in
-from polefence.certify.certificate import file_plant
 from polefence.lmi.conditions.pencil import Index
 from polefence.plant.dampers import Damper
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.claims.base import prove

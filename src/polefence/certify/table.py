@@ -18,7 +18,7 @@ from polefence.base import VERSION
 from polefence.base.errors import DesignFileError, InputError, NotProvedError, require_type
 from polefence.base.files import write_documents
 from polefence.certify.candidates import Deadline
-from polefence.certify.certificate import file_plant, plant_of
+from polefence.certify.certificate import plant_of
 from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.counterexample import shown
 from polefence.certify.design import check_document, read_document
@@ -26,6 +26,7 @@ from polefence.certify.evidence import FORMS
 from polefence.law.laws import GainTable
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.lyapunov import points_inside
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import weights_of
 from polefence.plant.polynomial import Domain, bernstein, elevated, times

@@ -15,7 +15,7 @@ from typing import Any
 from polefence import proof
 from polefence.base.errors import DesignFileError, InputError
 from polefence.base.files import read_bytes, write_bytes
-from polefence.certify.certificate import file_plant, plant_of, sampling_of
+from polefence.certify.certificate import plant_of, sampling_of
 from polefence.certify.design import check_document, is_proof_file, read_document
 from polefence.certify.measured import read_measured
 from polefence.cli.options import result_arguments
@@ -24,6 +24,7 @@ from polefence.cli.subjects import with_law_of
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
 from polefence.export.documents import FILE_NAME
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load, load_dampers
 from polefence.plant.system import System

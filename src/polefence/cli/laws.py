@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, UncontrollableError, suggest
-from polefence.certify.certificate import file_plant
 from polefence.certify.design import FILE_NAME, Design, read_document
 from polefence.cli.given import is_written, read_gain
 from polefence.cli.options import structure_of
 from polefence.cli.subjects import Subject, claims_file, is_design
 from polefence.law.laws import given_law
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.clipped import Clipped

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from polefence.certify.certificate import file_plant
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.claims.poles import Poles

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from fractions import Fraction
 
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output
+from polefence.proof import plant as exact
 from polefence.proof.plant import Plant
 from polefence.proof.ranges import Range
 
@@ -37,5 +40,30 @@ def matrices_of(plant: UncertainPlant) -> tuple[Matrices, Matrices, Matrices]:
 def ranges_of(plant: UncertainPlant) -> tuple[Range, ...]:
     """Return the parameters of a plant."""
     return tuple(
-        Range(p.low, p.high, p.inverted, p.name, p.unit, p.label, p.rate) for p in plant.parameters
+        Range(p.low, p.high, p.inverted, p.name, p.unit, p.label, p.rate, p.dead_time)
+        for p in plant.parameters
     )
+
+
+def file_plant(plant: UncertainPlant) -> Plant:
+    """Return a plant as files have it, with its names; of samples, the car that is sampled."""
+    vehicle = plant.vehicle if plant.sampling is None else plant.sampling.plant.vehicle
+    described = None if vehicle is None else asdict(vehicle)
+    if plant.car is not None:
+        described = plant.car.document()
+    return replace(
+        bare_plant(plant),
+        name=plant.name,
+        states=tuple(plant.states),
+        inputs=tuple(plant.inputs),
+        disturbances=tuple(plant.disturbances),
+        outputs=tuple(_file_output(plant, output) for output in plant.every_output),
+        vehicle=described,
+        noise=plant.noise,
+    )
+
+
+def _file_output(plant: UncertainPlant, output: Output) -> exact.Output:
+    C, D, F = ([[list(row)] for row in rows] for rows in output.exact(plant))
+    driven = tuple(F) if any(any(f[0]) for f in F) else ()
+    return exact.Output(C, D, output.name, driven, output.unit, output.near)

@@ -32,6 +32,7 @@ MOST_STATES, MOST_GIVEN = 20, 40  # bounds on the order of a law that is sought,
 LAW, INTEGRAL, FILTER = OWN
 DERIVATIVE = "pid derivative of "
 DEMAND, MEASURED = "demand of ", "measured "  # of an actuator's input; of a sensor's state
+LATE_SIGNAL = "late "  # of a signal with a dead time
 
 
 def with_dynamics(
@@ -59,7 +60,7 @@ def with_dynamics(
     return replace(
         plant,
         vertices=tuple(vertices),
-        states=(*_labels(states(plant)), *labels),
+        states=(*labels_of(states(plant)), *labels),
         outputs=tuple(padded(output, k, plant.shape[0]) for output in plant.outputs),
         remainder=_beside(plant, signals, b),
     )
@@ -135,7 +136,7 @@ def _before(
     In discrete time z(t + T) is in place of z'. The labels are of z, the first that of the input.
     """
     (n, m), order = plant.shape, len(a)
-    _require_new(plant, labels[1:])
+    require_new(plant, labels[1:])
     more, vertices = (ZERO,) * (order - 1), []
     for vertex in plant.vertices:
         force = [row[i] for row in vertex.exact_B]
@@ -150,7 +151,7 @@ def _before(
     return replace(
         plant,
         vertices=tuple(vertices),
-        states=(*_labels(states(plant)), *labels),
+        states=(*labels_of(states(plant)), *labels),
         inputs=tuple(demands),
         outputs=tuple(_behind(plant, output, i, order) for output in plant.outputs),
         remainder=plant.remainder
@@ -185,7 +186,8 @@ def with_sensor(
 ) -> UncertainPlant:
     """Return the plant with a sensor: a state "measured NAME" that follows the signal.
 
-    x' = w (y + v - x) with w = 2 pi bandwidth, y the signal and v white noise. The noise is a
+    x' = w (y + v - x) with w = 2 pi bandwidth, y the signal, late if it has a dead time, and v
+    white noise. The noise is a
     disturbance "noise of NAME". It is scaled so that the one-sided density 1 gives the rms
     ``noise`` in the sensor's output.
 
@@ -209,6 +211,7 @@ def with_sensor(
         signal = pick(known, split(str(name))[0])
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
+    late = [output for output in plant.outputs if output.name == f"{LATE_SIGNAL}{signal.name}"]
     if bandwidth is None:
         why = "bandwidth is missing" if noise is None else "noise without a bandwidth has no rms"
         raise InputError(f"{where}: {why}; give bandwidth, in Hz")
@@ -217,8 +220,8 @@ def with_sensor(
     if label in plant.states:
         raise InputError(f"{where}: {signal.name} has a sensor already; keep one")
     _require_continuous(plant, where)
-    _require_new(plant, (label,))
-    larger = with_dynamics(plant, (signal,), ((-w,),), ((w,),), (label,))
+    require_new(plant, (label,))
+    larger = with_dynamics(plant, (*late, signal)[:1], ((-w,),), ((w,),), (label,))
     if noise is None:
         return larger
     # x' = -w x + e v, v of two-sided density 1/2, has the variance e^2 / (4 w)
@@ -260,7 +263,7 @@ def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainP
     return replace(
         plant,
         vertices=tuple(vertices),
-        disturbances=(*_labels(disturbances(plant)), label),
+        disturbances=(*labels_of(disturbances(plant)), label),
         outputs=tuple(outputs),
         remainder=plant.remainder and plant.remainder.mapped(wider),
         noise=(*plant.noise, label),
@@ -288,7 +291,7 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     if not count:
         return plant
     labels = law_states(count)
-    _require_new(plant, (*labels, *law_rates(count)))
+    require_new(plant, (*labels, *law_rates(count)))
     vertices, (n, m), (stays, step) = [], plant.shape, _alone(plant)
     for vertex in plant.vertices:
         A = [(*row, *(ZERO,) * count) for row in vertex.exact_A]
@@ -302,8 +305,8 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     return replace(
         plant,
         vertices=tuple(vertices),
-        states=(*_labels(states(plant)), *labels),
-        inputs=(*_labels(inputs(plant)), *law_rates(count)),
+        states=(*labels_of(states(plant)), *labels),
+        inputs=(*labels_of(inputs(plant)), *law_rates(count)),
         outputs=tuple(with_inputs(y, (n + count, m), count) for y in outputs),
         remainder=plant.remainder and plant.remainder.padded(n, m, count, count),
     )
@@ -324,7 +327,7 @@ def with_rates_as_inputs(plant: UncertainPlant, count: int) -> UncertainPlant:
     return replace(
         plant,
         vertices=tuple(vertices),
-        inputs=(*_labels(inputs(plant)), *rates),
+        inputs=(*labels_of(inputs(plant)), *rates),
         outputs=tuple(with_inputs(y, (n, m), count) for y in plant.outputs),
         remainder=plant.remainder and plant.remainder.padded(n, m, 0, count),
     )
@@ -421,7 +424,7 @@ def with_pid(
     kept = [*(stays,) * r, *(stays - step * w,) * r]
     a = tuple(_unit(2 * r, i, value) for i, value in enumerate(kept))
     b = (*integrating, *(_unit(r, i, step * w) for i in range(r)))
-    _require_new(plant, (*integrals, *filtered))
+    require_new(plant, (*integrals, *filtered))
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
     for i, signal in enumerate(signals):
@@ -467,7 +470,8 @@ def _require_continuous(plant: UncertainPlant, where: str) -> None:
         )
 
 
-def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
+def require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
+    """Refuse labels of which the plant has a signal of the name already."""
     known = [signal.name for signal in (*states(plant), *inputs(plant), *plant.outputs)]
     for label in labels:
         if split(label)[0] in known:
@@ -494,7 +498,8 @@ def _labelled(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def _labels(signals: Sequence[Any]) -> tuple[str, ...]:
+def labels_of(signals: Sequence[Any]) -> tuple[str, ...]:
+    """Return names and units of signals."""
     return tuple(signal.label for signal in signals)
 
 

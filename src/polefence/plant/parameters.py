@@ -14,6 +14,7 @@ from typing import Any, Literal
 from polefence.base.errors import ParameterValueError, PlantError, SpecError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.plant.expression import decimal
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.ranges import ANY
 from polefence.proof.short import Short
 
@@ -143,6 +144,9 @@ class Parameter(Short):
     rate : tuple, "any" or None
         Least and largest dp/dt, in ``unit`` per second; "any" where nothing bounds it; None of a
         parameter that does not move.
+    dead_time : DeadTime, optional
+        Of one that stands for what an approximation of a dead time leaves out: see
+        `with_dead_time`.
 
     Raises
     ------
@@ -158,6 +162,7 @@ class Parameter(Short):
     through: str = ""
     label: str = ""
     rate: Rate = None
+    dead_time: DeadTime | None = None
 
     @explained_fields
     def __post_init__(self) -> None:

@@ -19,6 +19,7 @@ from polefence.base.explained import explained
 from polefence.base.files import read_text
 from polefence.plant.cars import Bar, Body, Car, Wheel, car_family
 from polefence.plant.dampers import Damper
+from polefence.plant.dead_time import require_sound, with_dead_time
 from polefence.plant.expression import MAX_LENGTH, decimal, decimal_text, evaluate
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
@@ -27,8 +28,10 @@ from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
+from polefence.proof.reading import Table as Entries
 from polefence.proof.remainder import Remainder
 from polefence.proof.work import FormatError
 
@@ -41,13 +44,14 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "sensor", "damper", "law", "car", "table"}
+_TOP |= {"actuator", "dead_time", "sensor", "damper", "law", "car", "table"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
 # What is put around a plant, in this order: its function, the keys that it needs, and others.
 _HARDWARE: dict[str, tuple[Callable[..., UncertainPlant], tuple[str, ...], set[str]]] = {
     "actuator": (with_actuator, ("bandwidth",), {"order", "damping"}),
+    "dead_time": (with_dead_time, ("time",), {"order", "decay"}),
     "sensor": (with_sensor, (), {"bandwidth", "noise"}),
 }
 
@@ -69,7 +73,9 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
     data = parse(text, source)
     try:
-        return _with_hardware(_with_sums(_plant(data), data), data)
+        plant = _with_sums(_plant(data), data)
+        require_sound(plant)
+        return _with_hardware(plant, data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
 
@@ -263,12 +269,21 @@ def _with_hardware(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainP
         for name, table in tables.items():
             where = f"{key}.{shown(name)}"
             if not isinstance(table, dict):
-                raise SpecError(f'{where} must be a table; write [{key}."NAME"], bandwidth = 30')
+                example = "time = 0.02" if key == "dead_time" else "bandwidth = 30"
+                raise SpecError(f'{where} must be a table; write [{key}."NAME"], {example}')
             _known(table, others.union(needed), f"{where}: ")
             _need(table, needed, where)
-            values: dict[str, Any] = {k: _finite(v, f"{where}: {k}") for k, v in table.items()}
+            values = {k: _number_of(v, f"{where}: {k}") for k, v in table.items()}
             plant = put(plant, name, **values)
     return plant
+
+
+def _number_of(value: Any, where: str) -> Any:
+    """Return a number, a whole one as such, or the two ends of an interval."""
+    if isinstance(value, list):
+        return [_finite(end, where) for end in value]
+    number = _finite(value, where)
+    return int(number) if isinstance(value, int) else number
 
 
 def _sample_time(value: Any) -> Fraction:
@@ -562,7 +577,7 @@ def _parameter(name: str, table: Any) -> Parameter:
     where = f"parameter.{name}"
     if not isinstance(table, dict):
         raise SpecError(f"{where} must be a table; write [{where}]")
-    _known(table, {"label", "range", "unit", "through", "rate"}, f"{where}: ")
+    _known(table, {"label", "range", "unit", "through", "rate", "dead_time"}, f"{where}: ")
     _need(table, ("range",), where)
     bounds = table["range"]
     if not isinstance(bounds, list) or len(bounds) != 2:
@@ -574,7 +589,22 @@ def _parameter(name: str, table: Any) -> Parameter:
     rate = table.get("rate")
     if isinstance(rate, list) and len(rate) == 2:
         rate = tuple(_finite(end, f"{where}: rate") for end in rate)
-    return Parameter(name, low, high, unit, through, label, rate)
+    dead_time = None
+    if "dead_time" in table:
+        try:
+            dead_time = DeadTime.read(_entries_of(table["dead_time"]))
+        except FormatError as error:
+            raise SpecError(f"{where}: {error}") from error
+    return Parameter(name, low, high, unit, through, label, rate, dead_time)
+
+
+def _entries_of(table: Any) -> Entries:
+    """Return a table as those of files are, without other keys than are known."""
+    if not isinstance(table, dict):
+        raise SpecError("dead_time must be a table")
+    _known(table, {field.name for field in fields(DeadTime)} | {"parameter"}, "dead_time: ")
+    numbers = {k: str(x) if isinstance(x, Fraction) else x for k, x in table.items()}
+    return Entries.of(numbers, "dead_time")
 
 
 def _rows(value: Any, where: str) -> list[list[Any]]:
@@ -722,6 +752,10 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
                 else _row_text(map(decimal_text, parameter.rate))
             )
             lines.append(f"rate = {_quoted(ends) if ends == ANY else ends}")
+        if parameter.dead_time is not None:
+            entries = parameter.dead_time.write().items()
+            keys = (f"{k} = {_quoted(x) if isinstance(x, str) else x}" for k, x in entries)
+            lines.append(f"dead_time = {{{', '.join(keys)}}}")
     lines += _table_lines(plant)
     lines.append("\n[matrices]")
     tables = [_letters(vertex) for vertex in plant.vertices]

@@ -172,7 +172,10 @@ def _read(table: Table) -> Document:
     for row in table.tables("claims", 100):
         # what reading one may take: of functions, that each part of the box has its polynomials
         with counted(MAX_IN_PARTS if plant.functions is not None else None):
-            claims.append(KINDS[row.word("kind", KINDS)].read(row, plant, law, on))
+            claim = KINDS[row.word("kind", KINDS)].read(row, plant, law, on)
+            if plant.late is not None:
+                claim.require_late(plant.late)
+            claims.append(claim)
     if law is not None and not any(claim.of_law for claim in claims):
         raise FormatError("law: none of the claims is about it; take it out")
     remainder = plant.remainder

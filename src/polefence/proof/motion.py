@@ -18,10 +18,11 @@ from fractions import Fraction
 from itertools import product
 from typing import Literal
 
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.matrices import ZERO
 from polefence.proof.polynomials import Polynomial, Sizes, number
 from polefence.proof.ranges import ANY, Range
-from polefence.proof.text import digits_down, name_text, rate_text, unit_text
+from polefence.proof.text import digits_down, digits_up, name_text, quoted, rate_text, unit_text
 from polefence.proof.work import FormatError
 
 Moving = Sequence[tuple[int, Range]]  # parameters that move, with their numbers
@@ -197,7 +198,9 @@ def motion_text(ranges: Sequence[Range]) -> str:
     said = []
     for parameter in ranges:
         name, unit = name_text(parameter.name), rate_text(unit_text(parameter.unit))
-        if parameter.rate == ANY:
+        if parameter.dead_time is not None:
+            said.append(_late_text(parameter.dead_time, ranges))
+        elif parameter.rate == ANY:
             said.append(f"{name} moving at any rate")
         elif parameter.rate is not None:
             low, high = parameter.rate
@@ -208,3 +211,17 @@ def motion_text(ranges: Sequence[Range]) -> str:
                 speed = f"up to {speed}"
             said.append(f"{name} moving by {speed} {unit}")
     return ", ".join(said)
+
+
+def _late_text(dead_time: DeadTime, ranges: Sequence[Range]) -> str:
+    """Say what is late, and by how much, rounded inwards."""
+    named = [p for p in ranges if p.name == dead_time.time]
+    if named:
+        low, high = (1000 * x for x in (named[0].low, named[0].high))
+        time = f"{digits_up(low)} to {digits_down(high)}"
+    elif isinstance(dead_time.time, str):
+        time = "some"
+    else:
+        time = digits_down(1000 * dead_time.time)
+        time = time if Fraction(time) == 1000 * dead_time.time else f"~{time}"
+    return f"{quoted(dead_time.signal)} {time} ms late"

@@ -10,7 +10,9 @@ from itertools import product
 from typing import Any, Literal
 
 from polefence.proof.approximation import Functions
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.entries import Placed, read_entries, write_entries
+from polefence.proof.late import Late, late_in
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.ranges import ANY, Range
@@ -139,6 +141,17 @@ class Plant(Short):
             for node in self.nodes
         )
         return replace(self, A=A, B=B, E=E, sample_time=None, remainder=remainder, nodes=nodes)
+
+    @cached_property
+    def late(self) -> Late | None:
+        """Its dead time, None where it has none.
+
+        Raises
+        ------
+        FormatError
+            If it does not stand in the plant as it is said to.
+        """
+        return late_in(self)
 
     @property
     def at_rest(self) -> Plant:
@@ -319,6 +332,7 @@ class Plant(Short):
             }
             | ({"label": parameter.label} if parameter.label else {})
             | ({} if parameter.rate is None else {"rate": _rate_text(parameter)})
+            | ({} if parameter.dead_time is None else {"dead_time": parameter.dead_time.write()})
             for parameter in self.ranges
         ]
         table["vertices"] = [
@@ -391,7 +405,8 @@ def _ranges(table: Table) -> tuple[Range, ...]:
         if low >= high or (through != name and low <= 0 <= high):
             raise FormatError(f"{where} is empty, or touches zero where 1/{name} is used")
         unit, label = (row.text(key, "") for key in ("unit", "label"))
-        ranges.append(Range(low, high, through != name, name, unit, label, _rate(row)))
+        dead_time = DeadTime.read(row.table("dead_time")) if "dead_time" in row else None
+        ranges.append(Range(low, high, through != name, name, unit, label, _rate(row), dead_time))
     return tuple(ranges)
 
 

@@ -9,6 +9,7 @@ from fractions import Fraction
 from itertools import product
 from typing import Literal
 
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.short import Short
 
 ANY: Literal["any"] = "any"  # of a rate: nothing bounds it
@@ -19,6 +20,7 @@ class Range(Short):
     """A parameter's interval; ``inverted`` where the plant is affine in 1/p.
 
     ``rate`` holds the least and the largest dp/dt, or "any"; None of one that does not move.
+    ``dead_time`` says what one that stands for a causal system is of.
     """
 
     low: Fraction
@@ -28,6 +30,7 @@ class Range(Short):
     unit: str = ""
     label: str = ""
     rate: tuple[Fraction, Fraction] | Literal["any"] | None = None
+    dead_time: DeadTime | None = None
 
 
 def narrowed(parameter: Range, low: Fraction, high: Fraction) -> Range:

@@ -20,7 +20,7 @@ from polefence.base.explained import explained
 from polefence.base.files import read_text, write_text
 from polefence.base.progress import stage
 from polefence.base.renamed import warn_renamed, with_old_keys, without_old_keys
-from polefence.certify.certificate import Certificate, file_plant
+from polefence.certify.certificate import Certificate
 from polefence.certify.checks import (
     require_checkable,
     require_domain,
@@ -37,6 +37,7 @@ from polefence.lmi.conditions.methods import (
     method_label,
 )
 from polefence.plant.card import card
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.proof import document, work
 from polefence.proof.claims.poles import Poles

@@ -27,12 +27,12 @@ from polefence.base.errors import InputError, NotProvedError, SolverError, requi
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.renamed import write_in
-from polefence.certify.certificate import file_plant
 from polefence.certify.design import OF_DAMPERS
 from polefence.law.laws import FixedGain
 from polefence.lmi.solve.moments import Piece, Problem, Visits, inside
 from polefence.lmi.solve.quadratic_means import Force, Open, least_mean
 from polefence.plant.dampers import Damper
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, choose, states
 from polefence.plant.parameters import Parameter

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Protocol, Self
 
+from polefence.proof.late import Late
 from polefence.proof.laws import Evidence, Law, Point
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
 from polefence.proof.motion import is_moving, motion_text
@@ -224,6 +225,19 @@ class Claim:
         if not self.moves:
             return f"{text}, for constant parameters"
         return f"{text}, {motion_text(plant.ranges)}{self.motion_note}"
+
+    def require_late(self, late: Late) -> None:  # noqa: ARG002
+        """Refuse a claim that does not hold for the dead time itself.
+
+        Raises
+        ------
+        FormatError
+            Saying which claims do.
+        """
+        raise FormatError(
+            f"{self.kind}: of a plant with a dead time, claims are about poles in a half-plane, "
+            "rms, gain and energy peak"
+        )
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say what the rest of the file has that contradicts the claim; "" where nothing does."""

@@ -43,6 +43,7 @@ class EnergyPeak(StoredClaim):
     """
 
     kind: ClassVar[str] = "energy peak"
+    late_as: ClassVar[str | None] = "rms"
     has_dual: ClassVar[bool] = True
     has_passing: ClassVar[bool] = True
     needs_dual: ClassVar[bool] = False

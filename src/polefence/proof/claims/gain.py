@@ -37,6 +37,7 @@ class Gain(StoredClaim):
     """
 
     kind: ClassVar[str] = "gain"
+    late_as: ClassVar[str | None] = "gain"
     direct: ClassVar[bool] = True
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True

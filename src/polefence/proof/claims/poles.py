@@ -38,6 +38,7 @@ from polefence.proof.claims.base import (
     require_law,
     undecided,
 )
+from polefence.proof.late import Late
 from polefence.proof.laws import (
     DOMAINS,
     Evidence,
@@ -88,6 +89,7 @@ from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,
     Disk,
+    HalfPlane,
     Part,
     factors,
     lyapunov,
@@ -212,6 +214,18 @@ class Poles(Short, Claim):
             decay = max(part.numbers[0] for part in decays)
             how = f"decay rate {digits_down(decay, 4)} 1/s" if decay else "exponentially stable"
         return f"{text}; {how} with {motion_text(plant.ranges)}"
+
+    def require_late(self, late: Late) -> None:
+        """Refuse other regions than half-planes that the dead time allows, and laws of delta."""
+        decay = late.dead_time.decay
+        for part in self.region:
+            if not isinstance(part, HalfPlane) or part.decay > decay:
+                raise FormatError(
+                    "region: with a dead time there are infinitely many poles; take half_plane(a), "
+                    f"a at most {digits_down(decay, 4)} 1/s, the decay of the dead time"
+                )
+        m = len(self.B[0][0])
+        late.require_law(self.law, self.sizes, m, len(late.entering[0]) - len(self.A[0]) - m)
 
     @property
     def under(self) -> str:

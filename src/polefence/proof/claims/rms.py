@@ -54,6 +54,7 @@ class Rms(HeldClaim):
     """
 
     kind: ClassVar[str] = "rms"
+    late_as: ClassVar[str | None] = "rms"
     most: ClassVar[int] = MAX_ENTRIES
     has_dual: ClassVar[bool] = True
     has_transfer: ClassVar[bool] = True

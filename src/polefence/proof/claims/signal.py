@@ -41,6 +41,7 @@ from polefence.proof.claims.base import (
 )
 from polefence.proof.claims.poles import Poles
 from polefence.proof.filters import Filter, Filters, in_series, states_of
+from polefence.proof.late import Late
 from polefence.proof.laws import (
     DOMAINS,
     MAX_CELLS,
@@ -442,6 +443,7 @@ class SignalClaim(Short, Claim):
     has_filters: ClassVar[bool] = False  # whether the outputs may be bounded behind filters
     has_passing: ClassVar[bool] = False  # whether disturbances may pass into what a law measures
     most: ClassVar[int] = 1  # entries of a vector
+    late_as: ClassVar[str | None] = None  # with a dead time it is as one of "gain" or "rms"
     along_motions: ClassVar[bool] = False  # whether its dual form holds while parameters move
 
     subject: Subject
@@ -616,6 +618,25 @@ class SignalClaim(Short, Claim):
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
         return misnamed(self.outputs, plant)
+
+    def require_late(self, late: Late) -> None:
+        """Refuse what does not hold for the dead time itself: see `proof.dead_time`."""
+        if self.late_as is None or self.subject.evidence.transfer:
+            super().require_late(late)
+        m, q, law = self.subject.m, self.subject.q, self.subject.law
+        late.require_law(law, self.subject.sizes, m, q)
+        late.require_outputs(self.outputs, m, q)
+        if self.late_as == "gain":
+            return
+        dual = any(item.dual for item in self.subject.evidence.per_cell)
+        # an impulse, or the output, is not what is late
+        ends = [self.subject.E] if dual else [r for y in self.outputs for r in (y.C, y.D)]
+        passed = [law.F, self.subject.B] if dual and law.F else [] if dual else [law.C]
+        if not all(late.alike(matrices) for matrices in (*ends, *passed) if matrices):
+            raise FormatError(
+                f"{self.kind}: with a dead time it is proved "
+                + ("where no noise is late" if dual else "of what is not late itself")
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
+from polefence.proof.text import digits_down
 from polefence.region.regions import Disk, HalfPlane, Region, astray, check_centre, stable
 from polefence.region.z_plane import z_plane
 
@@ -121,6 +122,7 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             )
         if int(chosen.degree if chosen.degree != "auto" else 1) and chosen.on != "box":
             Motion.of(plant).require(Domain.of(chosen.on, len(plant.vertices)))
+    _require_late(plant, region)
     disks = [part for part in region.parts if part.circle]
     if plant.sample_time is None:
         part = astray(region)
@@ -134,6 +136,19 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
         raise RegionError(
             f"{region}: {plant.name} is a discrete-time plant; give a disk in the unit disk, for "
             "example disk(0.5, 0.4), or disk(0, 1) for stability alone"
+        )
+
+
+def _require_late(plant: UncertainPlant, region: Region) -> None:
+    """Refuse regions in which the poles of a loop with a dead time cannot all be."""
+    if plant.dead_time is None:
+        return
+    dead_time = plant.dead_time[1]
+    if any(not isinstance(p, HalfPlane) or p.decay > dead_time.decay for p in region.parts):
+        most = digits_down(dead_time.decay, 4)
+        raise RegionError(
+            f"{region}: with {dead_time.signal!r} late there are infinitely many poles; give "
+            f"half_plane(a) with a at most {most} 1/s, the decay of its dead time"
         )
 
 

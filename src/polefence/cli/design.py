@@ -97,7 +97,8 @@ def design_command(options: Any) -> int:
                 )
     if errors:
         off = ", ".join(f"{name} by up to {digits_down(size, 6)}" for name, size in errors.items())
-        rest = ", for constant parameters" if plant.moving else ""
+        still = plant.moving and plant.dead_time is None
+        rest = ", for constant parameters" if still else ""
         lines.append(f"  for estimates that the law is given and that are off{rest}: {off}")
     lines += motion_lines(plant, design.region, exact=bool(errors))
     summary = {

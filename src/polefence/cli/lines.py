@@ -15,7 +15,7 @@ from polefence.plant.exact import ranges_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import own_states as states_of_a_law
 from polefence.proof.claims.decay import Decay
-from polefence.proof.motion import motion_text
+from polefence.proof.motion import is_late, motion_text
 from polefence.proof.text import (
     digits_down,
     digits_up,
@@ -97,6 +97,8 @@ def motion_lines(
     how = motion_text(ranges_of(plant))
     if not how:
         return []
+    if is_late(ranges_of(plant)):
+        return [f"  with {how}; all parameters are constant"]
     lines = ["  the poles are for constant parameters"]
     kept = ["the bounds hold"] * bounds
     if decay := _decay_text(plant, region):

@@ -19,7 +19,7 @@ from polefence.base.errors import InputError, SpecError, require_type, shown, su
 from polefence.base.explained import explained, explained_fields
 from polefence.law.laws import PolynomialGain
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import law_states, require_order, with_pid, with_states
+from polefence.plant.larger import LATE_SIGNAL, law_states, require_order, with_pid, with_states
 from polefence.plant.outputs import Output, split, states
 from polefence.plant.spec import law_table
 from polefence.plant.system import Array
@@ -159,6 +159,12 @@ class Structure(Short):
                 raise InputError(
                     f"measured: an input passes straight into {name!r}; {left}give its sensor or "
                     "the actuator a bandwidth"
+                )
+            if plant.is_late(signal.C) or plant.is_late(signal.F):
+                own = signal.name.removeprefix(LATE_SIGNAL)
+                raise InputError(
+                    f"measured: {signal.name!r} is late, and has no sensor; give it "
+                    f'[sensor."{own}"] with a bandwidth, and measure "measured {own}"'
                 )
             if signal in signals:
                 raise InputError(f"measured: {signal.name!r} is given twice; give it once")

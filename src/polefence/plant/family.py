@@ -43,6 +43,7 @@ from polefence.plant.system import Array, Exact, System, floats
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.approximation import Functions
 from polefence.proof.between import Clock, Held
+from polefence.proof.dead_time import DeadTime
 from polefence.proof.functions import FUNCTIONS, Table, Tree, lift, variable
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
@@ -219,6 +220,19 @@ class UncertainPlant(Short):
     def moving(self) -> tuple[Parameter, ...]:
         """The parameters that move."""
         return tuple(parameter for parameter in self.parameters if parameter.rate is not None)
+
+    @property
+    def dead_time(self) -> tuple[int, DeadTime] | None:
+        """The number of the parameter that stands for a dead time, and what it is of."""
+        known = enumerate(self.parameters)
+        return next(((f, p.dead_time) for f, p in known if p.dead_time is not None), None)
+
+    def is_late(self, rows: Sequence[Any]) -> bool:
+        """Whether a row, one for all vertices or one each, depends on what has a dead time."""
+        if self.dead_time is None or len(rows) < 2:
+            return False
+        bit = 1 << (len(self.parameters) - 1 - self.dead_time[0])
+        return any(row != rows[j ^ bit] for j, row in enumerate(rows))
 
     @property
     def at_rest(self) -> UncertainPlant:

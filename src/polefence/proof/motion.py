@@ -59,6 +59,11 @@ def is_moving(ranges: Sequence[Range]) -> bool:
     return any(parameter.rate is not None for parameter in ranges)
 
 
+def is_late(ranges: Sequence[Range]) -> bool:
+    """Whether all that moves stands for a dead time: everything else is constant then."""
+    return any(parameter.dead_time is not None for parameter in ranges)
+
+
 def extremes(ranges: Sequence[Range], step: Fraction = ZERO) -> int:
     """Return a bound on the number of extremes of the rates where an inequality is checked."""
     still = (None,) if step else (None, ANY)

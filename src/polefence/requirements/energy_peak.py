@@ -41,6 +41,7 @@ class EnergyPeak(Specification):
     norm: float = 1.0
     kind = "energy peak"
     keys = ("norm", "disturbances")
+    late_as: ClassVar[str | None] = proof.EnergyPeak.late_as
     at_all_times: ClassVar[bool] = True  # of samples: between them too
 
     @explained_fields

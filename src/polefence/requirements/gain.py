@@ -37,6 +37,7 @@ class Gain(Specification):
     vector = True
     power = 1
     direct = True
+    late_as = proof.Gain.late_as
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the signal's unit per unit of the disturbances."""

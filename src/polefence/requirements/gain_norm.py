@@ -90,6 +90,7 @@ class GainNorm(Specification):
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse units that are more or fewer than the plant's inputs and states."""
+        self.require_late(plant)
         self.units(plant)
 
     def units(self, plant: UncertainPlant) -> tuple[tuple[float, ...], tuple[float, ...]]:

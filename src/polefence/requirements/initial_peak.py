@@ -124,6 +124,7 @@ class InitialPeak(Specification):
 
         Initial states have as many numbers as the plant has states.
         """
+        self.require_late(plant)
         self.outputs(plant)
         self._require_states(plant)
         if self.impulse:

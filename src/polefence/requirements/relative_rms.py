@@ -54,6 +54,7 @@ class RelativeRms(Rms):
     kind = "relative rms"
     vector = False
     limits_rms = False
+    late_as = None
     at_all_times = False
 
     def require_fit(self, plant: UncertainPlant) -> None:

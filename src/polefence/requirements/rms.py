@@ -62,6 +62,7 @@ class Rms(Specification):
     keys = ("density", "weight", "disturbances")
     vector = True
     limits_rms = True
+    late_as: ClassVar[str | None] = proof.Rms.late_as
     at_all_times: ClassVar[bool] = True  # of samples: between them too
 
     @explained_fields

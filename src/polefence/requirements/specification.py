@@ -104,6 +104,7 @@ class Specification(Short):
     of_signal: ClassVar[bool] = True  # else of the law
     limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
+    late_as: ClassVar[str | None] = None  # what its claim has of plants with a dead time
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
 
     @explained_fields
@@ -358,7 +359,27 @@ class Specification(Short):
             Saying what is missing.
         """
         disturbance(plant)
-        self.exact_outputs(plant)
+        self.require_late(plant, self.exact_outputs(plant))
+
+    def require_late(self, plant: UncertainPlant, outputs: Sequence[Output] = ()) -> None:
+        """Refuse a plant with a dead time, where nothing of this kind is proved of it.
+
+        Raises
+        ------
+        InputError
+        """
+        if plant.dead_time is None:
+            return
+        if self.late_as is None:
+            raise InputError(
+                f"{self.title}: of a plant with a dead time rms, gain and energy peak are bounded"
+            )
+        for output in outputs:
+            if self.late_as == "rms" and any(map(plant.is_late, (output.C, output.D))):
+                raise InputError(
+                    f"{self.title}: it is late itself; bound it by its gain, or give the input an "
+                    "actuator with a bandwidth"
+                )
 
     def source(
         self, plant: UncertainPlant, domain: Domain, law: Law | None = None

@@ -243,7 +243,7 @@ def _left_out(plant: UncertainPlant, estimated: bool) -> str:
             f"Not in the claim: actuator limits, {between}, changes of the parameters and errors "
             "of their estimates; polefence service proves how large the errors may be."
         )
-    if plant.moving:
+    if plant.moving and plant.dead_time is None:
         return (
             "Not in the claim about poles: actuator limits, sampling, and errors of estimates of "
             "the parameters; polefence service proves how large the errors may be. What holds "
@@ -280,6 +280,8 @@ def _plant(plant: UncertainPlant) -> Section:
 
 
 def _rate(parameter: Parameter) -> str:
+    if parameter.dead_time is not None:
+        return "stands for a dead time"
     if parameter.rate is None:
         return "not"
     if parameter.rate == ANY:

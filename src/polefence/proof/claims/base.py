@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol, Self
 from polefence.proof.late import Late
 from polefence.proof.laws import Evidence, Law, Point
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
-from polefence.proof.motion import is_moving, motion_text
+from polefence.proof.motion import is_late, is_moving, motion_text
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
@@ -222,6 +222,8 @@ class Claim:
         text = self.statement(plant)
         if not is_moving(plant.ranges):
             return text
+        if is_late(plant.ranges):
+            return f"{text}, {motion_text(plant.ranges)}"
         if not self.moves:
             return f"{text}, for constant parameters"
         return f"{text}, {motion_text(plant.ranges)}{self.motion_note}"

@@ -39,6 +39,7 @@ class Decay(Rms):
     """All states at samples fall by exp(-``level`` t), whatever the periods of the clock."""
 
     kind: ClassVar[str] = "decay"
+    late_as: ClassVar[str | None] = None
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:

@@ -69,7 +69,7 @@ from polefence.proof.matrices import (
     right_divide,
     whole_numbers,
 )
-from polefence.proof.motion import changes, is_moving, motion_text, require_motion
+from polefence.proof.motion import changes, is_late, is_moving, motion_text, require_motion
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Node, Plant, sizes_of
 from polefence.proof.polynomials import (
@@ -204,7 +204,7 @@ class Poles(Short, Claim):
     def said(self, plant: Plant) -> str:
         """Say too what holds of motions where parameters move."""
         text, decays = super().said(plant), [p for p in self.region if p.decays(self.step)]
-        if not is_moving(plant.ranges) or not decays:
+        if not is_moving(plant.ranges) or is_late(plant.ranges) or not decays:
             return text
         if self.step:
             factor = min(part.numbers[1] for part in decays)

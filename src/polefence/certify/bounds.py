@@ -256,7 +256,8 @@ class _Question:
         if not worst and by_transfer is not None:  # doubles may call a loop unstable that is not
             worst = by_transfer.largest(alpha)
         # along a motion a dual form would bound means over time only
-        still, moved = (None, dual) if plant.moving else (dual, None)
+        moves = plant.moving and plant.dead_time is None
+        still, moved = (None, dual) if moves else (dual, None)
         return cls(plant, law, specification, still, worst, by_transfer, moved)
 
     @property
@@ -285,6 +286,12 @@ class _Question:
         """Return the evidence that one is."""
         size = self.specification.driven_by
         return Evidence([_rationals(X / size**2) for X in polynomial.X], polynomial.degree)
+
+    def evidence(self, dual: Dual) -> Evidence:
+        """Return the evidence that a dual polynomial is; with a dead time X of a noise."""
+        if dual.reached and self.plant.dead_time is not None:
+            return self.along(Along(dual.Q, dual.degree, dual.level))
+        return dual_evidence(dual)
 
     def stepped(self, evidence: Evidence, level: float) -> Bound | None:
         """Return the first step above a level at which evidence is a proof."""
@@ -320,7 +327,7 @@ class _Question:
         if parts is None:
             return None
         pieces = tuple(
-            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), dual_evidence(p.dual))
+            Piece(tuple(map(Fraction, p.low)), tuple(map(Fraction, p.high)), self.evidence(p.dual))
             for p in parts
         )
         return self.proved(Evidence([], dual=pieces[0].evidence.dual, cells=pieces), level)
@@ -358,7 +365,7 @@ def _dual_bounds(question: _Question) -> Iterator[Bound]:
     last = np.inf
     for dual in question.duals:
         if dual.level < last:
-            bound = question.stepped(dual_evidence(dual), dual.level)
+            bound = question.stepped(question.evidence(dual), dual.level)
             if bound is not None:
                 yield bound
                 last = bound.level
@@ -499,7 +506,7 @@ def _kept_bound(
         return bound
     for dual in question.duals:
         if dual.level < limit:
-            bound = question.proved(dual_evidence(dual), limit)
+            bound = question.proved(question.evidence(dual), limit)
             if bound is not None:
                 return bound
     bound = question.in_parts(limit)

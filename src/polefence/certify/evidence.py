@@ -326,6 +326,7 @@ class _Inside:
             lambda inner: self._loops(box.alpha(domain, inner)),
             lambda poles: -self.part.distance(poles),
             off_along(self.plant, self.law.gain, box),
+            () if self.plant.dead_time is None else self.plant.dead_time[:1],
         )
 
     def _loops(self, alpha: Array) -> Array:

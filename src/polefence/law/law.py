@@ -233,7 +233,7 @@ class Law(Short):
 
     def divisible(self, plant: UncertainPlant) -> bool:
         """Whether claims about its loop may be proved in parts of a box, each with evidence."""
-        if plant.moving:  # along motions X is one
+        if plant.moving and plant.dead_time is None:  # along motions X is one
             return False
         return self.in_parts and set(self.domain_of(plant).sizes) == {2}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -126,6 +126,7 @@ def widest(
     loops: Callable[[Array], Array],
     inside: Callable[[Any], Array],
     off: Array | None = None,
+    never: Sequence[int] = (),
 ) -> int:
     """Return the number of the parameter along which closed loops at alpha change most.
 
@@ -141,6 +142,8 @@ def widest(
         From poles to how far each is inside of a region.
     off : (count, n, n), optional
         What entries of the loops are off by along each parameter, of samples between nodes.
+    never : sequence of int
+        Parameters that are not asked for.
     """
     count = len(domain.sizes)
     ends = np.full((2 * count + 1, count), 0.5)
@@ -156,6 +159,7 @@ def widest(
     if off is not None:
         middle = loops(_alpha(domain, np.full((1, count), 0.5)))[0]
         moved = moved + 2 * _shifted(middle, inside, off)
+    moved[list(never)] = -np.inf
     return int(moved.argmax())
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import product
-from typing import Literal
+from typing import Literal, Protocol
 
 from polefence.proof.dead_time import DeadTime
 from polefence.proof.matrices import ZERO
@@ -26,6 +26,18 @@ from polefence.proof.text import digits_down, digits_up, name_text, quoted, rate
 from polefence.proof.work import FormatError
 
 Moving = Sequence[tuple[int, Range]]  # parameters that move, with their numbers
+
+
+class Box(Protocol):
+    """A part of the box of the parameters, with its lower and upper corner."""
+
+    @property
+    def low(self) -> tuple[Fraction, ...]:
+        """The lower corner."""
+
+    @property
+    def high(self) -> tuple[Fraction, ...]:
+        """The upper corner."""
 
 
 def change(X: Polynomial, f: int, parameter: Range) -> Polynomial:
@@ -60,8 +72,19 @@ def is_moving(ranges: Sequence[Range]) -> bool:
 
 
 def is_late(ranges: Sequence[Range]) -> bool:
-    """Whether all that moves stands for a dead time: everything else is constant then."""
-    return any(parameter.dead_time is not None for parameter in ranges)
+    """Whether what moves stands for a dead time, and nothing else does."""
+    moving = [parameter for parameter in ranges if parameter.rate is not None]
+    return bool(moving) and all(parameter.dead_time is not None for parameter in moving)
+
+
+def require_late_cells(ranges: Sequence[Range], cells: Sequence[Box]) -> None:
+    """Refuse parts of the box that do not hold all of what stands for a dead time.
+
+    All else is constant: each plant is in one part, and has an X of its own.
+    """
+    for f, parameter in enumerate(ranges):
+        if parameter.rate is not None and any(c.low[f] or c.high[f] != 1 for c in cells):
+            raise FormatError("cells: with a dead time each part has all of what stands for it")
 
 
 def extremes(ranges: Sequence[Range], step: Fraction = ZERO) -> int:

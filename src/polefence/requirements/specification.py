@@ -361,7 +361,7 @@ class Specification(Short):
         disturbance(plant)
         self.require_late(plant, self.exact_outputs(plant))
 
-    def require_late(self, plant: UncertainPlant, outputs: Sequence[Output] = ()) -> None:
+    def require_late(self, plant: UncertainPlant, outputs: Sequence[Any] = ()) -> None:
         """Refuse a plant with a dead time, where nothing of this kind is proved of it.
 
         Raises

@@ -22,7 +22,7 @@ import numpy as np
 from polefence.lmi.conditions.motion import change
 from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.lmi.solve.duals import MOST
-from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, SMALL, majorant
+from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, majorant, root
 from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
@@ -113,7 +113,7 @@ class _Interpolation:
         """
         modes, E, seen = self.nodes
         noise = E @ E.swapaxes(-1, -2)
-        inverse = _root(modes.observed(seen).mean(axis=0)).T
+        inverse = root(modes.observed(seen).mean(axis=0)).T
         T, eye = np.linalg.inv(inverse), np.eye(len(inverse))
         top = float(np.einsum("pij,pji->p", seen, modes.lyapunov(noise)).max())
         loops = inverse @ modes.A @ T
@@ -175,12 +175,3 @@ def slopes(motion: Motion, domain: Domain, degree: int, total: int) -> list[Arra
     ends = product(*(moving.rates or (0.0, 0.0) for moving in motion.moves))
     none = np.zeros((len(rows), len(columns)))
     return [sum((rate * D for rate, D in zip(rates, by_move, strict=True)), none) for rates in ends]
-
-
-def _root(X: Array) -> Array:
-    """Return T with T T' = X, of no direction that is lost in rounding."""
-    size = np.sqrt(np.maximum(np.diag(X), 0))
-    size = np.where(size > 0, size, size.max() or 1.0)
-    values, V = np.linalg.eigh(X / np.outer(size, size))
-    values = np.maximum(values, SMALL * max(values.max(), SMALL))
-    return np.asarray(size[:, None] * V * np.sqrt(values))

@@ -349,12 +349,17 @@ class DualProblem:
 
     @property
     def widest(self) -> int:
-        """Number of the parameter along which the closed loop changes most, in its part."""
+        """Number of the parameter along which the closed loop changes most, in its part.
+
+        None of one that stands for a dead time: X is the same for all its values.
+        """
+        late = self.plant.dead_time
         return widest(
             self.domain,
             lambda alpha: self.closed(alpha)[0],
             lambda poles: -growth(poles, self.step),
             None if self.box is None else self._off_along(self.box),
+            () if late is None else late[:1],
         )
 
     def _off_along(self, box: Box) -> Array | None:

@@ -12,6 +12,7 @@ import numpy as np
 from polefence.base.effort import ended, spend
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.gramians import ROUNDS, Interpolation
+from polefence.lmi.solve.late import LateSearch
 from polefence.lmi.solve.over_clock import OverClock
 from polefence.lmi.solve.reached import ReachedSearch
 from polefence.lmi.solve.started import StartedSearch
@@ -147,6 +148,8 @@ class Search(Protocol):
 
 def _of(problem: DualProblem, degree: int) -> Search:
     """Return the search for R, between samples or over a clock where there are such."""
+    if problem.plant.dead_time is not None:
+        return LateSearch(problem, degree)
     if problem.starts is not None:
         return StartedSearch(problem, degree)
     if problem.storing is not None:

@@ -583,3 +583,12 @@ def _positive(M: Array) -> bool:
 def _above(matrices: Array) -> Array:
     """Eigenvalues of symmetric matrices, or zero where one is negative."""
     return np.asarray(np.maximum(np.linalg.eigvalsh(matrices), 0))
+
+
+def root(X: Array) -> Array:
+    """Return T with T T' = X, of no direction that is lost in rounding."""
+    size = np.sqrt(np.maximum(np.diag(X), 0))
+    size = np.where(size > 0, size, size.max() or 1.0)
+    values, V = np.linalg.eigh(X / np.outer(size, size))
+    values = np.maximum(values, SMALL * max(values.max(), SMALL))
+    return np.asarray(size[:, None] * V * np.sqrt(values))

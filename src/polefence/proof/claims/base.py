@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 from polefence.proof.late import Late
 from polefence.proof.laws import Evidence, Law, Point
 from polefence.proof.matrices import Integers, Rationals, is_positive_definite, is_symmetric
-from polefence.proof.motion import is_late, is_moving, motion_text
+from polefence.proof.motion import Box, is_late, is_moving, motion_text
 from polefence.proof.plant import Plant
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes, count_of, joint, symmetric
 from polefence.proof.reading import Table
@@ -124,18 +124,6 @@ class Verdict(Short):
     def noted(self, note: str) -> Verdict:
         """Return the verdict with a further reason."""
         return replace(self, reason=f"{self.reason}; {note}", note=note)
-
-
-class Box(Protocol):
-    """A box with its lower and upper corner."""
-
-    @property
-    def low(self) -> tuple[Fraction, ...]:
-        """The lower corner."""
-
-    @property
-    def high(self) -> tuple[Fraction, ...]:
-        """The upper corner."""
 
 
 def untiled(cells: Sequence[Box], total: Fraction | int) -> str:

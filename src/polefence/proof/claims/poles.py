@@ -69,7 +69,14 @@ from polefence.proof.matrices import (
     right_divide,
     whole_numbers,
 )
-from polefence.proof.motion import changes, is_late, is_moving, motion_text, require_motion
+from polefence.proof.motion import (
+    changes,
+    is_late,
+    is_moving,
+    motion_text,
+    require_late_cells,
+    require_motion,
+)
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Node, Plant, sizes_of
 from polefence.proof.polynomials import (
@@ -304,7 +311,11 @@ class Poles(Short, Claim):
         """Reject evidence that does not cover moving parameters where the region sets a rate."""
         if not self.motion or not any(part.decays(self.step) for part in self.region):
             return
-        if self.method == "slack" or self.weights or any(proof.cells for proof in self.evidence):
+        late = is_late(self.motion)
+        for proof in self.evidence if late else ():
+            require_late_cells(self.motion, proof.cells)
+        divided = not late and any(proof.cells for proof in self.evidence)
+        if self.method == "slack" or self.weights or divided:
             what = "disk about zero" if self.step else "half-plane"
             raise FormatError(
                 f"a {what} needs one X for the whole box while parameters move; slack has none"
@@ -313,8 +324,10 @@ class Poles(Short, Claim):
             raise FormatError("sampled plants with a remainder need constant parameters")
         for proof, parts in self._each_with_parts:
             if any(part.decays(self.step) for part in parts):
-                X = lifted(self.law, proof, self.sizes).part(slice(len(self.A[0])))
-                require_motion(X, self.motion, self.step)
+                pieces = [(self.law.inside(p.low, p.high), p.evidence) for p in proof.cells]
+                for law, item in pieces or [(self.law, proof)]:
+                    X = lifted(law, item, self.sizes).part(slice(len(self.A[0])))
+                    require_motion(X, self.motion, self.step)
 
     @property
     def _each_with_remainder(self) -> Iterator[tuple[Evidence, Remainder]]:

@@ -59,7 +59,14 @@ from polefence.proof.laws import (
     used_nodes,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work
-from polefence.proof.motion import changes, extremes, is_moving, require_motion
+from polefence.proof.motion import (
+    changes,
+    extremes,
+    is_late,
+    is_moving,
+    require_late_cells,
+    require_motion,
+)
 from polefence.proof.pieces import in_pieces, require_pieces
 from polefence.proof.plant import Node, Output, Plant, sizes_of, split
 from polefence.proof.polynomials import (
@@ -628,14 +635,12 @@ class SignalClaim(Short, Claim):
         late.require_outputs(self.outputs, m, q)
         if self.late_as == "gain":
             return
+        # of the dual loop, whose impulse enters by the output
+        rows = [rows for y in self.outputs for rows in (y.C, y.D)]
         dual = any(item.dual for item in self.subject.evidence.per_cell)
-        # an impulse, or the output, is not what is late
-        ends = [self.subject.E] if dual else [r for y in self.outputs for r in (y.C, y.D)]
-        passed = [law.F, self.subject.B] if dual and law.F else [] if dual else [law.C]
-        if not all(late.alike(matrices) for matrices in (*ends, *passed) if matrices):
+        if dual or not all(map(late.alike, (*rows, *([law.C] if law.C else [])))):
             raise FormatError(
-                f"{self.kind}: with a dead time it is proved "
-                + ("where no noise is late" if dual else "of what is not late itself")
+                f"{self.kind}: with a dead time it is proved by X, of what is not late itself"
             )
 
     @property
@@ -661,7 +666,9 @@ class SignalClaim(Short, Claim):
             self.series.require()
             return
         evidence = self.subject.evidence
-        if self.subject.motion and evidence.cells:
+        if is_late(self.subject.motion):
+            require_late_cells(self.subject.motion, evidence.cells)
+        elif self.subject.motion and evidence.cells:
             if not self.along_motions or self.subject.step:
                 raise FormatError("cells: moving parameters need one X for the whole box")
             require_continuous(evidence.cells, self.subject.motion)

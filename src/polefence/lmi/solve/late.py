@@ -27,7 +27,9 @@ from polefence.plant.system import Array
 # Of lambda beside its first guess: where the best is sought, and how near.
 SPAN, STEPS = 4, 6  # decades
 GOLDEN = (3 - 5**0.5) / 2
-STARTS = (1e-6, 1e-3)  # of R, as shares of what the loop itself dissipates
+START = 1e-6  # of R, as a share of what the slowest mode adds to each state
+# R is to cost little of the output, and some of what is late: shares of the latter, one by one.
+SHARES = (1e-6, 1e-4, 1e-2)
 LEAST = 1e-12  # of the largest variance: what a state is taken to have at least
 GAINS = (1.003, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)  # times the worst sample: what is tried of a gain
 
@@ -55,6 +57,11 @@ class _Node:
         U, s, V = np.linalg.svd(np.block([[moved[0], moved[2]], [moved[1], moved[3]]]))
         left, right = U[:, 0] * np.sqrt(s[0]), V[0] * np.sqrt(s[0])
         return cls(A, E, C, F, left[:n], left[n:], right[:n], right[n:])
+
+    @property
+    def slowest(self) -> float:
+        """The rate of its slowest mode."""
+        return float(np.abs(np.linalg.eigvals(self.A).real).min())
 
     def least(self, times: float, R: Array, level: float) -> Array | None:
         """Return the least Q for a lambda, of a gain; None where there is none."""
@@ -135,23 +142,6 @@ class Late:
         """The loop at the middle of the box."""
         return self.nodes(0)[0]
 
-    @cached_property
-    def usual(self) -> Array:
-        """What a rate of the slowest mode adds to the covariance of the state, on its diagonal."""
-        X = np.diag(_gramians(self.middle)[1])
-        return np.asarray(np.diag(np.maximum(X, LEAST * X.max()) * self._slowest))
-
-    @cached_property
-    def weighed(self) -> Array:
-        """What it adds to the observability Gramian, where each state costs as much as another."""
-        Q, X = _gramians(self.middle)
-        sizes = np.maximum(np.diag(X), LEAST * np.diag(X).max())
-        return np.diag(float(np.trace(Q @ X)) / len(Q) * self._slowest / sizes)
-
-    @property
-    def _slowest(self) -> float:
-        return float(np.abs(np.linalg.eigvals(self.middle.A).real).min())
-
     def whole(self, Q: Array, degree: int) -> Array:
         """Return coefficients on the whole box of a polynomial that does not depend on delta."""
         if self.domain.corners == 1:
@@ -171,10 +161,10 @@ class _Search:
         From a node, lambda and R to the least Q.
     missed : callable
         From Q to how much each coefficient of the inequality is violated.
-    guess : callable
-        From the node in the middle to a lambda.
     cost : callable
         From a node and Q to what is to be small.
+    times : float
+        A first guess of lambda.
     inverse : (n, n) array
         Of coordinates in which R costs alike in all directions.
     """
@@ -183,8 +173,8 @@ class _Search:
     degree: int
     least: Callable[[_Node, float, Array], Array | None]
     missed: Callable[[Array], Array]
-    guess: Callable[[_Node], float]
     cost: Callable[[_Node, Array], float]
+    times: float
     inverse: Array
 
     @cached_property
@@ -223,7 +213,7 @@ class _Search:
 
     def polynomial(self, R: Array) -> Array | None:
         """Return coefficients without one that is violated, None where none is found."""
-        times = self.best(R, self.guess(self.late.middle), SPAN)
+        times = self.best(R, self.times, SPAN)
         T, over = np.linalg.inv(self.inverse), OVER
         for _ in range(ROUNDS):
             if times is None:
@@ -285,17 +275,20 @@ def _of_noise(late: Late, degree: int) -> Dual | None:
     def least(node: _Node, x: float, R: Array) -> Array | None:
         return node.reached(x, node.E @ node.E.T + R)
 
+    middle = late.middle
+    observed, covariance = _gramians(middle)
+    seen = covariance @ middle.e
+    times = float(np.sqrt((seen @ observed @ seen) / (middle.h @ observed @ middle.h)))
+    moved = times * _lyapunov(middle.A.T, np.outer(middle.e, middle.e))
+
     def cost(node: _Node, X: Array) -> float:
         return float(np.trace(node.C @ X @ node.C.T))
 
-    def guess(node: _Node) -> float:
-        return cost(node, covariance) / float(node.h @ observed @ node.h)
-
-    observed, covariance = _gramians(late.middle)
-    search = _Search(late, degree, least, missed, guess, cost, root(observed).T)
+    usual = START * middle.slowest * _diagonal(covariance)
     Y = loops[0][1]
-    for start in STARTS:
-        X = search.polynomial(start * late.usual)
+    for share in SHARES:
+        inverse = root(observed + share * moved).T
+        X = _Search(late, degree, least, missed, cost, times, inverse).polynomial(usual)
         if X is None:
             continue
         rows = domain.interpolated(Y @ np.tensordot(basis, X, 1), total)
@@ -315,7 +308,12 @@ def _of_gain(late: Late, degree: int, level: float) -> Dual | None:
     at = domain.nodes(total)
     basis = domain.basis(at, degree)
     loops = [problem.closed(end) for end in late.ends(at)]
-    observed, covariance = _gramians(late.middle)
+    middle = late.middle
+    observed, covariance = _gramians(middle)
+    seen = observed @ middle.h
+    times = float(np.sqrt((seen @ covariance @ seen) / (middle.e @ covariance @ middle.e)))
+    moved = _lyapunov(middle.A, np.outer(middle.h, middle.h)) / times
+    times /= level
 
     def missed(Q: Array) -> Array:
         values, found = np.tensordot(basis, Q, 1), list[Array]()
@@ -331,18 +329,22 @@ def _of_gain(late: Late, degree: int, level: float) -> Dual | None:
     def cost(node: _Node, Q: Array) -> float:
         return float(np.trace(node.E.T @ Q @ node.E))
 
-    def guess(node: _Node) -> float:
-        return cost(node, observed) / level / float(node.e @ covariance @ node.e)
-
     def least(node: _Node, x: float, R: Array) -> Array | None:
         return node.least(x, R, level)
 
-    search = _Search(late, degree, least, missed, guess, cost, root(covariance).T)
-    for start in STARTS:
-        Q = search.polynomial(start * late.weighed / level)
+    usual = START * middle.slowest * _diagonal(observed) / level
+    for share in SHARES:
+        inverse = root(covariance + share * moved).T
+        Q = _Search(late, degree, least, missed, cost, times, inverse).polynomial(usual)
         if Q is not None:
             return Dual(late.whole(Q, degree), degree, level)
     return None
+
+
+def _diagonal(X: Array) -> Array:
+    """Return the diagonal of a Gramian, of no state that is lost in rounding."""
+    sizes = np.diag(X)
+    return np.diag(np.maximum(sizes, LEAST * sizes.max()))
 
 
 def _growth(domain: Domain, A: Array, X: Array, E: Array, total: int) -> Array:

@@ -177,6 +177,10 @@ def export_c99(
     slow = _limits(rates, design.plant.shape[1] - order, "rates", "input's unit/s")
     _require_anti_windup(design.law, cuts or slow)
     _require_observer(design, observer, sampling, allow_unproved)
+    design.plant.require_on_time(
+        "and code runs at samples",
+        "leave out [dead_time], and design with --sample-time T --delay D",
+    )
     if sampling is not None:
         require_timing(design, sampling)
     period = _period(design, order, sampling)

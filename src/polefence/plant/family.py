@@ -227,6 +227,17 @@ class UncertainPlant(Short):
         known = enumerate(self.parameters)
         return next(((f, p.dead_time) for f, p in known if p.dead_time is not None), None)
 
+    def require_on_time(self, what: str, remedy: str) -> None:
+        """Refuse a plant with a dead time where nothing of this kind is proved of it.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.dead_time is not None:
+            signal = self.dead_time[1].signal
+            raise InputError(f"{self.name}: {signal!r} has a dead time, {what}; {remedy}")
+
     def is_late(self, rows: Sequence[Any]) -> bool:
         """Whether a row, one for all vertices or one each, depends on what has a dead time."""
         if self.dead_time is None or len(rows) < 2:

@@ -33,7 +33,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 ORDERS = (1, 8)
 LARGEST = Fraction(1, 2)  # of the dead time times the decay rate
 TERMS = 8  # of the series of sine and cosine about the middle of a cell
-CELLS = 500
+CELLS, LEAST = 500, Fraction(1, 2**12)  # at most, and the narrowest
 SHARE = Fraction(
     1, 16
 )  # of (x + y)^2 <= (1 + SHARE) x^2 + (1 + 1 / SHARE) y^2, at high frequencies
@@ -126,6 +126,8 @@ class Covering(Short):
             if not cells:
                 return True
             low, end = cells.pop()
+            if end - low < LEAST:
+                return False
             if not _positive(M, energy, left_out, both, grown, (low + end) / 2, (end - low) / 2):
                 cells += [(low, (low + end) / 2), ((low + end) / 2, end)]
         return False

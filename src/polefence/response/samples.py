@@ -107,6 +107,10 @@ def at_sample_time(
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     T = _time(plant, sample_time)
+    plant.require_on_time(
+        "which samples hold exactly",
+        "leave out [dead_time], and give the delay (--delay D samples)",
+    )
     if plant.moving:
         raise InputError(
             f"parameter {plant.moving[0].name}: rate: samples are for constant parameters only; "

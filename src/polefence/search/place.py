@@ -201,6 +201,9 @@ def _tightest(
     """Return what `tightest` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     kind.require()
+    plant.require_on_time(
+        "with which no smallest region is sought", "ask place or optimise for half_plane(a)"
+    )
     if structure is not None:
         require_structure_alone(method, allow_unproved)
     if kind.centre is None and plant.sample_time is not None:

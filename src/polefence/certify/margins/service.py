@@ -201,6 +201,10 @@ def require_service(design: Design, decay: float = 0.0, region: Region | None = 
             f"design must be a Design, not {type(design).__name__}; polefence.place returns one"
         )
     require_kind(design.certificate)
+    design.plant.require_on_time(
+        "of which no margins are proved",
+        "ask for them of samples: leave out [dead_time], give --delay",
+    )
     kept = design.region if region is None else region
     if not isinstance(kept, Region):
         raise InputError(

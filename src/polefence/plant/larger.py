@@ -135,7 +135,7 @@ def _before(
     In discrete time z(t + T) is in place of z'. The labels are of z, the first that of the input.
     """
     (n, m), order = plant.shape, len(a)
-    _require_new(plant, labels[1:])
+    require_new(plant, labels[1:])
     more, vertices = (ZERO,) * (order - 1), []
     for vertex in plant.vertices:
         force = [row[i] for row in vertex.exact_B]
@@ -217,7 +217,7 @@ def with_sensor(
     if label in plant.states:
         raise InputError(f"{where}: {signal.name} has a sensor already; keep one")
     _require_continuous(plant, where)
-    _require_new(plant, (label,))
+    require_new(plant, (label,))
     larger = with_dynamics(plant, (signal,), ((-w,),), ((w,),), (label,))
     if noise is None:
         return larger
@@ -241,30 +241,41 @@ def sensed(plant: UncertainPlant, names: Iterable[str]) -> dict[str, str]:
 
 
 def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:
-    """Return the plant with one more disturbance, which acts on its last state."""
-    if label in [vertex.name for vertex in disturbances(plant)]:
-        raise InputError(f"{plant.name} has a disturbance {label!r} already; rename it")
-    last, vertices = plant.shape[0] - 1, []
+    """Return the plant with noise that acts on its last state."""
+    last = plant.shape[0] - 1
+    larger = with_disturbance(plant, label, _unit(last + 1, last, size))
+    return replace(larger, noise=(*plant.noise, label))
+
+
+def with_disturbance(
+    plant: UncertainPlant, label: str, column: Sequence[Fraction]
+) -> UncertainPlant:
+    """Return the plant with one more disturbance, of this column of E."""
+    name = split(label)[0]
+    if name in [known.name for known in disturbances(plant)]:
+        raise InputError(f"{plant.name} has a disturbance {name!r} already; rename it")
+    vertices = []
     for vertex in plant.vertices:
-        rows = vertex.exact_E or ((),) * (last + 1)
-        E = tuple((*row, size if i == last else ZERO) for i, row in enumerate(rows))
+        rows = vertex.exact_E or ((),) * plant.shape[0]
+        E = tuple((*row, x) for row, x in zip(rows, column, strict=True))
         vertices.append(System(vertex.exact_A, vertex.exact_B, E, vertex.name))
-
-    def wider(M: Rows) -> Rows:
-        return tuple((*row, ZERO) for row in M)
-
-    outputs = (
-        replace(y, F=tuple((*row, ZERO) for row in y.F), near=y.near and y.near.mapped(wider))
-        for y in plant.outputs
-    )
     return replace(
         plant,
         vertices=tuple(vertices),
         disturbances=(*_labels(disturbances(plant)), label),
-        outputs=tuple(outputs),
-        remainder=plant.remainder and plant.remainder.mapped(wider),
-        noise=(*plant.noise, label),
+        outputs=tuple(map(beside_disturbance, plant.outputs)),
+        remainder=plant.remainder and plant.remainder.mapped(_wider),
     )
+
+
+def beside_disturbance(output: Output) -> Output:
+    """Return the output for the plant with one more disturbance."""
+    near = output.near and output.near.mapped(_wider)
+    return replace(output, F=_wider(output.F), near=near)
+
+
+def _wider(M: Rows) -> Rows:
+    return tuple((*row, ZERO) for row in M)
 
 
 def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
@@ -288,7 +299,7 @@ def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:
     if not count:
         return plant
     labels = law_states(count)
-    _require_new(plant, (*labels, *law_rates(count)))
+    require_new(plant, (*labels, *law_rates(count)))
     vertices, (n, m), (stays, step) = [], plant.shape, _alone(plant)
     for vertex in plant.vertices:
         A = [(*row, *(ZERO,) * count) for row in vertex.exact_A]
@@ -421,7 +432,7 @@ def with_pid(
     kept = [*(stays,) * r, *(stays - step * w,) * r]
     a = tuple(_unit(2 * r, i, value) for i, value in enumerate(kept))
     b = (*integrating, *(_unit(r, i, step * w) for i in range(r)))
-    _require_new(plant, (*integrals, *filtered))
+    require_new(plant, (*integrals, *filtered))
     larger = with_dynamics(plant, signals, a, b, (*integrals, *filtered))
     derivatives = []
     for i, signal in enumerate(signals):
@@ -467,7 +478,8 @@ def _require_continuous(plant: UncertainPlant, where: str) -> None:
         )
 
 
-def _require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
+def require_new(plant: UncertainPlant, labels: Sequence[str]) -> None:
+    """Refuse names that signals of the plant have."""
     known = [signal.name for signal in (*states(plant), *inputs(plant), *plant.outputs)]
     for label in labels:
         if split(label)[0] in known:

@@ -27,6 +27,7 @@ from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
+from polefence.plant.weights import KEYS, with_reference, with_weight
 from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
 from polefence.proof.remainder import Remainder
@@ -41,7 +42,7 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "sensor", "damper", "law", "car", "table"}
+_TOP |= {"actuator", "sensor", "damper", "law", "car", "table", "reference", "weight"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
@@ -69,7 +70,7 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     """Read a plant family from the text of a spec; see `load`."""
     data = parse(text, source)
     try:
-        return _with_hardware(_with_sums(_plant(data), data), data)
+        return _with_weights(_with_hardware(_with_sums(_plant(data), data), data), data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
 
@@ -268,6 +269,31 @@ def _with_hardware(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainP
             _need(table, needed, where)
             values: dict[str, Any] = {k: _finite(v, f"{where}: {k}") for k, v in table.items()}
             plant = put(plant, name, **values)
+    return plant
+
+
+def _with_weights(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant:
+    """Return the plant with the references and the weights of a spec."""
+    for name, table in _table(data, "reference").items():
+        where = f"reference.{shown(name)}"
+        if not isinstance(table, dict):
+            raise SpecError(f'{where} must be a table; write [reference."NAME"], signal = "..."')
+        _known(table, {"signal"}, f"{where}: ")
+        _need(table, ("signal",), where)
+        given = table["signal"]
+        plant = with_reference(
+            plant, name, _strings([given] if isinstance(given, str) else given, f"{where}: signal")
+        )
+    tables = data.get("weight", [])
+    if not isinstance(tables, list):
+        raise SpecError("weight must be an array of tables; write [[weight]]")
+    for k, table in enumerate(_tables(tables, "weight")):
+        where = f"weight {k + 1}"
+        _known(table, {"signal", "name", *KEYS}, f"{where}: ")
+        _need(table, ("signal",), where)
+        signal, name = (_text(table.get(key, ""), f"{where}: {key}") for key in ("signal", "name"))
+        rest = {key: value for key, value in table.items() if key in KEYS}
+        plant = with_weight(plant, signal, rest, name)
     return plant
 
 

@@ -79,6 +79,7 @@ from polefence.plant.polynomial import Domain as Domain
 from polefence.plant.spec import load as load
 from polefence.plant.system import System as System
 from polefence.plant.vehicle import Vehicle as Vehicle
+from polefence.plant.weights import with_reference as with_reference, with_weight as with_weight
 from polefence.region.regions import (
     Disk as Disk,
     Ellipse as Ellipse,

@@ -19,7 +19,7 @@ from support.commands import ran
 from support.paths import DOCS
 
 PAGE = (DOCS / "structures.md").read_text()
-HARDWARE, PI, ERROR = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+HARDWARE, TRACKING, PI, ERROR = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 
 
 def block(name):
@@ -59,6 +59,16 @@ def test_the_python_runs(spec, capsys):
 def test_every_command_has_the_hardware(spec, capsys):
     assert main(["compare", str(spec), "--law", "passive", "--law", "skyhook"]) == 0
     assert "skyhook" in capsys.readouterr().out
+
+
+def test_the_tracking_loop_is_read(spec):
+    spec.write_text(TRACKING)
+    plant, (minimise, limits) = load(spec), load_specifications(spec)
+    assert plant.disturbances == ("command [m]",)
+    assert [y.name for y in load_structure(spec).outputs(plant)] == ["error of position"]
+    assert minimise.signal == "weighted error of position"
+    for asked in (minimise, *limits):
+        asked.require_fit(plant)
 
 
 def test_the_pi_law_has_two_gains(spec):

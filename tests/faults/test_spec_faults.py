@@ -23,6 +23,7 @@ B = [[0], ["1/m"]]
 """
 VERTEX = "[[vertex]]\nA = [[0, 1], [2, 3]]\nB = [[0], [1]]\n"
 
+WEIGHT = GOOD + '[[weight]]\nsignal = "position"\n'
 FAULTS = {
     "nan entry": (VERTEX.replace("2", "nan"), r"vertex 1: A[2][1] = NaN must be a finite number"),
     "infinite entry": (VERTEX.replace("3", "inf"), "finite number"),
@@ -70,6 +71,38 @@ FAULTS = {
     "sample time negative": ("sample_time = -0.1\n" + VERTEX, "must be positive, in seconds"),
     "sample time a word": ('sample_time = "10 ms"\n' + VERTEX, "sample_time"),
     "sample time infinite": ("sample_time = inf\n" + VERTEX, "must be a finite number"),
+    "weight of nothing": (GOOD + '[[weight]]\ntransfer = "1"\n', "weight 1: signal is missing"),
+    "weight no list": (GOOD + "[weight]\nsignal = 'position'\n", "write [[weight]]"),
+    "weight without transfer": (WEIGHT, "no transfer function; give one, as transfer = "),
+    "weight improper": (WEIGHT + 'transfer = "s"\n', "divide by a fast pole, such as (s/1000 + 1)"),
+    "weight unstable": (WEIGHT + 'transfer = "1/(s - 2)"\n', "the pole 2 is not stable; move it"),
+    "weight of another name": (WEIGHT + 'transfer = "1/(q + 2)"\n', "transfer: unknown name 'q'"),
+    "weight in two forms": (
+        WEIGHT + 'transfer = "1"\ngain = 2\n',
+        "transfer beside gain; give",
+    ),
+    "weight, half a form": (WEIGHT + "poles = [-2]\n", "zeros is missing; give zeros, poles, gain"),
+    "weight, unknown key": (WEIGHT + 'transfr = "1"\n', "weight 1: unknown key 'transfr'; did you"),
+    "weight, unknown signal": (
+        WEIGHT.replace('signal = "position"', 'signal = "speed"') + 'transfer = "2"\n',
+        "weight of 'speed': no signal or disturbance 'speed'; known: position, u1, velocity",
+    ),
+    "weight, words": (WEIGHT + 'makeweight = ["a", 1, 2]\n', "makeweight = 'a' is not a number"),
+    "weight, one root": (
+        WEIGHT + 'zeros = []\npoles = ["-1+1j"]\ngain = 1\n',
+        "poles: -1+1j has no conjugate; give both",
+    ),
+    "weight's name taken": (
+        WEIGHT + 'transfer = "2"\nname = "velocity"\n',
+        "has a signal 'velocity' already; rename it",
+    ),
+    "reference of nothing": (GOOD + "[reference.r]\n", "reference.'r': signal is missing"),
+    "reference, unknown signal": (
+        GOOD + "[reference.r]\nsignal = 'speed'\n",
+        "reference 'r': no signal 'speed'; known",
+    ),
+    "reference no table": (GOOD + "[reference]\nr = 'position'\n", "must be a table; write [ref"),
+    "reference, number": (GOOD + "[reference.r]\nsignal = 3\n", "signal must be a list of strings"),
     "parameter no table": (
         GOOD.replace("[parameter.m]", "[x]\n[parameter]\nm = 3\n[y]"),
         "unknown",

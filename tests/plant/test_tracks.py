@@ -10,7 +10,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from polefence import InputError, Rms, SpecError, optimise
 from polefence.examples import spec_text
 from polefence.plant.spec import dumps, loads
-from polefence.plant.tracks import STATE, Tracks, own_states, pade
+from polefence.plant.tracks import STATE, Tracks, pade
+from polefence.plant.weights import measurable
 from support.paths import DOCS
 
 SPEED = 20.0
@@ -105,7 +106,7 @@ def test_a_delay_passes_all_frequencies_alike(order):
 
 def spectra(plant, w):
     """Of the roads under the wheels, by what they do to the tyres' deflections."""
-    n, first = plant.shape[0], len(own_states(plant))
+    n, first = plant.shape[0], len(measurable(plant))
     A, E = plant.A[0], entering(plant, 0)
     a, b = A[first:, first:], E[first:]
     # G G+ = I where wheels are no more than motions: rates of the deflections but for the wheels
@@ -173,7 +174,7 @@ def test_its_states_are_behind_and_manoeuvres_stay():
     text = UNDER.sub("[road.tracks]\n", spec_text("full-car"))
     plant = loads(text.replace("roll_inertia", "height = 0.5\nroll_inertia"))
     assert plant.shape == (24, 4)
-    assert len(own_states(plant)) == 14
+    assert len(measurable(plant)) == 14
     assert all(own.startswith(STATE) for own in plant.states[14:])
     names = ("road velocity [m/s]", "road velocity across [m/s]")
     assert plant.disturbances == (*names, "braking [m/s2]", "cornering [m/s2]")
@@ -223,4 +224,4 @@ def test_no_law_measures_the_road_unless_told():
     plant = loads(ROLL + "[road.tracks]")
     limits = [Rms(f"{side} force", 500, 2e-3) for side in ("left", "right")]
     found = optimise(plant, Rms("heave acceleration", density=2e-3), limits)
-    assert [own.name for own in found.law.measured] == list(own_states(plant))
+    assert [own.name for own in found.law.measured] == list(measurable(plant))

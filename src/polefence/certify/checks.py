@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from polefence.base.errors import InputError, RegionError, UncontrollableError
 from polefence.lmi.conditions.methods import (
     MOST_BLOCKS,
@@ -19,6 +21,7 @@ from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
+from polefence.plant.weights import OF_WEIGHT, weights_poles
 from polefence.proof import matrices, roots, work
 from polefence.proof.regions import parts_of
 from polefence.proof.text import digits_down
@@ -230,13 +233,41 @@ def require_movable(plant: UncertainPlant, region: Region | None = None) -> None
         outside = modes_outside(vertex.fixed, asked)
         if outside is not None:
             n, rank = vertex.shape[0], vertex.shape[0] - vertex.fixed.count
-            where = "not stable" if is_stability(plant, asked) else f"not in {asked}"
-            many = "s" if vertex.fixed.count > 1 else ""
+            weight = weight_outside(plant, asked)
+            if weight is not None:
+                raise UncontrollableError(
+                    f"{plant.name}: {weight[1]}, and no gain moves it; widen the region, or move "
+                    "the pole of the weight"
+                )
+            where, many = _where_not(plant, asked), "s" if vertex.fixed.count > 1 else ""
             raise UncontrollableError(
                 f"{plant.name}, {vertex.name} is uncontrollable: its inputs reach {rank} of {n} "
                 f"state dimensions, and no gain moves the pole{many} {outside}, {where}; widen the "
                 "region, remove those states or add an input"
             )
+
+
+def weight_outside(
+    plant: UncertainPlant, region: Region, measured: Collection[str] = ()
+) -> tuple[str, str] | None:
+    """Return the name of a weight with a pole outside a region, and the pole in words; or None.
+
+    Parameters
+    ----------
+    measured : collection of str
+        States of weights that a law measures, and may move.
+    """
+    for name, poles in weights_poles(plant).items():
+        outside = poles[region.distance(poles) >= -1e-9 * region.size]
+        seen = any(x.startswith(OF_WEIGHT) and x.endswith(f" of {name}") for x in measured)
+        if len(outside) and not seen:
+            where = _where_not(plant, region)
+            return name, f"the weight of {name!r} has the pole {modes_text(outside)}, {where}"
+    return None
+
+
+def _where_not(plant: UncertainPlant, region: Region) -> str:
+    return "not stable" if is_stability(plant, region) else f"not in {region}"
 
 
 def stable_region(plant: UncertainPlant) -> Region:

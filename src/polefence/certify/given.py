@@ -44,6 +44,7 @@ from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import values_at, values_text
 from polefence.plant.system import Array
+from polefence.plant.weights import weights_poles
 from polefence.proof.claims.decay import Decay
 from polefence.proof.short import Short
 from polefence.region.regions import Disk, HalfPlane, Region, Sector, damping_of
@@ -334,7 +335,7 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
         poles = np.linalg.eigvals(A + B @ law.gain(point))
         pole = complex(poles[np.argmax(region.distance(poles))])
         shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
-        what = f"the pole {shown} is not in {region}"
+        what = f"the pole {shown}{_of_weight(plant, pole)} is not in {region}"
     except np.linalg.LinAlgError:
         pole, what = None, "the law has no value"
     weights = f"alpha = ({', '.join(f'{a:.6g}' for a in point)})"
@@ -347,6 +348,14 @@ def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fracti
     if plant.remainder is not None and plant.functions is None:
         reason += ", of the samples to within their interpolation error"
     return Analysis(plant, law, region, "refuted", reason, None, tuple(alpha), pole)
+
+
+def _of_weight(plant: UncertainPlant, pole: complex) -> str:
+    """Say of which weight a pole is: one that the law does not move."""
+    for name, own in weights_poles(plant).items():
+        if np.abs(own - pole).min() <= 1e-7 * (np.abs(own).max() or 1.0):
+            return f" of the weight of {name!r}"
+    return ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,11 +8,12 @@ from fractions import Fraction
 from typing import Any
 
 from polefence.base.errors import InputError, UnobservableError, suggest
-from polefence.certify.checks import is_stability, modes_outside, stable_region
+from polefence.certify.checks import is_stability, modes_outside, stable_region, weight_outside
 from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Exact, System, read_matrix
+from polefence.plant.weights import OF_WEIGHT
 from polefence.region.regions import Region
 
 HOW = "give names of states or outputs, a matrix C of p rows and n columns, or one C a vertex"
@@ -207,6 +208,13 @@ def require_detectable(
     for where, dynamics, seen in places:
         outside = modes_outside(fixed_modes(transposed(dynamics), transposed(seen)), asked)
         if outside is not None:
+            weight = weight_outside(plant, asked, [signal.name for signal in measured])
+            if weight is not None:
+                raise UnobservableError(
+                    f"{plant.name}: {weight[1]}, and a law that does not measure its states "
+                    "cannot move it; widen the region, move the pole of the weight, or measure "
+                    f"'{OF_WEIGHT}1 of {weight[0]}'"
+                )
             where_not = "not stable" if is_stability(plant, asked) else f"not in {asked}"
             names, helps = " and ".join(repr(s.name) for s in measured), _remedy(plant, C)
             raise UnobservableError(

@@ -17,7 +17,7 @@ from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import sensed
-from polefence.plant.tracks import own_states
+from polefence.plant.weights import measurable
 from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.text import RoadSpectrum, parse_names
@@ -430,8 +430,8 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
 def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
     """Return the structure that the spec and the options ask for, None where neither does.
 
-    With --method there is none: its laws are of all states. A law measures a road's states only
-    where they are named. A note says where it measures a signal past its sensor.
+    With --method there is none: its laws are of all states. A law measures the states of a road and
+    of weights only where they are named. A note says where it measures a signal past its sensor.
 
     Raises
     ------
@@ -440,8 +440,8 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
     """
     given = given_options(options, "measured", "schedule", "degree", "order", "largest_gain")
     method = getattr(options, "method", None)
-    measurable = own_states(plant)
-    on_road = len(measurable) < plant.shape[0]
+    known = measurable(plant)
+    beside = len(known) < plant.shape[0]
     if method is not None:
         for key in given:
             if key != "degree":
@@ -449,10 +449,10 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
                     f"--{key.replace('_', '-')} applies to laws of a structure; leave it out, or "
                     f"--method {method if isinstance(method, str) else method[0]}"
                 )
-        if on_road:
+        if beside:
             raise InputError(
-                "--method designs laws of all states, but the states of the road's tracks cannot "
-                "be measured; leave --method out"
+                "--method designs laws of all states, but those of the road's tracks and of "
+                "weights cannot be measured; leave --method out"
             )
         return None
     for key in ("measured", "schedule"):
@@ -463,11 +463,11 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
             except InputError as error:
                 raise InputError(f"--{key} {error}") from error
     written = load_structure(options.spec)
-    if written is None and set(given) <= {"degree"} and not on_road:  # of a law that an LMI gives
+    if written is None and set(given) <= {"degree"} and not beside:  # of a law that an LMI gives
         return None
     structure = replace(written or Structure(), **given)
-    if on_road and structure.measured is None:
-        structure = replace(structure, measured=measurable)
+    if beside and structure.measured is None:
+        structure = replace(structure, measured=known)
     try:
         structure.require_fit(plant)
     except InputError as error:

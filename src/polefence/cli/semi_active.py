@@ -27,7 +27,7 @@ from polefence.cli.terminal import say
 from polefence.law.structure import Structure
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
-from polefence.plant.tracks import own_states
+from polefence.plant.weights import measurable
 from polefence.region.text import digits_down, digits_up
 from polefence.requirements.rms import Rms
 from polefence.search.rows import plant_summary
@@ -86,10 +86,11 @@ def question_of(options: Any) -> tuple[Subject, Rms]:
             f'{options.spec}: has no controllable damper; write [damper."FORCE"] with deflection '
             "and range"
         )
-    if len(own_states(plant)) < plant.shape[0]:
+    if len(measurable(plant)) < plant.shape[0]:
         raise InputError(
-            f"{options.spec}: road.tracks: laws of controllable dampers use all states, but "
-            "those of tracks cannot be measured; name independent roads by under"
+            f"{options.spec}: laws of controllable dampers use all states, but those of "
+            "road.tracks and weights cannot be measured; name independent roads by under, and "
+            "leave [[weight]] out"
         )
     for damper in subject.dampers:
         try:

@@ -423,11 +423,11 @@ def _on_wheels(
     plant: UncertainPlant, car: Car, road: Road, duration: float | None, options: Any
 ) -> Excitation:
     """Return a road under all wheels; left and right of a random road differ in short waves."""
-    from polefence.plant.tracks import SHARE, own_states
+    from polefence.plant.tracks import SHARE, STATE
     from polefence.vehicle.excitation import on_wheels
     from polefence.vehicle.roads import both_sides, random_road
 
-    if len(own_states(plant)) < plant.shape[0]:
+    if any(state.startswith(STATE) for state in plant.states):
         raise InputError(
             f"{options.subject}: road.tracks: a drive has the delays and both sides in its road; "
             "take [road.tracks] out of the spec that is driven"

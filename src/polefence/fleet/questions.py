@@ -39,7 +39,7 @@ from polefence.plant.expression import decimal_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
-from polefence.plant.tracks import own_states
+from polefence.plant.weights import measurable
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain_norm import BoundClaim
@@ -482,9 +482,9 @@ class Optimise(Question):
                 order = min(max(states - plant.shape[0], 0), structure.order)
                 structure = replace(structure, order=order)
             return Form(*structure.extended(plant))
-        measurable = own_states(plant)
-        if self.method is None and len(measurable) < plant.shape[0]:
-            return Form(plant, Structure(measured=measurable))
+        known = measurable(plant)
+        if self.method is None and len(known) < plant.shape[0]:
+            return Form(plant, Structure(measured=known))
         return _of_method(plant, self.method or "scheduled")
 
     def is_bounded(self, spec: str) -> bool:

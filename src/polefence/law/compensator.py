@@ -24,7 +24,13 @@ from polefence.law.parametric import Entries, Entry, Term, is_polynomial, quotie
 from polefence.law.polynomial import PolynomialGain
 from polefence.law.structure import Structure
 from polefence.law.table import GainTable
-from polefence.law.transfer import (
+from polefence.law.well_posed import taken_off
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import MOST_GIVEN, law_states, with_states
+from polefence.plant.outputs import LATE, Output, split, states
+from polefence.plant.parameters import exact
+from polefence.plant.system import as_array, floats
+from polefence.plant.transfer import (
     LETTERS,
     MOST_ENTRIES,
     Quotient,
@@ -32,12 +38,7 @@ from polefence.law.transfer import (
     read_quotient,
     realised,
 )
-from polefence.law.well_posed import taken_off
-from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import MOST_GIVEN, law_states, with_states
-from polefence.plant.outputs import LATE, Output, split, states
-from polefence.plant.parameters import exact
-from polefence.plant.system import as_array, floats
+from polefence.plant.weights import measurable
 from polefence.proof.functions import FUNCTIONS
 from polefence.proof.matrices import ZERO
 from polefence.proof.plant import WITHOUT
@@ -504,7 +505,8 @@ def _is_system(law: Any) -> bool:
 def _by_count(plant: UncertainPlant, r: int, gain: bool) -> tuple[Output, ...]:
     """Return all states, or all outputs, whichever are r; of a gain states, as u = K x has it."""
     every = states(plant)
-    own = tuple(x for x in every if not x.name.endswith(LATE))
+    known = measurable(plant)
+    own = tuple(x for x in every if x.name in known and not x.name.endswith(LATE))
     choices = [signals for signals in (own, plant.outputs) if len(signals) == r]
     if gain and len(every) == r:
         return every

@@ -19,10 +19,10 @@ from polefence.base.errors import (
 )
 from polefence.base.explained import explained
 from polefence.law.laws import Law
-from polefence.law.transfer import quotient, realised
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, rows_at, split, states
 from polefence.plant.system import Array, System, floats
+from polefence.plant.transfer import quotient, realised
 from polefence.proof.text import plural
 
 _NUMBERED = re.compile(r"(sys|[xuy])\[\d+\]")  # what python-control calls that which has no name

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
-from polefence.law.transfer import Quotient, of_roots, quotient
 from polefence.plant.parameters import exact
+from polefence.plant.transfer import Quotient, of_roots, quotient
 
 LETTERS = ("A", "B", "C", "D")
 WANTED = "give A, B, C and D, or numerator and denominator, or zeros, poles and gain"

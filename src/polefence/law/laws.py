@@ -14,7 +14,9 @@ from polefence.law.polynomial import PolynomialGain
 from polefence.law.scheduled import ScheduledGain
 from polefence.law.table import GainTable, table_from
 from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import states
 from polefence.plant.system import Array
+from polefence.plant.weights import measurable
 from polefence.proof import laws as proof
 
 __all__ = [
@@ -47,13 +49,23 @@ def given_law(plant: UncertainPlant, law: Any) -> Law:
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     law = law.as_law() if hasattr(law, "as_law") else law
-    given = law if isinstance(law, Law) else FixedGain(_matrix(plant, law))
+    given = law if isinstance(law, Law) else FixedGain(_of_all(plant, _matrix(plant, law)))
     n, m = plant.shape
     if given.shape != (m, n):
         raise InputError(
             f"the gain is {given.shape[0]} x {given.shape[1]}; {plant.name} needs {m} x {n}"
         )
     return given.fitted(plant)
+
+
+def _of_all(plant: UncertainPlant, K: Any) -> Any:
+    """Return a gain of what can be measured as one of all states: of those of weights zero."""
+    known = measurable(plant)
+    if np.ndim(K) != 2 or np.shape(K)[1] != len(known) or len(known) == plant.shape[0]:
+        return K
+    wide = np.zeros((len(K), plant.shape[0]))
+    wide[:, [x.name in known for x in states(plant)]] = K
+    return wide
 
 
 def law_or_table(plant: UncertainPlant, law: Any) -> Law | GainTable:

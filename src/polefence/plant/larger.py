@@ -244,30 +244,41 @@ def sensed(plant: UncertainPlant, names: Iterable[str]) -> dict[str, str]:
 
 
 def _with_noise(plant: UncertainPlant, label: str, size: Fraction) -> UncertainPlant:
-    """Return the plant with one more disturbance, which acts on its last state."""
-    if label in [vertex.name for vertex in disturbances(plant)]:
-        raise InputError(f"{plant.name} has a disturbance {label!r} already; rename it")
-    last, vertices = plant.shape[0] - 1, []
+    """Return the plant with noise that acts on its last state."""
+    last = plant.shape[0] - 1
+    larger = with_disturbance(plant, label, _unit(last + 1, last, size))
+    return replace(larger, noise=(*plant.noise, label))
+
+
+def with_disturbance(
+    plant: UncertainPlant, label: str, column: Sequence[Fraction]
+) -> UncertainPlant:
+    """Return the plant with one more disturbance, of this column of E."""
+    name = split(label)[0]
+    if name in [known.name for known in disturbances(plant)]:
+        raise InputError(f"{plant.name} has a disturbance {name!r} already; rename it")
+    vertices = []
     for vertex in plant.vertices:
-        rows = vertex.exact_E or ((),) * (last + 1)
-        E = tuple((*row, size if i == last else ZERO) for i, row in enumerate(rows))
+        rows = vertex.exact_E or ((),) * plant.shape[0]
+        E = tuple((*row, x) for row, x in zip(rows, column, strict=True))
         vertices.append(System(vertex.exact_A, vertex.exact_B, E, vertex.name))
-
-    def wider(M: Rows) -> Rows:
-        return tuple((*row, ZERO) for row in M)
-
-    outputs = (
-        replace(y, F=tuple((*row, ZERO) for row in y.F), near=y.near and y.near.mapped(wider))
-        for y in plant.outputs
-    )
     return replace(
         plant,
         vertices=tuple(vertices),
         disturbances=(*labels_of(disturbances(plant)), label),
-        outputs=tuple(outputs),
-        remainder=plant.remainder and plant.remainder.mapped(wider),
-        noise=(*plant.noise, label),
+        outputs=tuple(map(beside_disturbance, plant.outputs)),
+        remainder=plant.remainder and plant.remainder.mapped(_wider),
     )
+
+
+def beside_disturbance(output: Output) -> Output:
+    """Return the output for the plant with one more disturbance."""
+    near = output.near and output.near.mapped(_wider)
+    return replace(output, F=_wider(output.F), near=near)
+
+
+def _wider(M: Rows) -> Rows:
+    return tuple((*row, ZERO) for row in M)
 
 
 def with_states(plant: UncertainPlant, count: int) -> UncertainPlant:

@@ -28,6 +28,7 @@ from polefence.plant.parameters import Parameter, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
+from polefence.plant.weights import KEYS, with_reference, with_weight
 from polefence.proof.dead_time import DeadTime
 from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
@@ -44,7 +45,7 @@ QUARTER_CAR = "quarter car"  # the one model of a vehicle
 SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
-_TOP |= {"actuator", "dead_time", "sensor", "damper", "law", "car", "table"}
+_TOP |= {"actuator", "dead_time", "sensor", "damper", "law", "car", "table", "reference", "weight"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
@@ -75,7 +76,7 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     try:
         plant = _with_sums(_plant(data), data)
         require_sound(plant)
-        return _with_hardware(plant, data)
+        return _with_weights(_with_hardware(plant, data), data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
 
@@ -284,6 +285,31 @@ def _number_of(value: Any, where: str) -> Any:
         return [_finite(end, where) for end in value]
     number = _finite(value, where)
     return int(number) if isinstance(value, int) else number
+
+
+def _with_weights(plant: UncertainPlant, data: Mapping[str, Any]) -> UncertainPlant:
+    """Return the plant with the references and the weights of a spec."""
+    for name, table in _table(data, "reference").items():
+        where = f"reference.{shown(name)}"
+        if not isinstance(table, dict):
+            raise SpecError(f'{where} must be a table; write [reference."NAME"], signal = "..."')
+        _known(table, {"signal"}, f"{where}: ")
+        _need(table, ("signal",), where)
+        given = table["signal"]
+        plant = with_reference(
+            plant, name, _strings([given] if isinstance(given, str) else given, f"{where}: signal")
+        )
+    tables = data.get("weight", [])
+    if not isinstance(tables, list):
+        raise SpecError("weight must be an array of tables; write [[weight]]")
+    for k, table in enumerate(_tables(tables, "weight")):
+        where = f"weight {k + 1}"
+        _known(table, {"signal", "name", *KEYS}, f"{where}: ")
+        _need(table, ("signal",), where)
+        signal, name = (_text(table.get(key, ""), f"{where}: {key}") for key in ("signal", "name"))
+        rest = {key: value for key, value in table.items() if key in KEYS}
+        plant = with_weight(plant, signal, rest, name)
+    return plant
 
 
 def _sample_time(value: Any) -> Fraction:

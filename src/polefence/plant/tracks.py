@@ -179,11 +179,6 @@ def pade(delay: Fraction, order: int) -> tuple[Rows, list[Fraction], list[Fracti
     return a, b, c, sign
 
 
-def own_states(plant: UncertainPlant) -> tuple[str, ...]:
-    """Return the names of the plant's states that are not a road's: what a law may measure."""
-    return tuple(state.name for state in states(plant) if not state.name.startswith(STATE))
-
-
 def _width(places: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
     """Return the mean distance of left and right wheels."""
     left, right = [y for _, y in places if y > 0], [y for _, y in places if y < 0]

@@ -42,7 +42,7 @@ from polefence.lmi.solve.search import singular_is_failure
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.tracks import own_states as states_of_a_car
+from polefence.plant.weights import measurable
 from polefence.proof.claims.decay import Decay
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.short import Short
@@ -186,7 +186,7 @@ def optimise(
         Without one the same question has the same answer on every machine, however slow.
     structure : Structure, optional
         What the law may measure, what schedules it, its degree and free numbers: it is tuned.
-        On a road with tracks a law of the car's own states is, unless told otherwise.
+        Of a plant with tracks or weights a law of its other states is, unless told otherwise.
         Where it has states of its own the answer's plant has them too.
     fewer_states : bool
         Whether a law of a lower order is returned where that is as good to a thousandth.
@@ -244,9 +244,9 @@ def _optimised(
         limit.require_fit(plant)
     if structure is not None and method is not None:
         raise InputError("a method and a structure exclude each other; leave one out")
-    measurable = states_of_a_car(plant)
-    if structure is None and method is None and len(measurable) < plant.shape[0]:
-        structure = Structure(measured=measurable)  # a road's states are for no law
+    known = measurable(plant)
+    if structure is None and method is None and len(known) < plant.shape[0]:
+        structure = Structure(measured=known)  # those of a road and of weights are for no law
     either = structure is None and method is None
     method = method_for(plant, method)
     _require_method(plant, method)

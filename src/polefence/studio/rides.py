@@ -15,7 +15,7 @@ from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import disturbances
 from polefence.plant.system import Array
-from polefence.plant.tracks import SHARE, own_states
+from polefence.plant.tracks import SHARE, STATE
 from polefence.vehicle.comfort import comfort, comfort_reading
 from polefence.vehicle.contact import GRAVITY, static_loads
 from polefence.vehicle.driving.drive import Run, Setup, run
@@ -202,7 +202,7 @@ def seats_of(car: Car | None) -> tuple[str, ...]:
 def rides(plant: UncertainPlant, car: Car | None) -> bool:
     """Whether a plant is a car that a road moves, and that roads are no part of."""
     if car is not None:
-        whole = len(own_states(plant)) == plant.shape[0]
+        whole = not any(state.startswith(STATE) for state in plant.states)
         return whole and set(car.places) <= {source.name for source in disturbances(plant)}
     known = ride(plant)
     return known is not None and known.road is not None

@@ -17,7 +17,7 @@ from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
 from polefence.plant.spec import MAX_BYTES, load_car, load_dampers, loads
-from polefence.plant.tracks import own_states
+from polefence.plant.weights import measurable
 from polefence.proof.short import Short
 from polefence.requirements.asked import COMFORT, wanted
 from polefence.requirements.rms import Rms
@@ -91,8 +91,8 @@ class Subject(Short):
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """Names of what a law can measure: states, without a road's own, and outputs."""
-        names = list(own_states(self.plant))
+        """Names of what a law can measure: states but those of roads and weights, and outputs."""
+        names = list(measurable(self.plant))
         outputs = [y.name for y in self.plant.outputs if y.C and not y.D]
         known = () if self.structure is None else self.structure.measured or ()
         for name in (*(split(state)[0] for state in known), *outputs):
@@ -105,12 +105,12 @@ class Subject(Short):
         """Names of what the law of the spec measures."""
         if self.structure is not None and self.structure.measured is not None:
             return tuple(split(name)[0] for name in self.structure.measured)
-        return own_states(self.plant)
+        return measurable(self.plant)
 
     def measured_by(self, design: Design) -> tuple[str, ...]:
         """Return the names of what the law of a design measures, of those that are known."""
         law, vertices = design.law, np.eye(len(self.plant.vertices))
-        names = own_states(self.plant)
+        names = measurable(self.plant)
         if law.measured:
             names = tuple(signal.name for signal in law.measured)
         used = np.any([law.gain(alpha) for alpha in vertices], axis=(0, 1))

@@ -144,7 +144,7 @@ def realised(rows: Sequence[Sequence[Quotient]], what: str) -> tuple[Exact, Exac
 
 def _require_few(states: int, what: str) -> None:
     if states > MOST_GIVEN:
-        raise InputError(f"{what}: {states} states or more; a law has at most {MOST_GIVEN}")
+        raise InputError(f"{what}: {states} states or more; at most {MOST_GIVEN} are supported")
 
 
 def _seen(A: Any, B: Any, C: Any) -> tuple[Any, Any, Any]:
@@ -266,7 +266,9 @@ def _row(value: Any, what: str) -> list[Any]:
     if array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
         raise InputError(f"{what} must be coefficients in one row, [1, 50] of s + 50")
     if array.size > MOST_GIVEN + 1:
-        raise InputError(f"{what}: {array.size} coefficients; a law has at most {MOST_GIVEN}")
+        raise InputError(
+            f"{what}: {array.size} coefficients; at most {MOST_GIVEN + 1} are supported"
+        )
     return [_number(x) for x in array.ravel()]
 
 
@@ -284,15 +286,18 @@ def _product_of_roots(value: Any, what: str) -> Coefficients:
     return product
 
 
-def _roots(value: Any, what: str) -> Iterator[complex]:
+def _roots(value: Any, what: str) -> Iterator[tuple[Fraction, Fraction]]:
     """Yield roots: numbers, texts such as "-1+2j", or pairs [real, imaginary]."""
     array = np.asarray(value, dtype=object)
     if array.size > MOST_GIVEN:
-        raise InputError(f"{what}: {array.size} numbers; a law has at most {MOST_GIVEN} states")
+        raise InputError(f"{what}: {array.size} numbers; at most {MOST_GIVEN} are supported")
     if array.ndim == 2 and array.shape[1] == 2 and isinstance(value, list):
-        yield from (complex(float(exact(a, what)), float(exact(b, what))) for a, b in value)
+        yield from ((exact(a, what), exact(b, what)) for a, b in value)
         return
     for entry in array.ravel():
+        if isinstance(entry, Fraction):
+            yield exact(entry, what), ZERO
+            continue
         try:
             text = entry.replace(" ", "").replace("i", "j") if isinstance(entry, str) else entry
             root = complex(text)
@@ -302,19 +307,19 @@ def _roots(value: Any, what: str) -> Iterator[complex]:
             ) from problem
         if not (math.isfinite(root.real) and math.isfinite(root.imag)):
             raise InputError(f"{what}: {shown(entry)} must be finite")
-        yield root
+        yield Fraction(root.real), Fraction(root.imag)
 
 
-def _factors(roots: list[complex], what: str) -> Iterator[Coefficients]:
+def _factors(roots: list[tuple[Fraction, Fraction]], what: str) -> Iterator[Coefficients]:
     while roots:
-        root = roots.pop()
-        a, b = Fraction(root.real), Fraction(root.imag)
+        a, b = roots.pop()
         if not b:
             yield [ONE, -a]
             continue
-        if root.conjugate() not in roots:
+        if (a, -b) not in roots:
+            root = complex(float(a), float(b))
             raise InputError(f"{what}: {root:g} has no conjugate; give both")
-        roots.remove(root.conjugate())
+        roots.remove((a, -b))
         yield [ONE, -2 * a, a * a + b * b]
 
 

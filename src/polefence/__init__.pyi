@@ -71,6 +71,7 @@ from polefence.lmi.conditions.methods import (
 )
 from polefence.lmi.solve.engine import engine as engine
 from polefence.plant.controllability import FixedModes as FixedModes
+from polefence.plant.dead_time import with_dead_time as with_dead_time
 from polefence.plant.family import SamplesOf as SamplesOf, UncertainPlant as UncertainPlant
 from polefence.plant.larger import with_actuator as with_actuator, with_sensor as with_sensor
 from polefence.plant.linearise import Linearised as Linearised, linearise as linearise

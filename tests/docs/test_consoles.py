@@ -13,6 +13,7 @@ from polefence.fleet.questions import Tightest
 from polefence.fleet.variants import Variants
 from support.console import alike, blocks, follow
 from support.paths import DOCS
+from support.scripts import docs_script
 
 CAR = ("car.toml", spec_text("quarter-car-physical"))
 STAGE = (
@@ -29,8 +30,10 @@ MOVING = (
     "moving.toml",
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
 )
+LATE = ("late.toml", docs_script("dead_time").SPEC)
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
+    "dead-time": [LATE],
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
     "moving": [MOVING],

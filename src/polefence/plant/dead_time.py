@@ -114,7 +114,8 @@ def _ends(time: Any, where: str) -> tuple[Fraction, Fraction]:
         raise InputError(f"{where}: time must be a number, or two: [shortest, longest]")
     low, high = (exact(end, f"{where}: time") for end in ends)
     if not 0 < low <= high:
-        raise InputError(f"{where}: time = {shown(time)} must be positive, the smaller bound first")
+        said = ", ".join(f"{float(end):g}" for end in (low, high))
+        raise InputError(f"{where}: time = [{said}] must be positive, the smaller bound first")
     return low, high
 
 

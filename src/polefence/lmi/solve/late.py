@@ -30,6 +30,8 @@ GOLDEN = (3 - 5**0.5) / 2
 START = 1e-6  # of R, as a share of what the slowest mode adds to each state
 # R is to cost little of the output, and some of what is late: shares of the latter, one by one.
 SHARES = (1e-6, 1e-4, 1e-2)
+MET = 1e-6  # what a Riccati equation may be off by, relatively
+NEAR = 5e-3  # above the worst sample: what is near enough
 LEAST = 1e-12  # of the largest variance: what a state is taken to have at least
 GAINS = (1.003, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)  # times the worst sample: what is tried of a gain
 
@@ -83,8 +85,8 @@ class _Node:
 def solved(A: Array, B: Array, weight: Array, inner: Array, S: Array | None = None) -> Array | None:
     """Return the stabilising solution of A'Q + Q A - (Q B + S) inner^-1 (.)' + weight = 0.
 
-    None where it is not positive. It is that of the stable modes of the Hamiltonian matrix, whose
-    scale costs a fifth of a sorted Schur form; what it is off by, R and the exact proof see.
+    None where there is none that is positive. It is that of the stable modes of the Hamiltonian
+    matrix: where modes are on the imaginary axis there is none, and the equation is not met.
     """
     n = len(A)
     size = np.sqrt(np.maximum(np.diag(weight), np.diag(weight).max() * LEAST))
@@ -100,9 +102,12 @@ def solved(A: Array, B: Array, weight: Array, inner: Array, S: Array | None = No
         Q = np.linalg.solve(stable[:n].T, stable[n:].T).T.real
     except np.linalg.LinAlgError:
         return None
-    Q = (Q + Q.T) / 2 * np.outer(size, size)
-    if not np.all(np.isfinite(Q)):
+    Q = (Q + Q.T) / 2
+    both, side = Q @ A, Q @ B + S
+    left = both + both.T - side @ np.linalg.solve(inner, side.T) + weight
+    if not np.abs(left).max() < MET * np.abs(both).max():  # nor where it is no number
         return None
+    Q = Q * np.outer(size, size)
     size = np.sqrt(np.maximum(np.diag(Q), 0))
     scaled = Q / np.outer(np.where(size > 0, size, 1), np.where(size > 0, size, 1))
     return np.asarray(Q) if np.linalg.eigvalsh(scaled).min() >= -SMALL else None
@@ -204,9 +209,10 @@ class _Search:
         low, high = tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]
         for _ in range(STEPS):
             a, b = low + (high - low) * GOLDEN, high - (high - low) * GOLDEN
-            if cost(a) <= cost(b):
+            at_a = cost(a)
+            if np.isfinite(at_a) and at_a <= cost(b):
                 high = b
-            else:
+            else:  # too small a lambda has no X
                 low = a
         middle = (low + high) / 2
         return float(guess * 10 ** (middle if cost(middle) <= costs[k] else tried[k]))
@@ -246,10 +252,21 @@ class LateSearch:
         known = self.problem.plant.dead_time
         return Late(self.problem, known[0] if known else 0)
 
+    @property
+    def nearest(self) -> float:
+        """The least level that is proved at each of the corners: none of the family is lower.
+
+        Zero where none is found.
+        """
+        late = self.late
+        nodes = late.nodes(1) if late.domain.corners > 1 else late.nodes(0)
+        levels = [_alone(node, self.problem.gain) for node in nodes]
+        return max((level for level in levels if level is not None), default=0.0)
+
     def least(self, worst: float) -> Dual | None:
         """Return one as near the worst sample as there is."""
         if not self.problem.gain:
-            return _of_noise(self.late, self.degree)
+            return _of_noise(self.late, self.degree, worst * (1 + NEAR))
         found = (_of_gain(self.late, self.degree, worst * times) for times in GAINS)
         return next((dual for dual in found if dual is not None), None)
 
@@ -257,11 +274,55 @@ class LateSearch:
         """Return one that proves a level."""
         if self.problem.gain:
             return _of_gain(self.late, self.degree, level)
-        return _of_noise(self.late, self.degree)
+        return _of_noise(self.late, self.degree, level)
 
 
-def _of_noise(late: Late, degree: int) -> Dual | None:
-    """Return X whose C X C' is near the least."""
+def _alone(node: _Node, gain: bool) -> float | None:
+    """Return the least level that is proved of one loop; None where none is found."""
+    observed, covariance = _gramians(node)
+    none = np.zeros_like(node.A)
+    tried = 10.0 ** np.linspace(-SPAN, SPAN, 12 * SPAN + 1)
+    if not gain:
+        first = _balance(node, observed, covariance)
+        found = (node.reached(first * x, node.E @ node.E.T) for x in tried)
+        squares = [float(np.trace(node.C @ X @ node.C.T)) for X in found if X is not None]
+        return float(np.sqrt(min(squares))) if squares else None
+    low = high = float(np.sqrt(np.trace(node.E.T @ observed @ node.E) / node.slowest))
+    first = _balance_of_gain(node, observed, covariance)
+
+    def holds(level: float) -> bool:
+        return any(node.least(first * x / level, none, level) is not None for x in tried)
+
+    for _ in range(40):
+        if holds(high):
+            break
+        high *= 2
+    else:
+        return None
+    low = high / 2
+    while holds(low) and low > 1e-9 * high:
+        low /= 2
+    high = 2 * low
+    for _ in range(14):
+        middle = (low + high) / 2
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def _balance(node: _Node, observed: Array, covariance: Array) -> float:
+    """Return the lambda of which both terms add as much to the output of a noise."""
+    seen = covariance @ node.e
+    return float(np.sqrt((seen @ observed @ seen) / (node.h @ observed @ node.h)))
+
+
+def _balance_of_gain(node: _Node, observed: Array, covariance: Array) -> float:
+    """Return the same of a gain, times its level."""
+    seen = observed @ node.h
+    return float(np.sqrt((seen @ covariance @ seen) / (node.e @ covariance @ node.e)))
+
+
+def _of_noise(late: Late, degree: int, enough: float) -> Dual | None:
+    """Return X whose C X C' is near the least, or that proves a level that is enough."""
     problem, domain = late.problem, late.domain
     total = max(degree + problem.rows, 2 * problem.driving_degree)
     at = domain.nodes(total)
@@ -277,15 +338,14 @@ def _of_noise(late: Late, degree: int) -> Dual | None:
 
     middle = late.middle
     observed, covariance = _gramians(middle)
-    seen = covariance @ middle.e
-    times = float(np.sqrt((seen @ observed @ seen) / (middle.h @ observed @ middle.h)))
+    times = _balance(middle, observed, covariance)
     moved = times * _lyapunov(middle.A.T, np.outer(middle.e, middle.e))
 
     def cost(node: _Node, X: Array) -> float:
         return float(np.trace(node.C @ X @ node.C.T))
 
     usual = START * middle.slowest * _diagonal(covariance)
-    Y = loops[0][1]
+    Y, best = loops[0][1], None
     for share in SHARES:
         inverse = root(observed + share * moved).T
         X = _Search(late, degree, least, missed, cost, times, inverse).polynomial(usual)
@@ -297,8 +357,11 @@ def _of_noise(late: Late, degree: int) -> Dual | None:
             continue
         behind = np.linalg.solve(raised, rows.swapaxes(-1, -2)).swapaxes(-1, -2)
         level = float(np.sqrt((rows * behind).sum((1, 2)).max()))
-        return Dual(late.whole(X, degree), degree, level, reached=True)
-    return None
+        if best is None or level < best.level:
+            best = Dual(late.whole(X, degree), degree, level, reached=True)
+        if best.level < enough:
+            break
+    return best
 
 
 def _of_gain(late: Late, degree: int, level: float) -> Dual | None:
@@ -310,8 +373,7 @@ def _of_gain(late: Late, degree: int, level: float) -> Dual | None:
     loops = [problem.closed(end) for end in late.ends(at)]
     middle = late.middle
     observed, covariance = _gramians(middle)
-    seen = observed @ middle.h
-    times = float(np.sqrt((seen @ covariance @ seen) / (middle.e @ covariance @ middle.e)))
+    times = _balance_of_gain(middle, observed, covariance)
     moved = _lyapunov(middle.A, np.outer(middle.h, middle.h)) / times
     times /= level
 

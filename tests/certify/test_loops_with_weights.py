@@ -6,6 +6,7 @@ import pytest
 
 from polefence import (
     Compensator,
+    Disk,
     Gain,
     HalfPlane,
     Structure,
@@ -67,6 +68,19 @@ def test_mixed_sensitivity_has_the_norm_of_the_book():
     truth = np.sqrt(abs(W * S) ** 2 + abs(K * S) ** 2).max()
     assert 0.9999 * truth <= level <= 1.001 * truth
     assert level == pytest.approx(LEAST, rel=0.005)
+
+
+def test_a_weight_in_z_has_the_gain_of_the_loop_in_z():
+    text = "sample_time = 0.1\n[[vertex]]\nA = [[0.9, 0.1], [0, 0.8]]\nB = [[0], [0.1]]\n"
+    plant = with_reference(loads(text), "r", "x1")
+    plant = with_weight(plant, "error of x1", "(0.5*z - 0.3)/(z - 0.95)")
+    law = Compensator(D=[[1]], measured=["error of x1"])
+    found = analyse(plant, law, Disk(0, 1), limits=[Gain("weighted error of x1")])
+    assert found.proved
+    z = np.exp(1j * np.linspace(0, np.pi, 20_000))
+    S, W = 1 / (1 + 0.01 / ((z - 0.9) * (z - 0.8))), (0.5 * z - 0.3) / (z - 0.95)
+    truth = abs(W * S).max()
+    assert 0.9999 * truth <= found.bounds[0].bound.level <= 1.001 * truth
 
 
 def test_a_gain_of_the_other_states_leaves_weights_alone():

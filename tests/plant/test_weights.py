@@ -19,6 +19,7 @@ from polefence import (
     with_weight,
 )
 from polefence.certify.certificate import file_plant, plant_of
+from polefence.plant.delta import delta_form
 from polefence.plant.outputs import Output, rows_at, states
 from polefence.plant.spec import dumps, loads
 from polefence.plant.weights import measurable, weights_poles
@@ -257,8 +258,9 @@ def test_a_weighted_plant_is_sampled_with_its_weights():
         assert np.allclose(vertex.A[:3, :3], A, atol=1e-5)
     with pytest.raises(InputError, match="is sampled already; add it to the plant in continuous"):
         with_weight(sampled, "x", "3")
-    with pytest.raises(InputError, match="is sampled already"):
-        with_reference(sampled, "r", "x")
+    for other in (sampled, delta_form(replace(random_plant(3), sample_time=1))):
+        with pytest.raises(InputError, match="is sampled already"):
+            with_reference(other, "r", "x1" if other is not sampled else "x")
 
 
 def test_an_integrator_may_be_measured():

@@ -38,7 +38,13 @@ from polefence.lmi.solve.duals import Known as KnownParts
 from polefence.lmi.solve.duals import Part, duals, in_parts
 from polefence.lmi.solve.late import LateSearch
 from polefence.lmi.solve.loops import loop_with, with_inputs
-from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least_given, points_given, work
+from polefence.lmi.solve.lyapunov import (
+    MOST_STATES,
+    LyapunovPolynomial,
+    least_given,
+    points_given,
+    work,
+)
 from polefence.lmi.solve.piecewise import over_grids
 from polefence.lmi.solve.spread import spread_of
 from polefence.lmi.solve.started import StartedSearch
@@ -270,7 +276,9 @@ class _Question:
     def by_lmi(self) -> bool:
         """Whether it is about a gain, or a ratio, of which LMIs are tried first."""
         problem = self.problem
-        return problem is not None and (problem.gain or problem.share is not None)
+        if problem is None or (problem.domain.corners == 1 and problem.gain):
+            return False
+        return problem.gain or problem.share is not None
 
     @property
     def close(self) -> float:
@@ -559,7 +567,7 @@ def _climb(
     if isinstance(specification, GainNorm):
         yield from (iter([point]) for point in _norms(plant, law, specification, unit))
         return
-    if not specification.has_primal(plant):
+    if not specification.has_primal(plant) or plant.shape[0] > MOST_STATES:
         return
     wide = behind(plant, law, specification)
     plant, law, specification = wide.plant, wide.law, wide.specification

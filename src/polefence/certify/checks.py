@@ -17,12 +17,14 @@ from polefence.lmi.conditions.methods import (
     options,
     step_work,
 )
+from polefence.lmi.solve.lyapunov import MOST_STATES
 from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
 from polefence.plant.weights import OF_WEIGHT, weights_poles
 from polefence.proof import matrices, roots, work
+from polefence.proof.reading import MAX_SIZE
 from polefence.proof.regions import parts_of
 from polefence.proof.text import digits_down
 from polefence.region.regions import Disk, HalfPlane, Region, astray, check_centre, stable
@@ -30,6 +32,22 @@ from polefence.region.z_plane import z_plane
 
 # Multiplications of one step of a search for a law with specifications.
 MOST_OPTIMISED_STEP = 1.5e10
+
+
+def require_moderate(plant: UncertainPlant) -> None:
+    """Refuse plants for which no law is sought, before anything is begun.
+
+    Raises
+    ------
+    InputError
+        Naming the number of states.
+    """
+    n = plant.shape[0]
+    if n > MOST_STATES:
+        raise InputError(
+            f"{plant.name}: {n} states; laws are sought for at most {MOST_STATES}. Reduce the "
+            f"model, and analyse its law with the whole plant: analyse takes up to {MAX_SIZE}"
+        )
 
 
 def require_domain(plant: UncertainPlant, method: Method) -> None:

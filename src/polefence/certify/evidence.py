@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,8 @@ from polefence.law.laws import (
 )
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.loops import loop_of
-from polefence.lmi.solve.lyapunov import LyapunovPolynomial, points_inside
+from polefence.lmi.solve.lyapunov import MOST_STATES, LyapunovPolynomial, points_inside
+from polefence.lmi.solve.one_loop import modal
 from polefence.lmi.solve.spread import spread_of
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, divided, widest
 from polefence.plant.family import UncertainPlant
@@ -73,9 +75,13 @@ def forms(plant: UncertainPlant, law: Law, parts: int = 1) -> Iterator[tuple[int
         blocks = _blocks(plant, law, form)
         checked = matrices.least_work(blocks * parts**2, 2 * n) <= work.MAX_WORK
         if form == LADDER[0]:
-            if not checked:
+            if not checked and n <= MOST_STATES:
                 raise InputError(f"{plant.name}: {blocks} inequalities are too many to be checked")
-        elif not checked or work_of(plant, law, form) > (MOST_MOVING if free(plant) else MOST_WORK):
+        elif (
+            n > MOST_STATES
+            or not checked
+            or work_of(plant, law, form) > (MOST_MOVING if free(plant) else MOST_WORK)
+        ):
             return
         yield form
 
@@ -111,7 +117,8 @@ def evidence_at(
 
     with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
         loop = replace(loop_of(plant, law), pieces=pieces_of(plant, pieces))
-        return first(map(proved, points_inside(loop, part, form)))
+        by_modes = modal(loop, part) if form == LADDER[0] else iter(())
+        return first(map(proved, chain(by_modes, points_inside(loop, part, form))))
     return None
 
 

@@ -340,7 +340,8 @@ def _mapped(remainder: Remainder | None, change: Any) -> Remainder | None:
 
 
 def _require_unsampled(plant: UncertainPlant, where: str) -> None:
-    if plant.sampling is not None:
+    bare = plant.remainder is not None and plant.remainder.source is None
+    if plant.sampling is not None or plant.step or bare:
         raise InputError(
             f"{where}: {plant.name} is sampled already; add it to the plant in continuous time, "
             "and then sample that"

@@ -13,7 +13,7 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.polynomials import MAX_DEGREE
 from polefence.proof.work import FormatError
 
-MAX_BYTES, MAX_SIZE, MAX_VERTICES = 32_000_000, 60, 256
+MAX_BYTES, MAX_SIZE, MAX_VERTICES = 32_000_000, 300, 256
 MAX_COEFFICIENTS = 20_000
 # Lists, tables and keys of a file, which take up to 300 bytes each in memory, and how deep they go.
 MAX_PIECES, MAX_DEPTH = 1_000_000, 50

@@ -18,6 +18,7 @@ from polefence.proof.regions import Part
 LARGEST = 10**308  # of a double, nearly
 LONGEST = 80  # characters of a name in a sentence
 MOST_ROWS = 6  # of a matrix
+MOST_TERMS = 24  # of a sum that is written in full
 SHORT = 12  # characters of a number that is not rounded
 
 # Of Unicode's categories those that draw nothing of their own, but move, hide or end a line.
@@ -138,14 +139,17 @@ def number_text(value: Fraction) -> str:
 
 def sum_text(rows: Sequence[tuple[str, Sequence[Fraction]]]) -> str:
     """Return a sum of signals, as ``x1 - 2 x3 + ~0.333333 u1``: a letter and its factors each."""
-    text = ""
+    text, terms = "", sum(bool(factor) for _, factors in rows for factor in factors)
+    left = MOST_ROWS if terms > MOST_TERMS else terms
     for letter, factors in rows:
         for k, factor in enumerate(factors):
-            if factor:
+            if factor and left:
+                left, terms = left - 1, terms - 1
                 size = number_text(abs(factor))
                 sign = ("-" if factor < 0 else "") if not text else " - " if factor < 0 else " + "
                 text += f"{sign}{'' if size == '1' else f'{size} '}{letter}{k + 1}"
-    return text or "0"
+    more = f" + {terms} terms of the file" if terms else ""
+    return f"{text}{more}" or "0"
 
 
 def output_text(C: list[Rationals], D: list[Rationals], F: Sequence[Rationals] = ()) -> str:

@@ -16,6 +16,8 @@ MAX_WORK, CALL, MAX_HELD = 5 * 10**9, 120, 4 * 10**8
 # law at 2 ms, for periods 20 % longer and shorter, takes 11 parts, 14 times MAX_WORK together; its
 # acceleration 18 times.
 MAX_IN_PARTS = 24 * MAX_WORK
+# A plant of more states than these may take as much: of 270 states poles take 7e9, a gain 8e9.
+LARGE = 60
 FULL = 60  # claims at that bound which one file may hold
 MAX_FILE = FULL * MAX_WORK
 RATIONAL = 20  # operations on integers that one on rationals is

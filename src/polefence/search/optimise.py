@@ -27,6 +27,7 @@ from polefence.certify.checks import (
     is_optimisable,
     is_stability,
     require_domain,
+    require_moderate,
     require_movable,
     require_optimisable,
     require_region,
@@ -228,6 +229,7 @@ def _optimised(
 ) -> Optimised:
     """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_moderate(plant)
     if minimise is None and not subject_to:
         raise InputError("nothing to minimise and no limits: polefence.place is for regions alone")
     if minimise is not None:

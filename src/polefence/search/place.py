@@ -12,7 +12,7 @@ from typing import Any
 from polefence.base import effort
 from polefence.base.errors import InputError, NotProvedError, require_type
 from polefence.base.explained import explained
-from polefence.certify.checks import in_time_of, require_domain
+from polefence.certify.checks import in_time_of, require_domain, require_moderate
 from polefence.certify.design import Design
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled
@@ -81,6 +81,7 @@ def _place(
 ) -> Design:
     """Return what `place` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_moderate(plant)
     require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
     region = in_time_of(plant, region)
     if errors:
@@ -200,6 +201,7 @@ def _tightest(
 ) -> Design:
     """Return what `tightest` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_moderate(plant)
     kind.require()
     plant.require_on_time(
         "with which no smallest region is sought", "ask place or optimise for half_plane(a)"

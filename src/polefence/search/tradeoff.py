@@ -24,6 +24,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.checks import (
     in_time_of,
     require_domain,
+    require_moderate,
     require_movable,
     require_optimisable,
     require_region,
@@ -112,6 +113,7 @@ def tradeoff(
         If what is asked does not fit the plant, or the file is of something else.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    require_moderate(plant)
     least, swept = (
         replace(_checked(specification, name), at_most=None)
         for specification, name in ((minimise, "minimise"), (over, "over"))

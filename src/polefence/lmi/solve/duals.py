@@ -13,6 +13,7 @@ from polefence.base.effort import ended, spend
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.gramians import ROUNDS, Interpolation
 from polefence.lmi.solve.late import LateSearch
+from polefence.lmi.solve.one_loop import RiccatiOfOne
 from polefence.lmi.solve.over_clock import OverClock
 from polefence.lmi.solve.reached import ReachedSearch
 from polefence.lmi.solve.started import StartedSearch
@@ -156,4 +157,6 @@ def _of(problem: DualProblem, degree: int) -> Search:
         return (StorageSearch if problem.gain else ReachedSearch)(problem, degree)
     if problem.ticking:
         return OverClock(problem, degree)
+    if problem.gain and problem.domain.corners == 1 and problem.plant.remainder is None:
+        return RiccatiOfOne(problem, degree)
     return Interpolation(problem, degree)

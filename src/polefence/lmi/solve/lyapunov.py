@@ -32,6 +32,8 @@ from polefence.plant.boxes import equal
 from polefence.plant.system import Array
 from polefence.region.regions import Region, stable
 
+MOST_STATES = 60  # of a loop for which LMIs are solved: an iteration takes about n^6
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LyapunovPolynomial(Point):
@@ -312,6 +314,8 @@ class _Search:
 
     def run(self, X: Array, near: LyapunovPolynomial | None = None) -> LyapunovPolynomial | None:
         """Run in rounds, at first from ``near`` or in coordinates in which X is the identity."""
+        if len(X) > MOST_STATES:
+            return None
         most = ROUNDS if self.loop.R is None else 1
         return rounds(lambda last: self._once(X, last or near), self.enough, most)
 

@@ -109,7 +109,7 @@ from polefence.proof.remainder import Remainder
 from polefence.proof.roots import all_inside
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, output_text, quoted, region_text
-from polefence.proof.work import MAX_IN_PARTS, MAX_WORK, FormatError, WorkError
+from polefence.proof.work import LARGE, MAX_IN_PARTS, MAX_WORK, FormatError, WorkError
 
 METHODS = ("quadratic", "slack", "scheduled", "lyapunov")
 
@@ -372,8 +372,9 @@ class Poles(Short, Claim):
 
     @property
     def allowed(self) -> int | None:
-        """The most work that it may take to prove: more in parts of the box."""
-        return MAX_IN_PARTS if any(proof.cells for proof in self.evidence) else None
+        """The most work that it may take: more in parts of the box, and of large plants."""
+        more = len(self.A[0]) > LARGE or any(proof.cells for proof in self.evidence)
+        return MAX_IN_PARTS if more else None
 
     @property
     def least(self) -> int:

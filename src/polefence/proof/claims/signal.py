@@ -96,7 +96,7 @@ from polefence.proof.text import (
     quoted,
 )
 from polefence.proof.transfer import Tensor, Transfer, positive, transfer
-from polefence.proof.work import MAX_IN_PARTS, FormatError, tell
+from polefence.proof.work import LARGE, MAX_IN_PARTS, FormatError, tell
 
 MAX_ENTRIES = 16  # of a vector of outputs
 # The least share for what outputs are off by, see `outputs_share`; half of it is lost of a bound.
@@ -747,8 +747,9 @@ class SignalClaim(Short, Claim):
 
     @property
     def allowed(self) -> int | None:
-        """The most work that it may take to prove: more in parts of the box."""
-        return MAX_IN_PARTS if self.subject.evidence.cells else None
+        """The most work that it may take: more in parts of the box, and of large plants."""
+        more = self.subject.n > LARGE or self.subject.evidence.cells
+        return MAX_IN_PARTS if more else None
 
     @property
     def least(self) -> int:

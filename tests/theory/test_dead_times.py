@@ -223,6 +223,10 @@ def faults():
         for vertex in file["plant"]["vertices"]:
             vertex["B"][5][0] = 3
 
+    def of_delta(file):
+        X = file["claims"][1]["evidence"]["X"][-1]
+        X[0][0] = str(Fraction(X[0][0]) * Fraction(101, 100))
+
     def kind(file):
         file["claims"][1]["kind"] = "energy peak of another kind"
 
@@ -242,6 +246,7 @@ def faults():
         "coupling": coupled,
         "chain": chain,
         "entry": entering,
+        "X depends on delta": of_delta,
         "kind": kind,
     }
 

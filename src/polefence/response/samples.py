@@ -109,7 +109,7 @@ def at_sample_time(
     T = _time(plant, sample_time)
     plant.require_on_time(
         "which samples hold exactly",
-        "leave out [dead_time], and give the delay (--delay D samples)",
+        "leave out [dead_time], and give the delay in samples",
     )
     if plant.moving:
         raise InputError(

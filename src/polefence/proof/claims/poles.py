@@ -373,7 +373,8 @@ class Poles(Short, Claim):
     @property
     def allowed(self) -> int | None:
         """The most work that it may take: more in parts of the box, and of large plants."""
-        more = len(self.A[0]) > LARGE or any(proof.cells for proof in self.evidence)
+        large = any(len(A) > LARGE for A in self.A[:1])
+        more = large or any(proof.cells for proof in self.evidence)
         return MAX_IN_PARTS if more else None
 
     @property

@@ -748,7 +748,8 @@ class SignalClaim(Short, Claim):
     @property
     def allowed(self) -> int | None:
         """The most work that it may take: more in parts of the box, and of large plants."""
-        more = self.subject.n > LARGE or self.subject.evidence.cells
+        large = any(len(A) > LARGE for A in self.subject.A[:1])
+        more = large or self.subject.evidence.cells
         return MAX_IN_PARTS if more else None
 
     @property

@@ -289,6 +289,9 @@ def test_what_is_not_proved_with_a_dead_time_is_refused_before_any_work():
         pf.analyse(plant, law, HalfPlane(3))
     with pytest.raises(InputError, match="no smallest region is sought"):
         pf.tightest(plant, of="half_plane")
+    for of in ("half_plane", "sector"):
+        with pytest.raises(InputError, match="ask about half_plane"):
+            pf.worst_case(plant, law, of)
     with pytest.raises(InputError, match="samples hold exactly"):
         pf.at_sample_time(plant, 0.01)
     moving = SPRING.replace("range = [80, 120]", "range = [80, 120]\nrate = [-1, 1]")

@@ -420,6 +420,7 @@ def worst_case(
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     plant, law = beside(plant, law)
+    plant.require_on_time("with which no smallest region is sought", "ask about half_plane(a)")
     if isinstance(law, GainTable):
         raise InputError("worst_case is for one law; analyse a table with a region")
     if (of == "disk") != (centre is not None):

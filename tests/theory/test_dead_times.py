@@ -12,6 +12,7 @@ from polefence.certify.bounds import best_bound
 from polefence.law.structure import Structure
 from polefence.plant.dead_time import FLOOR, covering_of, with_dead_time
 from polefence.plant.spec import dumps, loads
+from polefence.plant.weights import measurable
 from polefence.proof.dead_time import Covering
 from polefence.proof.document import check as check_file
 from polefence.proof.document import from_plain
@@ -303,3 +304,13 @@ def test_a_signal_that_is_late_needs_a_sensor():
     plant = loads(SPRING.replace("[dead_time.force]", "[dead_time.velocity]"))
     with pytest.raises(InputError, match=r'give it \[sensor."velocity"\]'):
         Structure(measured=("late velocity",), schedule=()).require_fit(plant)
+
+
+def test_a_law_measures_no_state_of_it_and_is_not_scheduled_on_it():
+    plant = loads(SPRING)
+    assert measurable(plant) == ("position", "velocity")
+    assert Structure().powers(plant) == Structure(schedule=("k",)).powers(plant)
+    with pytest.raises(InputError, match="no sensor knows it"):
+        Structure(schedule=("delta",)).powers(plant)
+    with pytest.raises(InputError, match="take quadratic"):
+        pf.place(plant, HalfPlane(0.1), "scheduled")

@@ -143,7 +143,7 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
             )
         if int(chosen.degree if chosen.degree != "auto" else 1) and chosen.on != "box":
             Motion.of(plant).require(Domain.of(chosen.on, len(plant.vertices)))
-    _require_late(plant, region)
+    _require_late(plant, region, method)
     disks = [part for part in region.parts if part.circle]
     if plant.sample_time is None:
         part = astray(region)
@@ -160,10 +160,15 @@ def require_region(plant: UncertainPlant, region: Region, method: Method | None 
         )
 
 
-def _require_late(plant: UncertainPlant, region: Region) -> None:
-    """Refuse regions in which the poles of a loop with a dead time cannot all be."""
+def _require_late(plant: UncertainPlant, region: Region, method: Method | None) -> None:
+    """Refuse regions in which the poles of a loop with a dead time cannot all be, and methods."""
     if plant.dead_time is None:
         return
+    if method is not None and normal(method) != "quadratic":
+        raise InputError(
+            f"{plant.name} has a dead time, and a law of the method {method_name(method)} would "
+            "depend on what stands for it; take quadratic, or a structure ([law])"
+        )
     dead_time = plant.dead_time[1]
     if any(not isinstance(p, HalfPlane) or p.decay > dead_time.decay for p in region.parts):
         most = digits_down(dead_time.decay, 4)

@@ -210,7 +210,14 @@ class Structure(Short):
             count, least = (N, degree) if N > 1 else (N, 0)
             affine = [e for e in product(range(least + 1), repeat=count) if sum(e) == least]
             return tuple(reversed(affine))
-        chosen = names if self.schedule is None else self.schedule
+        stands = [p.name for p in plant.parameters if p.dead_time is not None]
+        for name in self.schedule or ():
+            if name in stands:
+                raise InputError(
+                    f"schedule: {name!r} stands for a dead time, no sensor knows it; leave it out"
+                )
+        free = [name for name in names if name not in stands]
+        chosen = free if self.schedule is None else self.schedule
         ranges = [range(self.degree + 1) if name in chosen else range(1) for name in names]
         return tuple(sorted((e for e in product(*ranges) if sum(e) <= self.degree), key=_graded))
 

@@ -148,8 +148,13 @@ def with_reference(plant: UncertainPlant, name: str, signal: str | Sequence[str]
 
 
 def measurable(plant: UncertainPlant) -> tuple[str, ...]:
-    """Return the names of the states that a law may measure: not a road's, nor a weight's."""
-    return tuple(x.name for x in states(plant) if not x.name.startswith((OF_ROAD, OF_WEIGHT)))
+    """Return the names of the states that a law may measure.
+
+    Not a road's, nor a weight's, nor those that stand for a dead time.
+    """
+    late = () if plant.dead_time is None else plant.dead_time[1].states
+    known = (x.name for i, x in enumerate(states(plant)) if i not in late)
+    return tuple(name for name in known if not name.startswith((OF_ROAD, OF_WEIGHT)))
 
 
 def weights_poles(plant: UncertainPlant) -> dict[str, Any]:

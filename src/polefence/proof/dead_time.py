@@ -305,6 +305,11 @@ class DeadTime(Short):
     floor: Fraction
     gain: Fraction
 
+    @property
+    def states(self) -> range:
+        """Numbers of its states."""
+        return range(self.first, self.first + self.order)
+
     @classmethod
     def read(cls, table: Table) -> DeadTime:
         """Read it; what is malformed is a FormatError. Proves nothing."""

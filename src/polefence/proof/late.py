@@ -62,8 +62,7 @@ class Late(Short):
     @property
     def states(self) -> range:
         """Numbers of its states."""
-        first = self.dead_time.first
-        return range(first, first + self.dead_time.order)
+        return self.dead_time.states
 
     def passing(self, rows: Sequence[Row], what: str) -> list[Fraction]:
         """Return h at each vertex, of one row [A, B, E] or [C, D, F] at each.

@@ -203,6 +203,7 @@ def as_finished(
         usable_centre(plant, centre)
         require_domain(plant, method)
         require_checkable(plant, method)
+    plant.require_on_time("with which no disk is kept", "ask design for half_plane(a)")
     require_movable(plant)
     if plant.remainder is not None:
         raise InputError(

@@ -69,6 +69,9 @@ def observe(
         raise InputError(f"plant must be of type UncertainPlant, not {given}; load(path) reads one")
     if (region is None) == (centre is None):
         raise InputError("give a region, or a centre for the smallest disk, and not both")
+    plant.require_on_time(
+        "of which no observer is proved", "leave out [dead_time], and observe the rest"
+    )
     C, names = read_measured(plant, measured)
     region = None if region is None else in_time_of(plant, region)
     require_observable(plant, C, names, region)

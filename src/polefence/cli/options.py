@@ -17,6 +17,7 @@ from polefence.law.structure import Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import sensed
+from polefence.plant.outputs import states
 from polefence.plant.weights import measurable
 from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
@@ -450,9 +451,10 @@ def structure_of(plant: UncertainPlant, options: Any) -> Structure | None:
                     f"--method {method if isinstance(method, str) else method[0]}"
                 )
         if beside:
+            other = next(x.name for x in states(plant) if x.name not in known)
             raise InputError(
-                "--method designs laws of all states, but those of the road's tracks and of "
-                "weights cannot be measured; leave --method out"
+                f"--method designs laws of all states, but {other!r} cannot be measured; leave "
+                "--method out"
             )
         return None
     for key in ("measured", "schedule"):

@@ -89,8 +89,8 @@ def question_of(options: Any) -> tuple[Subject, Rms]:
     if len(measurable(plant)) < plant.shape[0]:
         raise InputError(
             f"{options.spec}: laws of controllable dampers use all states, but those of "
-            "road.tracks and weights cannot be measured; name independent roads by under, and "
-            "leave [[weight]] out"
+            "road.tracks, weights and dead times cannot be measured; name independent roads by "
+            "under, and leave the others out"
         )
     for damper in subject.dampers:
         try:

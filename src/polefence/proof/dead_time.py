@@ -178,27 +178,15 @@ def _positive(
 
 def _series(half: Fraction) -> tuple[Series, Series]:
     """Return the first terms of cos(half x) and sin(half x)."""
-    terms = [half**k / math.factorial(k) for k in range(2 * TERMS)]
-    signs = [(-1) ** (k // 2) for k in range(2 * TERMS)]
-    cosine, sine = (
-        [
-            sign * x if k % 2 == odd else ZERO
-            for k, (x, sign) in enumerate(zip(terms, signs, strict=True))
-        ]
-        for odd in range(2)
-    )
-    return cosine, sine
+    return _alternating([half**k / math.factorial(k) for k in range(2 * TERMS)])
 
 
 def _high(M: Series, energy: Series, left_out: Series, square: Interval) -> Fraction | None:
     """Return a frequency beyond which M is enough, whatever the phase; None where none is."""
     grown = Fraction(square[1], intervals.ONE)
-    parts = (
-        M,
-        [-(1 + SHARE) * grown * x for x in energy],
-        [-(1 + 1 / SHARE) * x for x in left_out],
-    )
-    total = _sum(_sum(parts[0], parts[1]), parts[2])[::2]  # of the square of the frequency
+    more, rest = -(1 + SHARE) * grown, -(1 + 1 / SHARE)
+    total = _sum(_sum(M, [more * x for x in energy]), [rest * x for x in left_out])
+    total = total[::2]  # of the square of the frequency
     for high in HIGHEST:
         beyond = _shifted(total, high**2)
         if min(beyond) >= 0 and beyond[0] > 0:
@@ -225,16 +213,7 @@ def _is_stable(P: Series) -> bool:
 
 def _on_line(P: Series, shift: Fraction) -> tuple[Series, Series]:
     """Return the real and the imaginary part of P(-shift + i w), in w."""
-    moved = _shifted(P, -shift)
-    signs = [(-1) ** (k // 2) for k in range(len(moved))]
-    real, imaginary = (
-        [
-            sign * x if k % 2 == odd else ZERO
-            for k, (x, sign) in enumerate(zip(moved, signs, strict=True))
-        ]
-        for odd in range(2)
-    )
-    return real, imaginary
+    return _alternating(_shifted(P, -shift))
 
 
 def _alternating(P: Series) -> tuple[Series, Series]:

@@ -444,6 +444,7 @@ def sampling_of(
             outputs=tuple(_not_late(plant, claim)),
             vehicle=_quarter_car(vehicle),
             car=plant.car,
+            data=plant.data,
         )
     except InputError as error:
         raise DesignFileError(f"plant is malformed: {error}") from error
@@ -516,6 +517,7 @@ def plant_of(plant: files.Plant) -> UncertainPlant:
             noise=plant.noise,
             remainder=plant.remainder,
             functions=plant.functions,
+            data=plant.data,
         )
         parameters = tuple(
             Parameter(

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from polefence.base.beside import say_beside
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_documents
@@ -76,6 +77,7 @@ class Design(Short):
             ("poles", f"{status}: in {self.region}" if self.proved else status),
             ("method", self.label),
             ("note", self.note.removeprefix("note: ")),
+            ("beside", "" if self.plant.data is None else self.plant.data.note),
         ]
         return card(self.plant.name, rows)
 
@@ -363,9 +365,12 @@ def read_document(path: Path) -> Document:
         )
     text = read_text(path, MAX_BYTES, DesignFileError)
     try:
-        return loads(text)
+        document = loads(text)
     except FormatError as error:
         raise DesignFileError(f"{path}: {error}") from error
+    if document.plant.data is not None:
+        say_beside(document.plant.data.note)
+    return document
 
 
 def proved_design(source: str | Path) -> tuple[Design, Document]:

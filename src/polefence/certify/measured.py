@@ -142,6 +142,7 @@ def dual_plant(
         names,
         sample_time=plant.sample_time,
         remainder=remainder,
+        data=plant.data,
     )
 
 

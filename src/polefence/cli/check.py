@@ -130,6 +130,7 @@ def _row(
     """Prove one file, and compare it with the plant of a spec."""
     exported = document.export is not None
     answer = check_guarantee(path) if exported else check_document(document, path)
+    data = document.plant.data
     return {
         "file": str(name),
         "sha256": hashlib.sha256(read_bytes(path, MAX_BYTES, DesignFileError)).hexdigest(),
@@ -137,6 +138,7 @@ def _row(
         "reason": answer.reason,
         "inequalities": sum(verdict.count for verdict in answer.verdicts),
         "claims": list(answer.claims),
+        "unproved": None if data is None else data.note,
         "alpha": None if answer.alpha is None else [str(a) for a in answer.alpha],
         "differs from the spec": None if plant is None else _against(document, plant, str(spec)),
     }
@@ -306,6 +308,8 @@ def _difference(claimed: UncertainPlant, plant: UncertainPlant, letters: str = "
     )
     if ours != theirs:
         return "other parameter ranges"
+    if claimed.data != plant.data:
+        return "other data: what the plant was fitted to"
     if [p.rate for p in claimed.parameters] != [p.rate for p in plant.parameters]:
         return "other rates of parameters"
     return _other_name(claimed, plant)

@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, TextIO
 
+from polefence.base.beside import collected
 from polefence.base.errors import InputError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
@@ -31,7 +32,7 @@ _saved: ContextVar[list[str] | None] = ContextVar("files that were written", def
 def streams(options: Any) -> Iterator[None]:
     """Keep standard output for the JSON of ``--json -``, text going to stderr; drop it if quiet.
 
-    Files that were written are named at the end.
+    What is to be said beside the answers comes after them, and files that were written at the end.
     """
     token, names = _standard.set(sys.stdout), list[str]()
     listed = _saved.set(names)
@@ -41,8 +42,10 @@ def streams(options: Any) -> Iterator[None]:
             stack.enter_context(redirect_stdout(nowhere))
         elif getattr(options, "json", None) == STANDARD:
             stack.enter_context(redirect_stdout(sys.stderr))
+        notes = stack.enter_context(collected())
         try:
             yield
+            say(*notes)
         finally:
             _standard.reset(token)
             _saved.reset(listed)

@@ -67,7 +67,13 @@ def service_command(options: Any) -> int:
         write_figure(options.plot, margins_figure(service))
     if options.json is not None:
         rows = [_row(margin) for margin in service]
-        document = {"region": service.region.document(), "decay": service.decay, "margins": rows}
+        document: dict[str, Any] = {
+            "region": service.region.document(),
+            "decay": service.decay,
+            "margins": rows,
+        }
+        if design.plant.data is not None:
+            document["unproved"] = design.plant.data.note
         write_json(options.json, document)
     return PROVED if service.proved else NOT_PROVED
 

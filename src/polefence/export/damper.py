@@ -20,7 +20,7 @@ from polefence.proof.claims.words import largest, two
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
 from polefence.proof.plant import Plant
-from polefence.proof.text import digits_down, digits_up, number_text
+from polefence.proof.text import digits_down, digits_up, number_text, visible
 
 
 @explained
@@ -128,6 +128,7 @@ def _common(
         f"Proved, see {FILE_NAME}: the rms of {outputs} is at most {level} for all values of "
         "the parameters where the force is so at every instant; and the loop is exponentially "
         "stable whatever coefficients between the bounds are set, and when.",
+        *([] if plant.data is None else [visible(plant.data.note)]),
     )
     return {
         "marker": MARKER,

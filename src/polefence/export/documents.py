@@ -53,7 +53,8 @@ from polefence.proof.claims.rounding import (
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.document import Document
-from polefence.proof.text import late_text, milliseconds_text
+from polefence.proof.fitted import Data
+from polefence.proof.text import late_text, milliseconds_text, visible
 from polefence.proof.work import FormatError
 from polefence.region.regions import Region, region_of
 from polefence.region.text import digits_down, digits_up, short_text
@@ -336,7 +337,7 @@ def rebuilt_texts(table: Any, certificate: Certificate, facts: Facts, own_states
     return Texts(
         name,
         certificate.plant.name,
-        statement(facts),
+        statement(facts, certificate.plant.data),
         *names(certificate, own_states),
         tuple(map(float, limits)),
         facts.period,
@@ -482,8 +483,8 @@ def loop_of(timed: Timing) -> Loop:
     return Loop(sampled.sample_time, sampled.delay, decay, seen, proof.reason)
 
 
-def statement(facts: Facts) -> tuple[str, ...]:
-    """Return what is guaranteed, proved or sampled, and what is not."""
+def statement(facts: Facts, data: Data | None = None) -> tuple[str, ...]:
+    """Return what is guaranteed, proved or sampled, and what is not, of a plant from data say."""
     sentences = [_rounding(facts), *_timing(facts)]
     T = facts.sample_time
     if T is not None:
@@ -497,6 +498,8 @@ def statement(facts: Facts) -> tuple[str, ...]:
         sentences.append(SLOW)
     if facts.recovering:
         sentences.append(_anti_windup(facts))
+    if data is not None:
+        sentences.append(f"{data.note[:1].upper()}{visible(data.note[1:])}.")
     region = short_text(facts.region)
     return tuple(line for sentence in sentences for line in _wrapped(sentence, region))
 

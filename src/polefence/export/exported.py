@@ -220,7 +220,7 @@ def export_c99(
     texts = Texts(
         name,
         design.plant.name,
-        statement(facts),
+        statement(facts, design.plant.data),
         *names(design, order),
         cuts,
         facts.period,

@@ -94,6 +94,7 @@ def statement(design: Design) -> str:
         f"{design.region}, for every constant alpha of the family, of the numbers of design.json. "
         "Rounding, here and in MATLAB, sampling and delay are not in it."
         f"{' ' if design.note else ''}{design.note}"
+        f"{'' if design.plant.data is None else f' {visible(design.plant.data.note)}'}"
     )
 
 

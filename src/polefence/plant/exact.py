@@ -60,6 +60,7 @@ def file_plant(plant: UncertainPlant) -> Plant:
         outputs=tuple(_file_output(plant, output) for output in plant.every_output),
         vehicle=described,
         noise=plant.noise,
+        data=plant.data,
     )
 
 

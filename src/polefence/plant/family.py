@@ -44,6 +44,7 @@ from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.approximation import Functions
 from polefence.proof.between import Clock, Held
 from polefence.proof.dead_time import DeadTime
+from polefence.proof.fitted import Data
 from polefence.proof.functions import FUNCTIONS, Table, Tree, lift, variable
 from polefence.proof.matrices import MAX_BITS, common_denominator
 from polefence.proof.plant import Node
@@ -144,6 +145,8 @@ class UncertainPlant(Short):
         Of a table [car], at its parameters' low ends; a quarter car has a ``vehicle``.
     functions : Functions, optional
         Of the parameters, where entries are some: the remainder says which, and outputs do.
+    data : Data, optional
+        What it was fitted to: whatever is said of it also says that this is unproved.
 
     Raises
     ------
@@ -166,6 +169,7 @@ class UncertainPlant(Short):
     sampling: SamplesOf | None = None
     car: Car | None = field(default=None, compare=False)  # dumps writes its matrices alone
     functions: Functions | None = None
+    data: Data | None = None
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -286,7 +290,8 @@ class UncertainPlant(Short):
             (p.name, f"{float(p.low):g} to {float(p.high):g} {p.unit}") for p in self.parameters
         )
         named = ((key, ", ".join(getattr(self, key))) for key in ("states", "inputs"))
-        return card(self.name, [("family", self.size_text), *ranges, *named])
+        fitted = [("note", "" if self.data is None else self.data.note)]
+        return card(self.name, [("family", self.size_text), *ranges, *named, *fitted])
 
     @classmethod
     @explained

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from polefence.base.beside import say_beside
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained
 from polefence.base.files import read_text
@@ -24,12 +25,13 @@ from polefence.plant.expression import MAX_LENGTH, decimal, decimal_text, evalua
 from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split, weighted_sum
-from polefence.plant.parameters import Parameter, exact
+from polefence.plant.parameters import Parameter, check_label, exact
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
 from polefence.plant.weights import KEYS, with_reference, with_weight
 from polefence.proof.dead_time import DeadTime
+from polefence.proof.fitted import Data
 from polefence.proof.functions import Table
 from polefence.proof.ranges import ANY
 from polefence.proof.reading import Table as Entries
@@ -46,6 +48,7 @@ SUM = "sum"  # the key of an output that is a sum of signals
 _TOP = {"name", "region", "sample_time", "specification", "road", *_NAMES}
 _TOP |= {"outputs", "vehicle", "constants", "parameter", "definitions", "matrices", "vertex"}
 _TOP |= {"actuator", "dead_time", "sensor", "damper", "law", "car", "table", "reference", "weight"}
+_TOP |= {"data"}
 _OF_BODY = {"mass": "mass", "pitch_inertia": "pitch", "roll_inertia": "roll"}
 _OF_BODY |= {"felt": "felt", "height": "height"}
 _OF_WHEEL = ("mass", "spring", "damper", "tyre")
@@ -76,9 +79,12 @@ def loads(text: str, source: str = "spec") -> UncertainPlant:
     try:
         plant = _with_sums(_plant(data), data)
         require_sound(plant)
-        return _with_weights(_with_hardware(plant, data), data)
+        plant = _with_weights(_with_hardware(plant, data), data)
     except InputError as error:
         raise type(error)(f"{source}: {_one_line(error)}") from error
+    if plant.data is not None:
+        say_beside(plant.data.note)
+    return plant
 
 
 def region_text(path: str | Path) -> str | None:
@@ -242,6 +248,8 @@ def _plant(data: Mapping[str, Any]) -> UncertainPlant:
         names["sample_time"] = _sample_time(data["sample_time"])
     if "vehicle" in data:
         names["vehicle"] = _vehicle(data["vehicle"])
+    if "data" in data:
+        names["data"] = _fitted(data["data"])
     if "vertex" in data:
         for key in ("constants", "parameter", "definitions", "matrices", "car", "table"):
             if key in data:
@@ -599,6 +607,26 @@ def _single(label: str, rows: Mapping[str, Any]) -> dict[str, Any]:
     return {key: lines[0] for key, lines in rows.items()}
 
 
+def _fitted(table: Any) -> Data:
+    """Return what a plant was fitted to."""
+    try:
+        entries = Entries.of(_in_doubles(table), "data")
+        data = Data.read(entries)
+        entries.done()
+    except FormatError as error:
+        raise SpecError(str(error)) from error
+    for label in (*data.files, *(name for name, _ in data.outputs), data.place):
+        check_label(label, "data: a name")
+    return data
+
+
+def _in_doubles(value: Any) -> Any:
+    """Return a table as those of files are, whose numbers are rounded anyway."""
+    if isinstance(value, dict):
+        return {key: _in_doubles(item) for key, item in value.items()}
+    return float(value) if isinstance(value, Fraction | Decimal) else value
+
+
 def _parameter(name: str, table: Any) -> Parameter:
     where = f"parameter.{name}"
     if not isinstance(table, dict):
@@ -738,7 +766,30 @@ def _written(plant: UncertainPlant, lines: list[str]) -> str:
         head.append(f"sample_time = {_entry(plant.sample_time)}")
     given = {key: getattr(plant, key) for key in _NAMES if getattr(plant, key)}
     head += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
-    return "\n".join([*head, *lines, *_vehicle_lines(plant)]) + "\n"
+    return "\n".join([*head, *lines, *_vehicle_lines(plant), *data_lines(plant.data)]) + "\n"
+
+
+def data_lines(data: Data | None) -> list[str]:
+    """Return the table of what a plant was fitted to; nothing of others."""
+    if data is None:
+        return []
+    table = data.write()
+    outputs = table.pop("outputs")
+    lines = [f"{key} = {_plain_text(value)}" for key, value in table.items()]
+    return [
+        "\n[data]",
+        *lines,
+        "\n[data.outputs]",
+        *(f"{_quoted(name)} = {_plain_text(own)}" for name, own in outputs.items()),
+    ]
+
+
+def _plain_text(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_plain_text(item)}' for key, item in value.items())}}}"
+    if isinstance(value, list):
+        return _row_text(map(_plain_text, value))
+    return _quoted(value) if isinstance(value, str) else repr(value)
 
 
 def _vertex_lines(plant: UncertainPlant) -> list[str]:

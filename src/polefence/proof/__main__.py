@@ -24,7 +24,8 @@ def main(arguments: list[str]) -> int:
     (path,) = arguments
     try:
         with open(path, encoding="utf-8-sig") as file:
-            result = check(loads(file.read(MAX_BYTES + 1)))
+            document = loads(file.read(MAX_BYTES + 1))
+        result = check(document)
     except (OSError, UnicodeDecodeError, FormatError) as error:
         _say(f"{path}: {error}", sys.stderr)
         return BAD_INPUT
@@ -32,6 +33,8 @@ def main(arguments: list[str]) -> int:
     _say(f"{path}: {answer}: {result.reason}")
     for claim in result.claims:
         _say(f"  {'' if result.proved else 'claimed, not proved: '}{claim}")
+    if document.plant.data is not None:
+        _say(document.plant.data.note)
     return PROVED if result.proved else NOT_PROVED
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from polefence.proof.approximation import Functions
 from polefence.proof.dead_time import DeadTime
 from polefence.proof.entries import Placed, read_entries, write_entries
+from polefence.proof.fitted import Data
 from polefence.proof.late import Late, late_in
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
@@ -66,6 +67,7 @@ class Plant(Short):
     disturbances. With a ``remainder`` it is only near the combinations of the vertices, or on a
     part of the box whose corners are among the ``nodes`` near what is interpolated between those.
     Where entries are ``functions`` of the parameters its remainder says which, and so do outputs.
+    Where it was fitted to ``data``, these say what no proof says.
     """
 
     A: list[Rationals]
@@ -83,6 +85,7 @@ class Plant(Short):
     remainder: Remainder | None = None
     nodes: tuple[Node, ...] = ()
     functions: Functions | None = None
+    data: Data | None = None
 
     @property
     def n(self) -> int:
@@ -253,6 +256,7 @@ class Plant(Short):
             table.texts("noise") if "noise" in table else (),
             _remainder(table, (n, m, q)) if "remainder" in table else None,
             _nodes(table, (n, m, q)) if "nodes" in table else (),
+            data=Data.read(table.table("data")) if "data" in table else None,
         )
         if "functions" in table:
             plant = plant._with_functions(table.table("functions"))
@@ -311,6 +315,8 @@ class Plant(Short):
             table["vehicle"] = self.vehicle
         if self.noise:
             table["noise"] = list(self.noise)
+        if self.data is not None:
+            table["data"] = self.data.write()
         if self.functions is not None:
             table["functions"] = self._placed(self.functions)
         if self.remainder is not None and self.remainder.source is None:

@@ -24,7 +24,7 @@ def plant_summary(plant: UncertainPlant) -> dict[str, Any]:
         "inputs": m,
         "vertices": len(plant.vertices),
         "digest": plant.digest,
-    }
+    } | ({} if plant.data is None else {"unproved": plant.data.note})
 
 
 class RunOptions(TypedDict, total=False):

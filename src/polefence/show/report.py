@@ -221,6 +221,7 @@ def _claim(design: Design, answer: Check, besides: Sequence[Bound]) -> Section:
             "poles lie in the region. The proof was done afresh for this report, in integers."
             f"{note}",
             _left_out(design.plant, any(bound.kind == Estimate.kind for bound in besides)),
+            *([] if design.plant.data is None else [design.plant.data.note]),
         ),
         Table(("", ""), tuple(rows)),
     )

@@ -515,7 +515,7 @@ class Comparison(Short):
             "points": len(self.alpha),
             "rows": [asdict(row) for row in self.rows],
             "left out": dict(self.left_out),
-        }
+        } | ({} if self.plant.data is None else {"unproved": self.plant.data.note})
 
     def __str__(self) -> str:
         return "\n".join(map(visible, self.lines))

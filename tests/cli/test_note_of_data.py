@@ -52,7 +52,7 @@ COMMANDS = {
     "analyse": "analyse mass.toml --gain '[-1 -1]'",
     "verify": "verify mass.toml --gain '[-1 -1]'",
     "service": "service made -o margins",
-    "simulate": "simulate made --impulse-in w",
+    "simulate": "simulate made --impulse-in w=1",
     "report": "report made",
     "export": "export made -o code",
     "matlab": "export made --lang mat -o matlab",

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import islice
 
 import pytest
 
@@ -28,14 +29,15 @@ E = [[0], ["sqrt(p)"]]
 def bound():
     plant = loads(SPEC)
     question = _Question.of(plant, given_law(plant, [[0.0, 0.0]]), Gain(("x1",)))
-    found = next(filter(None, (question.over_grid(question.worst * times) for times in (2, 3))))
-    assert found.level > question.worst
-    return found
+    grids = list(islice(question.on_grids, 3))
+    assert question.worst < grids[2].level < grids[1].level < grids[0].level
+    return question.on_grid(grids[2], grids[2].level * (1 + 1e-4))
 
 
 def test_a_continuous_Q_is_a_proof(bound):
-    assert len(bound.claim.subject.evidence.cells) > 1
+    assert len(bound.claim.subject.evidence.cells) == 4
     assert prove(bound.claim).proved
+    assert not prove(replace(bound.claim, level=bound.claim.level * Fraction(99, 100))).proved
 
 
 def test_a_step_between_cells_is_none(bound):

@@ -165,7 +165,7 @@ class Interpolation:
             r = room / of_more
             Q = domain.interpolated(least + first + r * more, self.degree)
             T = np.linalg.inv(np.linalg.cholesky(R + r * S))
-            cover = self._cover(Q, None, T.T)
+            cover = self.cover(Q, None, T.T)
             missed, bound = self._missed(Q, None, cover)
             if bound < level and np.linalg.eigvalsh(T @ missed @ T.T).max() < 0:
                 return Dual(Q, self.degree, bound, cover)
@@ -199,7 +199,7 @@ class Interpolation:
             if Q is None:
                 return None
             if self.problem.plant.remainder is not None:
-                cover = self._cover(Q, cover, level=level)
+                cover = self.cover(Q, cover, level=level)
             missed, bound = self._missed(Q, level, cover)
             missed = T.T @ missed @ T
             if np.linalg.eigvalsh(missed).max() < 0 < np.linalg.eigvalsh(T.T @ Q[0] @ T).min():
@@ -286,7 +286,7 @@ class Interpolation:
             middle = np.sqrt(low * high)
         return high
 
-    def _cover(
+    def cover(
         self,
         Q: Array,
         known: Cover | None,
@@ -319,7 +319,7 @@ class Interpolation:
         share = float(np.square(Y @ units).sum(axis=(-2, -1)).max()) / level**2
         return cheapest(np.array(entries, dtype=float), a, b, share)
 
-    def _driving(self, cover: Cover) -> Array:
+    def driving(self, cover: Cover) -> Array:
         """Return the columns of the disturbances as they are scaled."""
         problem, (n, m) = self.problem, self.problem.plant.shape
         columns = cover.columns[n + m :] * problem.scales
@@ -370,7 +370,7 @@ class Interpolation:
             missed = self._above_step(level, both, U, QE, border, cover)
         elif not np.any(F):
             bound, QE = level, WQ @ E
-            rest = level - (0.0 if cover is None else self._driving(cover) ** 2)
+            rest = level - (0.0 if cover is None else self.driving(cover) ** 2)
             if np.min(rest) <= 0:
                 raise np.linalg.LinAlgError("the remainder takes more than the level")
             moved = (QE / rest) @ QE.swapaxes(-1, -2)
@@ -382,7 +382,7 @@ class Interpolation:
             bound, (N, QE, Y, F) = level, map(self._bernstein, (both, WQ @ E, Y, F))
             square = level * np.eye(F.shape[-1])
             if cover is not None:
-                square = square - np.diag(self._driving(cover) ** 2)
+                square = square - np.diag(self.driving(cover) ** 2)
             corner = np.broadcast_to(square, (len(F), *square.shape))
             missed = self._complement(level, N, QE, corner, Y, F)
             if border is not None:
@@ -395,7 +395,7 @@ class Interpolation:
 
     def _more(self, bound: float, cover: Cover) -> float:
         """Return the bound with the remainder of the disturbances added."""
-        share, driving = float(SHARE), self._driving(cover)
+        share, driving = float(SHARE), self.driving(cover)
         if not np.any(driving):
             return bound
         more = (1 + 1 / share) * cover.kappa * float(np.sum(driving**2))
@@ -416,7 +416,7 @@ class Interpolation:
         corner = level * np.eye(q) - E.swapaxes(-1, -2) @ QE
         if cover is not None and border is not None:
             share = 1 + self.problem.step * cover.kappa
-            corner = corner - share * np.diag(self._driving(cover) ** 2)
+            corner = corner - share * np.diag(self.driving(cover) ** 2)
             below = QE.swapaxes(-1, -2) * cover.rows
             whole = np.concatenate([border, below], -2)
             whole = self._bernstein(whole)

@@ -89,11 +89,41 @@ def test_poles_rms_and_gain_are_proved_near_the_truth(modes, tmp_path):
     assert not check(loads(json.dumps(document))).proved
 
 
-def test_no_pole_beyond_the_region_is_proved():
+@pytest.mark.parametrize(
+    ("region", "slowest"),
+    [(pf.HalfPlane, "decay"), (pf.Sector, "damping"), (lambda r: pf.Disk(-40, 1 / r), "reach")],
+    ids=["half_plane", "sector", "disk"],
+)
+def test_a_region_is_proved_up_to_the_worst_pole_and_refuted_beyond_it(region, slowest):
+    plant, none = structure(35), np.zeros((1, 70))
+    poles = np.linalg.eigvals(parts(plant)[0])
+    truth = {
+        "decay": -poles.real.max(),
+        "damping": (-poles.real / np.abs(poles)).min(),
+        "reach": 1 / np.abs(poles + 40).max(),
+    }[slowest]
+    assert pf.analyse(plant, none, region(truth * (1 - 1e-5))).kept == "proved"
+    beyond = pf.analyse(plant, none, region(truth * (1 + 1e-5)))
+    assert beyond.kept == "refuted"
+    assert np.abs(poles - beyond.pole).min() < 1e-6
+    assert not region(truth * (1 + 1e-5)).distance(np.array([beyond.pole])) < 0
+
+
+@pytest.mark.parametrize(
+    ("of", "centre"), [("half_plane", None), ("sector", None), ("disk", -40.0)], ids=str
+)
+def test_the_reach_of_many_states_is_proved_near_the_truth(of, centre):
     plant = structure(35)
-    decay = -np.linalg.eigvals(parts(plant)[0]).real.max()
-    analysis = pf.analyse(plant, np.zeros((1, 70)), pf.HalfPlane(1.01 * decay))
-    assert analysis.kept != "proved"
+    poles = np.linalg.eigvals(parts(plant)[0])
+    reach = pf.worst_case(plant, np.zeros((1, 70)), of, centre)
+    assert reach.region is not None
+    assert reach.certificate.holds()
+    proved, truth, sign = {
+        "half_plane": (getattr(reach.region, "decay", 0), -poles.real.max(), -1),
+        "sector": (getattr(reach.region, "damping", 0), (-poles.real / np.abs(poles)).min(), -1),
+        "disk": (getattr(reach.region, "radius", 0), np.abs(poles + 40).max(), 1),
+    }[of]
+    assert 0 <= sign * (proved / truth - 1) < 1e-4
 
 
 def test_samples_of_many_states_are_proved_too():

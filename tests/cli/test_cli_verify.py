@@ -102,7 +102,7 @@ def test_nothing_is_saved_where_nothing_is_proved(mine, capsys):
         (["mine.npz", "--gain", "[1 2 3]"], "--gain: the gain is 1 x 3; mine needs 1 x 2"),
         (["mine.npz", "--region", "disc(1, 2)"], "disc"),
         (["minus.npz"], "minus.npz: holds neither a gain K nor W and Z"),
-        (["car.toml"], "car.toml: a spec has no gain; name one by --gain"),
+        (["car.toml"], "car.toml: a spec has no gain; name one by --gain, or none by --gain none"),
         (["out"], "out: a file of claims; polefence check proves it afresh"),
         (["mine.npz", "--lyapunov", "mine.npz", "--gain", "two.npz"], "for one gain K"),
         (["mine.npz", "--limit", "gain of x1 <= 1", "-o", "mine.npz"], "mine.npz"),

@@ -7,7 +7,7 @@ is an honest answer (exit 1).
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -113,7 +113,28 @@ def suggest(word: str, known: Iterable[str]) -> str:
     word = word[:LONGEST]
     lower = {w.lower(): w for w in words}
     near = difflib.get_close_matches(word.lower(), lower, n=1)
-    return f"did you mean {lower[near[0]]!r}?" if near else f"known: {', '.join(words) or 'none'}"
+    return (
+        f"did you mean {lower[near[0]]!r}?"
+        if near
+        else f"known: {', '.join(_listed(words)) or 'none'}"
+    )
+
+
+def _listed(words: Sequence[str]) -> list[str]:
+    """Return words with x1, x2, ..., x270 in one: "x1 to x270"."""
+    series = dict[str, list[int]]()
+    for word in words:
+        name = word.rstrip("0123456789")
+        if name != word and not word[len(name) :].startswith("0"):
+            series.setdefault(name, []).append(int(word[len(name) :]))
+    long = {
+        name: sorted(numbers)
+        for name, numbers in series.items()
+        if len(numbers) > 3 and max(numbers) - min(numbers) == len(numbers) - 1
+    }
+    inside = {f"{name}{k}" for name, numbers in long.items() for k in numbers}
+    listed = [word for word in words if word not in inside]
+    return sorted(listed + [f"{name}{k[0]} to {name}{k[-1]}" for name, k in long.items()])
 
 
 def require_type(value: object, kind: type, name: str, remedy: str) -> None:

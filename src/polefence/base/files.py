@@ -47,7 +47,10 @@ def read_text(path: Path, limit: int, error: type[InputError]) -> str:
     try:
         return raw.decode("utf-8-sig")  # some editors begin with a mark
     except UnicodeDecodeError as problem:
-        raise error(f"{path}: not UTF-8 text") from problem
+        raise error(
+            f"{path}: not UTF-8 text; polefence verify reads matrices of other tools, and writes "
+            "by -o DIR what other commands read"
+        ) from problem
 
 
 def check_target(path: Path) -> None:

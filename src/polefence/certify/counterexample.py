@@ -212,19 +212,22 @@ def leaves(
 
     Entries of N may be ``off`` by so much.
 
-    By a matrix P that floats find (`roots.Outside`); where that fails, as for a pole on the
-    boundary, by the characteristic polynomial. A W that is singular keeps no pole.
+    By a matrix P that floats find (`roots.Outside`), in more work where the loop is large; where
+    that fails, as for a pole on the boundary, by the characteristic polynomial. A W that is
+    singular keeps no pole.
 
     Raises
     ------
     FormatError
         If that is more work than is done here.
     """
-    with work.counted():
+    large = len(loop[0]) > work.LARGE
+    with work.counted(work.MAX_IN_PARTS if large else None):
         if shown(loop, region, off) is not None:
             return True
-        if off:
-            return False
+    if off:
+        return False
+    with work.counted():
         closed = matrices.right_divide(*loop)
         return closed is None or not roots.all_inside(closed, region)
 

@@ -23,6 +23,7 @@ from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
 from polefence.certify.evaluation import lyapunovs
 from polefence.certify.evidence import (
+    LADDER,
     Search,
     certificate_of,
     evidence_at,
@@ -38,6 +39,7 @@ from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.conditions.target import Around, Decays, Disks, Goal, Sectors
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import LyapunovPolynomial, least
+from polefence.lmi.solve.one_loop import modal
 from polefence.lmi.solve.smallest import typical_rate
 from polefence.plant.boxes import MOST_BENT
 from polefence.plant.card import card
@@ -439,7 +441,8 @@ def worst_case(
     best: _Proved | None = None
     cut = False
     for form in ladder if np.isfinite(question.bound) else ():
-        reached = _tried(plant, law, question, form)
+        by_modes = _by_modes(plant, law, question) if form == LADDER[0] else None
+        reached = by_modes or _tried(plant, law, question, form)
         if reached is not None and (best is None or reached[0] < best[0]):
             best = reached
         near = best is not None and best[0] <= question.bound * (1 + 1e-4)
@@ -520,6 +523,22 @@ def _tried(
     points = _points(loop_of(plant, law), question, form)
     steps = STEPS if plant.remainder is None else (*STEPS, 3e-2, 1e-1)
     return first(proved(point, point.r * (1 + step)) for point in points for step in steps)
+
+
+def _by_modes(plant: UncertainPlant, law: Law, question: _Question) -> _Proved | None:
+    """Return the least r that the modes of one loop prove, with its region; also of many states."""
+    with suppress(np.linalg.LinAlgError):
+        loop = loop_of(plant, law)
+        for r in (question.bound * (1 + step) for step in STEPS):
+            region = question.region(r)
+            if region is None:
+                continue
+            for polynomial in modal(loop, region):
+                evidence = whole_evidence(plant, law, polynomial, LADDER[0])
+                certificate = certificate_of(plant, law, region, [evidence])
+                if certificate.holds():
+                    return r, region, certificate
+    return None
 
 
 def _beyond(

@@ -69,8 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="WHAT",
         help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design, a table "
         "or a compensator; .mat, .npz, .npy or .csv with a K, or Ac, Bc, Cc, Dc; or u = K y: "
-        "'(s + 50)/(s + 500)', rows of these, or of formulas in the parameters; default: that "
-        "of PLANT",
+        "'(s + 50)/(s + 500)', rows of these, or of formulas in the parameters; none: u = 0; "
+        "default: that of PLANT",
     )
     parser.add_argument(
         "--measured",

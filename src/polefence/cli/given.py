@@ -38,7 +38,7 @@ WANTED = (
     'compensator {"A": ..., "B": ..., "C": ..., "D": ...}'
 )
 Found = tuple[Compensator, tuple[str, ...]]  # with the names that a file has for it
-NONE, SPEC = "none", "spec"  # of limits: the poles alone; all that a spec asks for
+NONE, SPEC = "none", "spec"  # of limits: the poles alone; all of a spec. Of a gain: u = 0
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,8 @@ def _given(
     plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
 ) -> Found | None:
     """Return the compensator that the options name; None of any other law."""
+    if options.gain == NONE:
+        return None
     try:
         found = None
         if options.gain is not None:
@@ -271,10 +273,15 @@ def _is_file_of_others(what: str) -> bool:
 def _law(
     plant: UncertainPlant, arrays: Arrays | None, names: dict[str, str], options: Any
 ) -> Law | GainTable:
+    if options.gain == NONE:
+        n, m = plant.shape
+        return given_law(plant, [[0] * n] * m)
     if options.gain is not None:
         return read_gain(plant, options.gain, names)
     if arrays is None:
-        raise InputError(f"{options.spec}: a spec has no gain; name one by --gain")
+        raise InputError(
+            f"{options.spec}: a spec has no gain; name one by --gain, or none by --gain none"
+        )
     return law_from(arrays, plant)
 
 

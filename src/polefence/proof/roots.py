@@ -64,9 +64,7 @@ def is_outside(
     N, W = (whole_numbers(M, common_denominator(list(loop), LONGEST)) for M in loop)
     S, T = (whole_numbers(M, common_denominator([by.S, by.T], LONGEST)) for M in (by.S, by.T))
     left = transposed(W)
-    SN, TN, SW, TW = (
-        multiplied(left, multiplied(*pair)) for pair in ((S, N), (T, N), (S, W), (T, W))
-    )
+    SN, TN, SW, TW = (_between(left, *pair) for pair in ((S, N), (T, N), (S, W), (T, W)))
     ahead = [
         [p * a + q * b for a, b in zip(*rows, strict=True)] for rows in zip(SN, TN, strict=True)
     ]
@@ -77,12 +75,33 @@ def is_outside(
     skew = [[2 * c * TW[i][j] - aside[i][j] + aside[j][i] for j in range(n)] for i in range(n)]
     if off:  # of W' (S + iT) an entry times what a column of N is off by, in every row of the sum
         whole = common_denominator(list(loop), LONGEST)
-        both = (multiplied(left, M) for M in (S, T))
+        both = (_product(left, M) for M in (S, T))
         largest = max(sum(map(abs, x)) + sum(map(abs, y)) for x, y in zip(*both, strict=True))
         more = math.ceil(4 * n * (abs(p) + abs(q)) * largest * off * whole)
         real = [[x - more * (i == j) for j, x in enumerate(row)] for i, row in enumerate(real)]
     decreases = is_positive_definite(_embedded(real, skew))
     return decreases and not is_positive_definite(_embedded(S, T))
+
+
+def _between(left: Integers, P: Integers, right: Integers) -> Integers:
+    return _product(left, _product(P, right))
+
+
+def _product(P: Integers, Q: Integers) -> Integers:
+    """Return the product of two matrices; at once where one is zero, or a multiple of the unit."""
+    for one, other in ((P, Q), (Q, P)):
+        factor = _multiple(one)
+        if factor is not None:
+            spend(len(P) ** 2, bits(other), factor.bit_length())
+            return [[factor * x for x in row] for row in other]
+    return multiplied(P, Q)
+
+
+def _multiple(M: Integers) -> int | None:
+    """Return c of M = c I; None of another matrix."""
+    c = M[0][0]
+    alike = all(x == c * (i == j) for i, row in enumerate(M) for j, x in enumerate(row))
+    return c if alike else None
 
 
 def _embedded(real: Integers, skew: Integers) -> Integers:

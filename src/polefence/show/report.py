@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OURS = "this design"
+MOST_SIGNALS = 24  # of which responses are drawn
 MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
@@ -500,6 +501,10 @@ def responses(design: Design) -> Section:
     """Return step responses."""
     plant = design.plant
     signals = [*states(plant), *inputs(plant), *plant.every_output]
+    count, fewer = len(signals), ""
+    if count > MOST_SIGNALS:
+        signals = [*plant.every_output, *inputs(plant), *states(plant)][:MOST_SIGNALS]
+        fewer = f" Of {count} signals these are the first {MOST_SIGNALS}, outputs before others."
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
     try:
@@ -523,7 +528,7 @@ def responses(design: Design) -> Section:
         (
             f"To a unit step of {name}{size}, over {len(alpha)} points of the family: the largest "
             "peak, what is left while the step stays, and the longest time until a signal is near "
-            "that for good (near zero: within that share of its peak).",
+            f"that for good (near zero: within that share of its peak).{fewer}",
         ),
         Table(("signal", "largest peak", "left", *heads), rows),
         responses_figure({plant.name: response}),

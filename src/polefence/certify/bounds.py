@@ -35,7 +35,7 @@ from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve.along_motions import Along, along_motions
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.duals import Known as KnownParts
-from polefence.lmi.solve.duals import Part, duals, in_parts
+from polefence.lmi.solve.duals import Part, duals, in_parts, without_errors
 from polefence.lmi.solve.late import LateSearch
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import (
@@ -46,8 +46,10 @@ from polefence.lmi.solve.lyapunov import (
     work,
 )
 from polefence.lmi.solve.piecewise import OnGrid, on_grids
+from polefence.lmi.solve.piecewise import without_errors as grid_without_errors
 from polefence.lmi.solve.spread import spread_of
 from polefence.lmi.solve.started import StartedSearch
+from polefence.plant.boxes import Box
 from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -129,6 +131,9 @@ class Bound(Short):
         What was proved.
     parameters : tuple of Parameter
         Of the plant.
+    errors : float, optional
+        Of a plant with functions of its parameters, by what share the level would be lower if the
+        polynomials that stand for them were exact, with as many parts of the box; in floats.
     """
 
     specification: Specification
@@ -137,6 +142,7 @@ class Bound(Short):
     degree: int
     reason: str
     parameters: tuple[Parameter, ...] = ()
+    errors: float | None = None
 
     def __str__(self) -> str:
         return f"{self.specification.title} <= {digits_up(self.level)}"
@@ -214,7 +220,7 @@ def _best_bound(
         given = known_bound(plant, law, specification, known)
         if given is not None and (best is None or given.level < best.level):
             best = given
-    return best
+    return None if best is None else question.with_errors(best)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,6 +349,30 @@ class _Question:
         if self.problem is not None:
             parts = in_parts(self.problem, level, known=self.known_parts)
         return self._of(parts, level)
+
+    def with_errors(self, bound: Bound) -> Bound:
+        """Return the bound with what enclosing functions of the parameters takes of it."""
+        problem, evidence = self.problem or self.moved, bound.claim.subject.evidence
+        remainder = self.plant.remainder
+        if self.plant.functions is None or problem is None or remainder is None:
+            return bound
+        if not evidence.cells and not any(map(any, remainder.entries)):
+            return replace(bound, errors=0.0)
+        if not evidence.per_cell[0].dual:
+            return bound
+        whole = Box.whole(problem.domain)
+        boxes = [
+            Box(tuple(map(float, cell.low)), tuple(map(float, cell.high)))
+            for cell in evidence.cells
+        ] or [whole]
+        degrees = [part.degree for part in evidence.per_cell]
+        exact: float | None
+        if self.moved is not None:
+            exact = grid_without_errors(problem, boxes, degrees[0], self.worst)
+        else:
+            exact = without_errors(problem, list(zip(boxes, degrees, strict=True)), self.worst)
+        share = max(0.0, 1 - exact / bound.level) if exact else None
+        return replace(bound, errors=share)
 
     def _of(self, parts: Sequence[Part] | None, level: float) -> Bound | None:
         """Return the bound of that level if these parts prove it."""

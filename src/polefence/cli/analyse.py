@@ -21,7 +21,14 @@ from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
 from polefence.cli.given import NONE, SPEC, Given, is_written, read_given
-from polefence.cli.lines import decay_lines, decay_of, every_alpha, image_text, samples_text
+from polefence.cli.lines import (
+    decay_lines,
+    decay_of,
+    errors_text,
+    every_alpha,
+    image_text,
+    samples_text,
+)
 from polefence.cli.options import (
     budget_argument,
     centre_argument,
@@ -219,7 +226,8 @@ def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
         return f"{verified.answer}: {limit}; no bound is proved, {sampled}"
     level = verified.bound.level
     loose = "; not tight: the worst case lies between" * is_loose(level, verified.worst)
-    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, {sampled}{loose}"
+    taken = errors_text(verified.bound)
+    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, {sampled}{loose}{taken}"
 
 
 def _clock_text(analysis: Analysis) -> list[str]:
@@ -258,6 +266,7 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
                 "limit": verified.specification.at_most,
                 "answer": verified.answer,
                 "proved": None if verified.bound is None else verified.bound.level,
+                "errors": None if verified.bound is None else verified.bound.errors,
                 "sampled": None if verified.worst == np.inf else verified.worst,
                 "lost samples borne": verified.specification.borne(analysis.plant, analysis.law),
                 "alpha": list(verified.alpha),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polefence.certify.bounds import Bound
 from polefence.certify.checks import decays, in_time_of
 from polefence.certify.design import Design
 from polefence.law.laws import Law
@@ -28,6 +29,7 @@ from polefence.region.z_plane import shares
 from polefence.requirements.specification import Specification
 
 MOST_GAINS = 8  # vertices whose gains are printed one by one
+LITTLE = 0.001  # % of a bound, below which no digits are printed
 
 
 def order_lines(plant: UncertainPlant, structure: Structure | None) -> list[str]:
@@ -197,3 +199,12 @@ def gain_lines(gains: Mapping[str, list[list[float]]]) -> list[str]:
 def matrix_text(rows: Any) -> str:
     """Print a matrix in a line, its rows separated by semicolons."""
     return "[" + "; ".join(" ".join(f"{e:.6g}" for e in row) for row in rows) + "]"
+
+
+def errors_text(bound: Bound) -> str:
+    """Say what enclosing functions of the parameters takes of a bound; "" where there are none."""
+    if bound.errors is None:
+        return ""
+    share = 100 * bound.errors
+    takes = f"{digits_up(share, 2)} %" if share >= LITTLE else f"under {LITTLE} %"
+    return f"; enclosing the functions takes {takes} of it"

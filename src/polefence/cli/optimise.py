@@ -26,6 +26,7 @@ from polefence.certify.design import FILE_NAME
 from polefence.cli.lines import (
     decay_lines,
     decay_of,
+    errors_text,
     every_alpha,
     gains_of,
     law_lines,
@@ -366,6 +367,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
         note = "minimised" if row.minimised else "limit"
         if row.minimised and is_loose(row.bound.level, row.with_law.worst):
             note += ", not tight: the worst case lies between"
+        note += errors_text(row.bound)
         text = " ".join([f"  {row.label:<{width}}", *(f"{cell:>13}" for cell in cells), f" {note}"])
         lines.append(text)
     lines += samples_text(done.plant, [row.bound.specification for row in rows])
@@ -505,6 +507,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "degree": row.bound.degree,
                 "worst sampled": row.with_law.worst,
                 "conservatism": row.conservatism,
+                "errors": row.bound.errors,
                 "passive": None if row.passive is None else row.passive.worst,
                 "at samples": row.at_samples,
             }

@@ -220,6 +220,8 @@ class DualProblem:
         Of the outputs, where functions of the parameters are among their entries.
     at_points : bool
         Whether loops are asked for at points alone: outputs are then these functions themselves.
+    errors : bool
+        Whether on a part of the box polynomials stand for functions with what they are off by.
     decay : float
         Rate by which all states are to fall over periods of any length besides [1/s].
     """
@@ -241,6 +243,7 @@ class DualProblem:
     decay: float = 0.0
     near: tuple[Remainder | None, ...] = ()
     at_points: bool = False
+    errors: bool = True
 
     @property
     def domain(self) -> Domain:
@@ -338,6 +341,9 @@ class DualProblem:
         near = tuple(known and known.inside(low, high) for known in self.near)
         E = np.stack([v.E for v in plant.vertices if v.E is not None]) * self.scales
         law = self.law.inside(plant, low, high)
+        if not self.errors:
+            plant = replace(plant, remainder=plant.remainder and _exact(plant.remainder))
+            near = tuple(known and _exact(known) for known in near)
         problem = replace(self, plant=plant, law=law, C=C, D=D, E=E, F=F, near=near)
         return replace(problem, between=True, means=means, storing=storing)
 
@@ -506,6 +512,12 @@ class DualProblem:
         if self.law.W is None:
             return N, Y, E, F
         return right_divide(N, W), right_divide(Y, W), E, F
+
+
+def _exact(remainder: Remainder) -> Remainder:
+    """Return it as if nothing were off."""
+    none = tuple(tuple(Fraction(0) for _ in row) for row in remainder.entries)
+    return replace(remainder, entries=none)
 
 
 def beside(alpha: Array, ends: Array) -> Array:

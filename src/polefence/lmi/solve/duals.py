@@ -137,6 +137,27 @@ def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterat
                 yield dual
 
 
+def without_errors(
+    problem: DualProblem, parts: Sequence[tuple[Box, int]], worst: float
+) -> float | None:
+    """Return what would be proved in the same parts if polynomials were the functions themselves.
+
+    Parameters
+    ----------
+    parts : sequence of Box and int
+        With the degree of the dual polynomial in each.
+    """
+    exact, largest = replace(problem, errors=False), 0.0
+    for box, degree in parts:
+        dual: Dual | None = None
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+            dual = _of(exact.inside(box), degree).least(worst)
+        if dual is None:
+            return None
+        largest = max(largest, dual.level)
+    return largest
+
+
 class Search(Protocol):
     """The search for a dual of one degree."""
 

@@ -356,6 +356,21 @@ def _narrowed(parameter: Parameter, low: float, high: float) -> Parameter:
     return replace(parameter, low=start, high=end)
 
 
+def without_errors(problem: DualProblem, parts: Sequence[Box], degree: int, worst: float) -> float:
+    """Return what a grid would prove if polynomials were the functions themselves; 0: unknown.
+
+    Parameters
+    ----------
+    parts : sequence of Box
+        Its cells.
+    degree : int
+        Of Q.
+    """
+    counts = tuple(len(set(ends)) for ends in zip(*(box.low for box in parts), strict=True))
+    found = Grid(replace(problem, errors=False), counts, degree).least(worst)
+    return 0.0 if found is None else found.level
+
+
 def on_grids(problem: DualProblem, worst: float) -> Iterator[OnGrid]:
     """Yield what is found on finer and finer grids.
 

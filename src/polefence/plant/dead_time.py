@@ -149,16 +149,12 @@ def _larger(
         passed = [x + delta * y for x, y in zip(c, b, strict=True)]
         straight = delta * covering.gain
 
-        def at(h: Fraction, D: Sequence[Fraction]) -> list[Fraction]:
-            return [straight * h if k == column else x for k, x in enumerate(D)]  # noqa: B023
-
-        def own(h: Fraction) -> list[Fraction]:
-            return [h * x for x in passed]  # noqa: B023
-
         entering = [ZERO if column is None else row[column] for row in vertex.exact_B]
         C, D, E = (key[old] for key in rows[signal.name])
-        A = [(*row, *own(h)) for row, h in zip(vertex.exact_A, entering, strict=True)]
-        B = [at(h, row) for row, h in zip(vertex.exact_B, entering, strict=True)]
+        A = [(*row, *_times(h, passed)) for row, h in zip(vertex.exact_A, entering, strict=True)]
+        B = [
+            _put(row, column, straight * h) for row, h in zip(vertex.exact_B, entering, strict=True)
+        ]
         A += [
             (*(x * y / T for x in C), *(x / T for x in line)) for line, y in zip(F, g, strict=True)
         ]
@@ -170,7 +166,7 @@ def _larger(
         for y in plant.outputs:
             C_y, D_y, F_y = (key[old] for key in rows[y.name])
             h = ZERO if column is None else D_y[column]
-            found[y.name].append([(*C_y, *own(h)), at(h, D_y), F_y])
+            found[y.name].append([(*C_y, *_times(h, passed)), _put(D_y, column, straight * h), F_y])
         found[""].append(
             [(*(straight * x for x in C), *passed), *([straight * x for x in M] for M in (D, E))]
         )
@@ -186,6 +182,15 @@ def _larger(
         states=(*labels_of(states(plant)), *names),
         outputs=tuple(outputs),
     )
+
+
+def _times(factor: Fraction, row: Sequence[Fraction]) -> list[Fraction]:
+    return [factor * x for x in row]
+
+
+def _put(row: Sequence[Fraction], column: int | None, value: Fraction) -> list[Fraction]:
+    """Return a row with a value in a column; None: as it is."""
+    return [value if k == column else x for k, x in enumerate(row)]
 
 
 def covering_of(order: int, shift: Fraction) -> Covering:

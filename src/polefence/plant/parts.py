@@ -63,7 +63,7 @@ def _part(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
     return replace(
         plant,
         vertices=vertices,
-        parameters=tuple(map(_narrowed, plant.parameters, low, high)),
+        parameters=tuple(map(_still, plant.parameters, low, high)),
         outputs=tuple(_inside(plant, output, low, high) for output in plant.every_output),
         vehicle=None,
         remainder=remainder,
@@ -189,12 +189,15 @@ def _sampled(sampling: SamplesOf, T: Fraction, at: Point, weights: list[Fraction
     ]
 
 
-def _narrowed(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:
-    """Return a parameter on a part of its interval; weights are of p, or of 1/p."""
+def narrowed(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:
+    """Return a parameter on a part of its interval, as it moves; weights are of p, or of 1/p."""
     first, last = parameter.scheduling(parameter.low), parameter.scheduling(parameter.high)
-    ends = (parameter.scheduling(first + (last - first) * t) for t in (low, high))
-    start, end = ends
-    return replace(parameter, low=start, high=end, rate=None)
+    start, end = (parameter.scheduling(first + (last - first) * t) for t in (low, high))
+    return replace(parameter, low=start, high=end)
+
+
+def _still(parameter: Parameter, low: Fraction, high: Fraction) -> Parameter:
+    return replace(narrowed(parameter, low, high), rate=None)
 
 
 def _inside(plant: UncertainPlant, output: Output, low: Point, high: Point) -> Output:

@@ -27,6 +27,8 @@ from polefence.proof import intervals
 from polefence.proof.intervals import Interval, enclosing
 from polefence.proof.matrices import ZERO
 from polefence.proof.reading import Table, plain
+from polefence.proof.regions import HalfPlane
+from polefence.proof.roots import all_inside
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -103,7 +105,7 @@ class Covering(Short):
     @cached_property
     def is_sound(self) -> bool:
         """Whether |e^-s D - N|^2 < |M|^2 is shown on the line Re s = -a, D to the left of it."""
-        return _is_stable(_shifted(self.pade[1], -self.shift)) and self._covers()
+        return all_inside(self.chain[0], (HalfPlane(self.shift),)) and self._covers()
 
     def _covers(self) -> bool:
         n = self.order
@@ -192,23 +194,6 @@ def _high(M: Series, energy: Series, left_out: Series, square: Interval) -> Frac
         if min(beyond) >= 0 and beyond[0] > 0:
             return high
     return None
-
-
-def _is_stable(P: Series) -> bool:
-    """Whether all roots of a polynomial are in the open left half-plane (Routh)."""
-    if P[-1] < 0:
-        P = [-x for x in P]
-    upper, lower = list(reversed(P))[::2], list(reversed(P))[1::2]
-    while lower:
-        if upper[0] <= 0 or lower[0] <= 0:
-            return False
-        ratio = upper[0] / lower[0]
-        following = [
-            x - (ratio * lower[k + 1] if k + 1 < len(lower) else ZERO)
-            for k, x in enumerate(upper[1:])
-        ]
-        upper, lower = lower, following
-    return upper[0] > 0
 
 
 def _on_line(P: Series, shift: Fraction) -> tuple[Series, Series]:

@@ -33,7 +33,7 @@ from polefence.lmi.solve.search import attempt, interior
 from polefence.lmi.solve.stacked import stack
 from polefence.plant.boxes import Box, equal
 from polefence.plant.motion import Motion
-from polefence.plant.parameters import Parameter
+from polefence.plant.parts import narrowed
 from polefence.plant.system import Array
 
 CELLS = (1, 2, 4, 8, 16, 32, 64)  # along each moving parameter
@@ -122,8 +122,10 @@ class Grid:
 
     def _motion_in(self, box: Box) -> Motion:
         plant = self.problem.plant
-        ends = zip(plant.parameters, box.low, box.high, strict=True)
-        return Motion.of(replace(plant, parameters=tuple(_narrowed(*part) for part in ends)))
+        low, high = (map(Fraction, ends) for ends in (box.low, box.high))
+        return Motion.of(
+            replace(plant, parameters=tuple(map(narrowed, plant.parameters, low, high)))
+        )
 
     @cached_property
     def units(self) -> Array:
@@ -346,14 +348,6 @@ class Cell:
         """Return the cell's dual polynomial for a level."""
         dual = Dual(Q[list(self.at)], self.inner.degree, level, self.cover(Q, known, level))
         return Part(tuple(self.box.low), tuple(self.box.high), dual)
-
-
-def _narrowed(parameter: Parameter, low: float, high: float) -> Parameter:
-    """Return a parameter on a part of its interval, as it moves."""
-    first, last = parameter.scheduling(parameter.low), parameter.scheduling(parameter.high)
-    ends = (first + (last - first) * Fraction(t) for t in (low, high))
-    start, end = map(parameter.scheduling, ends)
-    return replace(parameter, low=start, high=end)
 
 
 def without_errors(problem: DualProblem, parts: Sequence[Box], degree: int, worst: float) -> float:

@@ -111,6 +111,36 @@ def test_the_loop_of_tan_hang_and_chai(rate, most):
     assert prove(bound.claim).proved
 
 
+TURNING = """
+inputs = ["v1", "v2"]
+disturbances = ["w1", "w2"]
+[parameter.omega]
+range = [-10, 10]
+rate = [-20, 20]
+[matrices]
+A = [[0.75, 2, 1, 0, 0, 0], [0, 0.5, 0, 1, 0, 0],
+     [0, 0, -10, "omega", 0, 0], [0, 0, "-omega", -10, 0, 0],
+     [0, 0, 0, 0, -0.2, 0], [0, 0, 0, 0, 0, -0.2]]
+B = [[0, 0], [0, 0], [10, 0], [0, 10], [0, 0], [0, 0]]
+E = [[0, 0], [0, 0], [0, 0], [0, 0], [4, 0], [0, 4]]
+[outputs]
+e1 = {C = [1, 0, 0, 0, -5, 0]}
+e2 = {C = [0, 1, 0, 0, 0, -5]}
+u1 = {C = [0, 0, 0, 0, 0, 0], D = ["1/280", 0]}
+u2 = {C = [0, 0, 0, 0, 0, 0], D = [0, "1/280"]}
+"""
+
+
+def test_the_turning_actuator_of_wu_yang_packard_and_becker():
+    """Their example of 1996 in axes that turn with it, omega for dtheta/dt: u = R(theta)'K e."""
+    plant = loads(TURNING)
+    errors = [[1, 0, 0, 0, -5, 0], [0, 1, 0, 0, 0, -5]]
+    law = FixedGain(np.array([[-179.8, -21.1], [-22.5, -101.5]]) @ errors)
+    bound = best_bound(plant, law, Gain(("e1", "e2", "u1", "u2")))
+    assert bound.level < 3.01
+    assert kept_bound(plant, law, Gain(("e1", "e2", "u1", "u2"), at_most=2.8)) is None
+
+
 # --- discrete time -------------------------------------------------------------------------------
 
 ROWS = (["0.8", "-0.25", "0", "1"], ["1", "0", "0", "0"], ["0", "0", "0.2", "0.03"],

@@ -1,12 +1,14 @@
 """What enclosing functions of the parameters takes of a bound."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from polefence.certify.bounds import _Question, best_bound
 from polefence.cli.lines import errors_text
 from polefence.law.laws import given_law
-from polefence.lmi.solve.duals import without_errors
+from polefence.lmi.solve.duals import least_in
 from polefence.plant.boxes import Box
 from polefence.plant.spec import loads
 from polefence.requirements.gain import Gain
@@ -56,7 +58,8 @@ def test_without_errors_a_straight_line_stands_for_a_table(kind):
         plant = loads(text)
         question = _Question.of(plant, given_law(plant, law), kind(("x1",)))
         whole = Box.whole(question.problem.domain)
-        levels.append(without_errors(question.problem, [(whole, 2)], question.worst))
+        problem = replace(question.problem, errors=False)
+        levels.append(least_in(problem, [(whole, 2)], question.worst))
     assert levels[0] == pytest.approx(levels[1], rel=2e-3)
 
 

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 from scipy.linalg import solve_continuous_lyapunov
 
 import polefence as pf
@@ -341,3 +342,58 @@ def test_moving_parameters_are_kept(pendulum):
         parameters=(replace(pendulum.parameters[0], rate=("-1", "1")), pendulum.parameters[1]),
     )
     assert loads(dumps(moving)) == moving
+
+
+SURFACE = """
+disturbances = ["w"]
+[parameter.mach]
+range = [0.4, 0.9]
+[parameter.angle]
+range = [0, 12]
+[table.stiff]
+arguments = [[0.2, 0.6, 1.0], [0, 5, 10, 15]]
+values = [[4, 5, 5.5, 5.2], [5, 6, 7, 7.5], [4.5, 7, 9, 8]]
+[matrices]
+A = [[0, 1], ["-stiff(mach, angle)", "-0.5 - mach"]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+
+
+@pytest.mark.parametrize("kind", [Rms, Gain])
+def test_a_table_of_two_arguments_is_proved(kind):
+    """It is that of an independent interpolation, bounds near the worst of its plants."""
+    plant = loads(SURFACE)
+    knots, values = [[0.2, 0.6, 1.0], [0, 5, 10, 15]], [[4, 5, 5.5, 5.2], [5, 6, 7, 7.5],
+                                                        [4.5, 7, 9, 8]]  # fmt: skip
+    known, alpha = RegularGridInterpolator(knots, values), seeded(plant, 300)
+    worst = 0.0
+    for point, A in zip(alpha, plant.at(alpha)[0], strict=True):
+        at = values_at(plant, tuple(point))
+        assert -A[1, 0] == pytest.approx(known([at["mach"], at["angle"]])[0])
+        k, c = -A[1, 0], -A[1, 1]  # x" + c x' + k x = w, of density 1 over positive frequencies
+        peak = 1 / (c * np.sqrt(k - c**2 / 4)) if c**2 < 2 * k else 1 / k
+        worst = max(worst, np.sqrt(1 / (4 * c * k)) if kind is Rms else peak)
+    bound = best_bound(plant, given_law(plant, NONE), kind(("x1",)))
+    assert worst < bound.level < worst * 1.005
+    again = loads(dumps(plant))
+    assert again.functions == plant.functions
+    assert bound.errors < 0.005
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("stiff(mach, angle)", "stiff(mach)", "stiff in .* takes two arguments"),
+        ("[0.2, 0.6, 1.0],", "[0.2, 0.6],", "values must have 2 rows of 4"),
+        ("5.5, 5.2]", "5.5]", "values must have 3 rows of 4"),
+        ("[0, 5, 10, 15]", "[0, 5, 3, 15]", "arguments must rise; number 3"),
+        ("[0, 5, 10, 15]]", "[0, 5, 10, 15], [0, 1]]", "two lists of them"),
+        ("values =", 'interpolation = "cubic"\nvalues =', "and is 'linear'"),
+        ("[0, 12]", "[0, 16]", "a table from 0 to 15 may be asked for"),
+        ("[matrices]", "[constants]\nstiff_row_1 = 2\n[matrices]", "'stiff_row_1' is given twice"),
+    ],
+)
+def test_bad_tables_of_two_arguments_say_why(old, new, why):
+    with pytest.raises((SpecError, PlantError), match=why):
+        loads(SURFACE.replace(old, new))

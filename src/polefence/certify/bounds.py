@@ -35,7 +35,7 @@ from polefence.lmi.conditions.performance import Source
 from polefence.lmi.solve.along_motions import Along, along_motions
 from polefence.lmi.solve.dual_problem import Dual, DualProblem
 from polefence.lmi.solve.duals import Known as KnownParts
-from polefence.lmi.solve.duals import Part, duals, in_parts, without_errors
+from polefence.lmi.solve.duals import Part, duals, in_parts, least_in
 from polefence.lmi.solve.late import LateSearch
 from polefence.lmi.solve.loops import loop_with, with_inputs
 from polefence.lmi.solve.lyapunov import (
@@ -46,7 +46,7 @@ from polefence.lmi.solve.lyapunov import (
     work,
 )
 from polefence.lmi.solve.piecewise import OnGrid, on_grids
-from polefence.lmi.solve.piecewise import without_errors as grid_without_errors
+from polefence.lmi.solve.piecewise import least_in as least_on_grid
 from polefence.lmi.solve.spread import spread_of
 from polefence.lmi.solve.started import StartedSearch
 from polefence.plant.boxes import Box
@@ -366,13 +366,15 @@ class _Question:
             for cell in evidence.cells
         ] or [whole]
         degrees = [part.degree for part in evidence.per_cell]
-        exact: float | None
+        exact, own = replace(problem, errors=False), bound.level
+        least: float | None
         if self.moved is not None:
-            exact = grid_without_errors(problem, boxes, degrees[0], self.worst)
+            least = least_on_grid(exact, boxes, degrees[0], self.worst)
         else:
-            exact = without_errors(problem, list(zip(boxes, degrees, strict=True)), self.worst)
-        share = max(0.0, 1 - exact / bound.level) if exact else None
-        return replace(bound, errors=share)
+            parts = list(zip(boxes, degrees, strict=True))
+            own = min(own, least_in(problem, parts, self.worst) or own)
+            least = least_in(exact, parts, self.worst)
+        return bound if least is None else replace(bound, errors=max(0.0, 1 - least / own))
 
     def _of(self, parts: Sequence[Part] | None, level: float) -> Bound | None:
         """Return the bound of that level if these parts prove it."""

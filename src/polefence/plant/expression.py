@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -19,7 +19,8 @@ from numbers import Rational
 from typing import Any
 
 from polefence.base.errors import InputError, PlantError, SpecError, shown, suggest
-from polefence.proof.functions import FUNCTIONS, Tree
+from polefence.plant.surface import Surface
+from polefence.proof.functions import FUNCTIONS, Table, Tree
 
 MAX_LENGTH = 1000
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -91,20 +92,23 @@ def decimal_text(value: Fraction) -> str:
 
 
 def evaluate(
-    text: str, names: Mapping[str, Any], one: Any = None, tables: Collection[str] = ()
+    text: str,
+    names: Mapping[str, Any],
+    one: Any = None,
+    tables: Mapping[str, Table | Surface] | None = None,
 ) -> Any:
     """Evaluate an expression over the named values, exactly.
 
     Parameters
     ----------
     text : str
-        Numbers, names, ``+ - * / **``, parentheses, functions and tables of one argument.
+        Numbers, names, ``+ - * / **``, parentheses, functions of one argument, and tables.
     names : mapping
         Value of each name: a Fraction, a RationalFunction or a Tree. Looked up lazily.
     one : RationalFunction or Tree, optional
         Where given, every number is lifted to a function as it is one.
-    tables : collection of str
-        Names of tables.
+    tables : mapping, optional
+        Tables by name, of one argument and of two.
 
     Raises
     ------
@@ -119,7 +123,7 @@ def evaluate(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Python's hints on its own style
             tree = ast.parse(text.strip(), mode="eval")
-        return _Evaluator(text.strip(), names, one, tables).visit(tree.body)
+        return _Evaluator(text.strip(), names, one, tables or {}).visit(tree.body)
     except RecursionError as error:
         raise SpecError(f"{shown(text)} is nested too deeply; define its parts") from error
     except (SyntaxError, ValueError, MemoryError) as error:
@@ -130,7 +134,11 @@ def evaluate(
 
 class _Evaluator:
     def __init__(
-        self, text: str, names: Mapping[str, Any], one: Any, tables: Collection[str]
+        self,
+        text: str,
+        names: Mapping[str, Any],
+        one: Any,
+        tables: Mapping[str, Table | Surface],
     ) -> None:
         self.text, self.names, self.one, self.tables = text, names, one, tables
 
@@ -154,7 +162,7 @@ class _Evaluator:
         raise SpecError(f"{what} is not allowed in {shown(self.text)}; {_ALLOWED}")
 
     def call(self, node: ast.Call) -> Any:
-        """Return a function of an argument."""
+        """Return a function of an argument, or a table of one or two."""
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         known = [*FUNCTIONS, *self.tables]
         if name not in known:
@@ -162,12 +170,16 @@ class _Evaluator:
                 f"{shown(self.text)} calls {shown(name or 'something without a name')}, which is "
                 f"neither a function nor a table here; {suggest(name, known)}"
             )
-        if len(node.args) != 1 or node.keywords or isinstance(node.args[0], ast.Starred):
-            raise SpecError(f"{name} in {shown(self.text)} takes one argument")
-        value = self.visit(node.args[0])
-        if not isinstance(value, Tree):
+        table = self.tables.get(name)
+        count = 2 if isinstance(table, Surface) else 1
+        starred = any(isinstance(argument, ast.Starred) for argument in node.args)
+        if len(node.args) != count or node.keywords or starred:
+            said = "one argument" if count == 1 else "two arguments"
+            raise SpecError(f"{name} in {shown(self.text)} takes {said}")
+        values = [self.visit(argument) for argument in node.args]
+        if not all(isinstance(value, Tree) for value in values):
             raise CallError(f"{name} is not allowed in {shown(self.text)}")
-        return value.called(name)
+        return table.called(name, *values) if isinstance(table, Surface) else values[0].called(name)
 
     def binary(self, node: ast.BinOp) -> Any:
         left = self.visit(node.left)
@@ -186,7 +198,7 @@ class _Evaluator:
     def power(self, node: ast.expr) -> Fraction | int:
         """Return a power: a number, written as such or as a quotient of two."""
         try:
-            value = Fraction(_Evaluator(self.text, {}, None, ()).visit(node))
+            value = Fraction(_Evaluator(self.text, {}, None, {}).visit(node))
         except InputError as error:
             raise SpecError(
                 f"a power in {shown(self.text)} is not a number, as 2, -1, 0.5 or (1/3) are"

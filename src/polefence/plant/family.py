@@ -39,6 +39,7 @@ from polefence.plant.outputs import (
 )
 from polefence.plant.parameters import Parameter, check_label, check_name, exact, simplex_weights
 from polefence.plant.polynomial import Domain
+from polefence.plant.surface import Surface, of_one_argument
 from polefence.plant.system import Array, Exact, System, floats
 from polefence.plant.vehicle import OF_A_CAR, Vehicle
 from polefence.proof.approximation import Functions
@@ -328,7 +329,7 @@ class UncertainPlant(Short):
         constants: Mapping[str, Any] | None = None,
         definitions: Mapping[str, str] | None = None,
         outputs: Mapping[str, Mapping[str, Sequence[Any]]] | None = None,
-        tables: Mapping[str, Table] | None = None,
+        tables: Mapping[str, Table | Surface] | None = None,
         **names: Any,
     ) -> UncertainPlant:
         """Return the family whose entries are expressions (or numbers) in the parameters.
@@ -358,7 +359,7 @@ class UncertainPlant(Short):
                 for letter, rows in (matrices | _output_rows(outputs or {})).items()
             }
 
-        return cls._from_symbolic(function, parameters, tables, **names)
+        return cls._from_symbolic(function, parameters, of_one_argument(scope.tables), **names)
 
     @classmethod
     @explained
@@ -699,7 +700,7 @@ class Scope(Mapping[str, Any]):
         parameters: Sequence[Parameter],
         constants: Mapping[str, Any],
         definitions: Mapping[str, str],
-        tables: Mapping[str, Table] | None = None,
+        tables: Mapping[str, Table | Surface] | None = None,
     ) -> None:
         self.tables = dict(tables or {})
         self.constants = {k: exact(v, f"constants.{k}") for k, v in constants.items()}
@@ -707,12 +708,13 @@ class Scope(Mapping[str, Any]):
         self.bound: dict[str, Any] = {}
         self.pending: list[str] = []
         names = [p.name for p in parameters]
-        for name in [*constants, *definitions, *self.tables]:
+        own = [name for name in of_one_argument(self.tables) if name not in self.tables]
+        for name in [*constants, *definitions, *self.tables, *own]:
             check_name(name)
             if name in names or name in FUNCTIONS:
                 raise SpecError(f"name {name!r} is given twice; rename one")
             names.append(name)
-        self.names = [name for name in names if name not in self.tables]
+        self.names = [name for name in names if name not in {*self.tables, *own}]
 
     def bind(self, values: dict[str, Any]) -> None:
         """Give the parameters their symbolic values; definitions are evaluated afresh."""

@@ -26,6 +26,7 @@ from polefence.plant.family import Scope, UncertainPlant
 from polefence.plant.larger import with_actuator, with_sensor
 from polefence.plant.outputs import Output, split, weighted_sum
 from polefence.plant.parameters import Parameter, check_label, exact
+from polefence.plant.surface import Surface
 from polefence.plant.system import Exact, System
 from polefence.plant.tracks import Tracks
 from polefence.plant.vehicle import Vehicle
@@ -434,31 +435,43 @@ def _from_expressions(data: Mapping[str, Any], names: dict[str, Any]) -> Uncerta
     )
 
 
-def _interpolated(data: Mapping[str, Any]) -> dict[str, Table]:
+def _interpolated(data: Mapping[str, Any]) -> dict[str, Table | Surface]:
     """Return the tables that expressions interpolate in, by name."""
-    tables = dict[str, Table]()
+    tables = dict[str, Table | Surface]()
     for name, row in _table(data, "table").items():
         where = f"table.{shown(name)}"
         if not isinstance(row, dict):
             raise SpecError(f"{where} must be a table; write [table.NAME], arguments = [0, 1]")
         _known(row, {"arguments", "values", "interpolation"}, f"{where}: ")
         _need(row, ("arguments", "values"), where)
-        columns = list[tuple[Fraction, ...]]()
-        for key in ("arguments", "values"):
-            if not isinstance(row[key], list):
-                raise SpecError(f"{where}: {key} = {shown(row[key])} must be a list of numbers")
-            columns.append(
-                tuple(_finite(_constant(x, f"{where}: {key}"), f"{where}: {key}") for x in row[key])
-            )
+        arguments, values = (row[key] for key in ("arguments", "values"))
         kind = _text(row.get("interpolation", "linear"), f"{where}: interpolation")
         if kind not in ("linear", "cubic"):
             raise SpecError(f"{where}: interpolation = {shown(kind)} must be 'linear' or 'cubic'")
-        tables[name] = Table(columns[0], columns[1], kind == "cubic")
+        table: Table | Surface
+        if isinstance(arguments, list) and arguments and isinstance(arguments[0], list):
+            if kind != "linear" or len(arguments) != 2:
+                raise SpecError(
+                    f"{where}: a table of two arguments has two lists of them, and is 'linear'"
+                )
+            first, second = (_listed(x, f"{where}: arguments") for x in arguments)
+            rows = values if isinstance(values, list) else [values]
+            table = Surface(first, second, tuple(_listed(x, f"{where}: values") for x in rows))
+        else:
+            knots, heights = (_listed(row[k], f"{where}: {k}") for k in ("arguments", "values"))
+            table = Table(knots, heights, kind == "cubic")
         try:
-            tables[name].require(name)
+            table.require(name)
         except FormatError as error:
             raise SpecError(str(error)) from error
+        tables[name] = table
     return tables
+
+
+def _listed(values: Any, where: str) -> tuple[Fraction, ...]:
+    if not isinstance(values, list):
+        raise SpecError(f"{where} = {shown(values)} must be a list of numbers")
+    return tuple(_finite(_constant(x, where), where) for x in values)
 
 
 def _names_of(

@@ -137,21 +137,19 @@ def _duals(problem: DualProblem, level: float, degrees: Sequence[int]) -> Iterat
                 yield dual
 
 
-def without_errors(
-    problem: DualProblem, parts: Sequence[tuple[Box, int]], worst: float
-) -> float | None:
-    """Return what would be proved in the same parts if polynomials were the functions themselves.
+def least_in(problem: DualProblem, parts: Sequence[tuple[Box, int]], worst: float) -> float | None:
+    """Return the least level that dual polynomials prove in these parts of the box.
 
     Parameters
     ----------
     parts : sequence of Box and int
         With the degree of the dual polynomial in each.
     """
-    exact, largest = replace(problem, errors=False), 0.0
+    largest = 0.0
     for box, degree in parts:
         dual: Dual | None = None
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            dual = _of(exact.inside(box), degree).least(worst)
+            dual = _of(problem.inside(box), degree).least(worst)
         if dual is None:
             return None
         largest = max(largest, dual.level)

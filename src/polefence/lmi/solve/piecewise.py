@@ -350,19 +350,13 @@ class Cell:
         return Part(tuple(self.box.low), tuple(self.box.high), dual)
 
 
-def without_errors(problem: DualProblem, parts: Sequence[Box], degree: int, worst: float) -> float:
-    """Return what a grid would prove if polynomials were the functions themselves; 0: unknown.
-
-    Parameters
-    ----------
-    parts : sequence of Box
-        Its cells.
-    degree : int
-        Of Q.
-    """
-    counts = tuple(len(set(ends)) for ends in zip(*(box.low for box in parts), strict=True))
-    found = Grid(replace(problem, errors=False), counts, degree).least(worst)
-    return 0.0 if found is None else found.level
+def least_in(problem: DualProblem, cells: Sequence[Box], degree: int, worst: float) -> float | None:
+    """Return the least level that Q of a degree proves on a grid, which has these cells."""
+    counts = tuple(len(set(ends)) for ends in zip(*(box.low for box in cells), strict=True))
+    with suppress(np.linalg.LinAlgError, SolverError):
+        found = Grid(problem, counts, degree).least(worst)
+        return None if found is None else found.level
+    return None
 
 
 def on_grids(problem: DualProblem, worst: float) -> Iterator[OnGrid]:

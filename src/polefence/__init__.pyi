@@ -1,6 +1,7 @@
 """The public names of `polefence` and where they are: `__init__.py` loads what is asked for."""
 
 from polefence import (
+    data as data,
     examples as examples,
     export as export,
     fleet as fleet,
@@ -50,6 +51,7 @@ from polefence.certify.progress import progress as progress
 from polefence.certify.refutation import Refutation as Refutation, refute_limits as refute_limits
 from polefence.certify.running import Running as Running, running as running
 from polefence.certify.table import TableAnalysis as TableAnalysis
+from polefence.data.fit import Identified as Identified, identify as identify
 from polefence.fleet.run import study as study
 from polefence.law.compensator import Compensator as Compensator
 from polefence.law.control import from_control as from_control, to_control as to_control

@@ -31,9 +31,11 @@ MOVING = (
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
 )
 LATE = ("late.toml", docs_script("dead_time").SPEC)
+MEASURED = list(docs_script("from_data").files().items())
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "dead-time": [LATE],
+    "from-data": MEASURED,
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
     "moving": [MOVING],

@@ -16,7 +16,7 @@ import pytest
 import polefence as pf
 from support.paths import DOCS
 
-ROOMS = ("conditions", "export", "fleet", "response", "vehicle")
+ROOMS = ("conditions", "data", "export", "fleet", "response", "vehicle")
 API = (DOCS / "api.md").read_text()
 ENTRY = re.compile(r"^\.\. (currentmodule|autoclass):: (\S+)\n((?:   :.*\n)*)", re.MULTILINE)
 MEMBERS = re.compile(r":members:(.*)")

@@ -17,6 +17,7 @@ from polefence.base.explained import explained, explained_fields
 from polefence.examples import spec_text
 
 R, V, F = pf.response, pf.vehicle, pf.fleet
+GRID = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]  # rad/s
 GAIN = [[-1.0, -1.0]]
 NAN = float("nan")
 
@@ -77,7 +78,8 @@ CALLS = (
     "EnergyPeak", "Gain", "GainNorm", "InitialPeak", "RelativeRms", "Rms", "Saturation",
     "FixedGain", "GainTable", "PolynomialGain", "ScheduledGain", "Parameter", "System", "Scheduled",
     "Slack", "Structure", "UncertainPlant", "from_vertices", "from_expressions", "from_function",
-    "analyse", "at_sample_time", "check", "closed_loops", "in_service", "from_control", "limits",
+    "analyse", "at_sample_time", "check", "closed_loops", "in_service", "from_control",
+    "identify", "limits",
     "linearise", "load", "load_region", "load_specifications", "load_structure", "observe",
     "parse_region", "parse_specification", "place", "study", "tightest", "to_control",
     "with_actuator", "with_reference", "with_sensor", "with_weight", "worst_case", "z_plane",
@@ -149,6 +151,10 @@ def calls(plant, here):
         "closed_loops": (pf.closed_loops, plant, GAIN),
         "in_service": (pf.in_service, design),
         "from_control": (pf.from_control, pf.closed_loops(plant, GAIN, alpha=alpha)[0]),
+        "identify": (
+            pf.identify, [pf.data.FrequencyResponse(GRID, 1 / (1j * np.array(GRID) + 1))], 1, 0,
+            {"inputs": ["u1"], "outputs": ["y1"], "direct": (), "name": "p"},
+        ),
         "limits": (pf.limits, plant, [-3.0], ["quadratic"], {"bounds": False}),
         "linearise": (
             pf.linearise, lambda x, u, k: np.array([x[1], -k * x[0] + u[0]]), [0, 0], [0],

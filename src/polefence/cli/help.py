@@ -11,7 +11,7 @@ NAMES = 14  # columns of the names of commands
 
 # Every command once, in the order in which they are listed.
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "begin": ("example", "studio"),
+    "begin": ("example", "identify", "studio"),
     "design a law": (
         "design", "tightest", "limits", "optimise", "tradeoff", "observe", "semi-active",
     ),
@@ -23,6 +23,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 EXAMPLES: Mapping[str, tuple[str, ...]] = {
+    "identify": ("polefence identify measurements.toml -o family.toml --plot fit.png",),
     "limits": (
         "polefence limits car.toml --centre -40",
         "polefence limits car.toml --centres -60 -20 41 --json limits.json --plot limits.png",

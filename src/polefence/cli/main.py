@@ -31,6 +31,7 @@ from polefence.cli import (
     design,
     example,
     export,
+    identify,
     limits,
     observe,
     optimise,
@@ -55,6 +56,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
 # Each module declares its own options; --help lists them as polefence.cli.help groups them.
 COMMANDS: tuple[Command, ...] = (
+    ("identify", identify.identify_command, identify.add_arguments),
     ("limits", limits.limits_command, limits.add_arguments),
     ("design", design.design_command, design.add_arguments),
     ("tightest", tightest.tightest_command, tightest.add_arguments),

@@ -774,11 +774,11 @@ def dumps(plant: UncertainPlant) -> str:
 
 def _written(plant: UncertainPlant, lines: list[str]) -> str:
     """Return a spec of these lines, with what they do not say."""
-    head = [f"name = {_quoted(plant.name)}"]
+    head = [f"name = {toml_text(plant.name)}"]
     if plant.sample_time is not None:
         head.append(f"sample_time = {_entry(plant.sample_time)}")
     given = {key: getattr(plant, key) for key in _NAMES if getattr(plant, key)}
-    head += [f"{key} = [{', '.join(map(_quoted, names))}]" for key, names in given.items()]
+    head += [f"{key} = [{', '.join(map(toml_text, names))}]" for key, names in given.items()]
     return "\n".join([*head, *lines, *_vehicle_lines(plant), *data_lines(plant.data)]) + "\n"
 
 
@@ -793,7 +793,7 @@ def data_lines(data: Data | None) -> list[str]:
         "\n[data]",
         *lines,
         "\n[data.outputs]",
-        *(f"{_quoted(name)} = {_plain_text(own)}" for name, own in outputs.items()),
+        *(f"{toml_text(name)} = {_plain_text(own)}" for name, own in outputs.items()),
     ]
 
 
@@ -802,7 +802,7 @@ def _plain_text(value: Any) -> str:
         return f"{{{', '.join(f'{key} = {_plain_text(item)}' for key, item in value.items())}}}"
     if isinstance(value, list):
         return _row_text(map(_plain_text, value))
-    return _quoted(value) if isinstance(value, str) else repr(value)
+    return toml_text(value) if isinstance(value, str) else repr(value)
 
 
 def _vertex_lines(plant: UncertainPlant) -> list[str]:
@@ -832,19 +832,19 @@ def _expression_lines(plant: UncertainPlant) -> list[str]:
     for parameter in plant.parameters:
         bounds = _row_text(map(decimal_text, (parameter.low, parameter.high)))
         lines += [f"\n[parameter.{parameter.name}]", f"range = {bounds}"]
-        lines += [f"label = {_quoted(parameter.label)}"] if parameter.label else []
-        lines += [f"unit = {_quoted(parameter.unit)}"] if parameter.unit else []
-        lines += [f"through = {_quoted(parameter.through)}"] if parameter.inverted else []
+        lines += [f"label = {toml_text(parameter.label)}"] if parameter.label else []
+        lines += [f"unit = {toml_text(parameter.unit)}"] if parameter.unit else []
+        lines += [f"through = {toml_text(parameter.through)}"] if parameter.inverted else []
         if parameter.rate is not None:
             ends = (
                 parameter.rate
                 if parameter.rate == ANY
                 else _row_text(map(decimal_text, parameter.rate))
             )
-            lines.append(f"rate = {_quoted(ends) if ends == ANY else ends}")
+            lines.append(f"rate = {toml_text(ends) if ends == ANY else ends}")
         if parameter.dead_time is not None:
             entries = parameter.dead_time.write().items()
-            keys = (f"{k} = {_quoted(x) if isinstance(x, str) else x}" for k, x in entries)
+            keys = (f"{k} = {toml_text(x) if isinstance(x, str) else x}" for k, x in entries)
             lines.append(f"dead_time = {{{', '.join(keys)}}}")
     lines += _table_lines(plant)
     lines.append("\n[matrices]")
@@ -912,7 +912,7 @@ def _output_lines(
             if getattr(output, key) or (output.near and acts[key])
         }
         texts = (f"{key} = {rows_text(output, key, values)}" for key, values in rows.items())
-        lines.append(f"{_quoted(_label(output))} = {{{', '.join(texts)}}}")
+        lines.append(f"{toml_text(_label(output))} = {{{', '.join(texts)}}}")
     return ["\n[outputs]", *lines] if lines else []
 
 
@@ -926,8 +926,8 @@ def _vehicle_lines(plant: UncertainPlant) -> list[str]:
     if plant.vehicle is None:
         return []
     names = ((field.name, getattr(plant.vehicle, field.name)) for field in fields(Vehicle))
-    lines = [f"{key} = {_quoted(value)}" for key, value in names]
-    return ["\n[vehicle]", f"model = {_quoted(QUARTER_CAR)}", *lines]
+    lines = [f"{key} = {toml_text(value)}" for key, value in names]
+    return ["\n[vehicle]", f"model = {toml_text(QUARTER_CAR)}", *lines]
 
 
 def _expressions(
@@ -1009,7 +1009,8 @@ def _row_text(texts: Iterable[str]) -> str:
     return f"[{', '.join(texts)}]"
 
 
-def _quoted(text: str) -> str:
+def toml_text(text: str) -> str:
+    """Return a text in quotes, as TOML has it."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     # eight digits, for some are beyond four
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

@@ -133,4 +133,4 @@ class Data(Short):
 
 def percent(share: float) -> str:
     """Return a share in per cent, rounded up."""
-    return f"{digits_up(100 * Fraction(repr(share)), 2)} %"
+    return f"{float(digits_up(100 * Fraction(repr(share)), 2)):g} %"

@@ -104,3 +104,27 @@ def simulated(question):
             x = F @ x + G[:, 0] * wk
         largest = max(largest, float(np.sqrt(energy / (step * np.sum(w**2)))))
     return largest
+
+
+COMMUTATOR = """
+disturbances = ["w"]
+[parameter.d]
+range = [-1, 1]
+rate = RATE
+[matrices]
+A = [[-1, 0], [0, -1]]
+B = [[0], [1]]
+E = [[1], ["d"]]
+[outputs]
+e = {C = ["d", -1]}
+"""
+
+
+@pytest.mark.parametrize(("rate", "most"), [('"any"', 1.01), ("[-0.1, 0.1]", 0.25)])
+def test_what_is_seen_of_motion_alone_has_a_bound(rate, most):
+    """d G - G d, G = 1 / (s + 1), is zero for each constant d."""
+    plant = loads(COMMUTATOR.replace("RATE", rate))
+    question = _Question.of(plant, given_law(plant, np.zeros((1, 2))), Gain(("e",)))
+    assert question.worst < 1e-9
+    levels = [grid.level for grid in islice(question.on_grids, 3)]
+    assert levels[-1] < most

@@ -55,7 +55,7 @@ class OnGrid:
     ----------
     grid : Grid
     Q : (count, n, n) array
-        At the nodes.
+        Its coefficients, one for each node of the grid.
     covers : list of Cover
         Of the remainder in each cell; None where there is none.
     level : float
@@ -74,7 +74,7 @@ class OnGrid:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cells of the box, in each of which Q is multi-affine.
+    """Cells of the box, in each of which Q is a polynomial; it is continuous.
 
     Attributes
     ----------
@@ -149,14 +149,15 @@ class Grid:
         Parameters
         ----------
         worst : float
-            The worst sample, in units of which levels are sought.
+            The worst sample, in units of which levels are sought; it may be zero, where all that
+            is seen comes of motion.
         """
-        Q = self._start()
+        Q, unit = self._start(), worst if worst > 0 else 1.0
         if Q is None:
             return None
         found: OnGrid | None = None
         for _ in range(ROUNDS):
-            again = self._lowered(Q, worst)
+            again = self._lowered(Q, unit)
             if again is None or (found is not None and again.level >= found.level):
                 break
             gained = found is None or again.level < found.level * (1 - WORTH)

@@ -1,5 +1,7 @@
 """Loops with weights and references: mixed sensitivity, and poles that no law moves."""
 
+from fractions import Fraction
+
 import control
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from polefence import (
     Disk,
     Gain,
     HalfPlane,
+    InputError,
     Structure,
     UncontrollableError,
     UnobservableError,
@@ -144,3 +147,27 @@ def test_a_law_may_integrate_by_a_weight():
     E = plant.vertices[0].E + plant.vertices[0].B @ [[0, 3]]
     at_rest = -np.linalg.solve(closed, E)  # of x1, x2 and the integral, for a load and a command
     assert np.allclose(at_rest[0], [0, 1])
+
+
+@pytest.mark.parametrize(
+    "weight",
+    [
+        {"numerator": ["2/3", 1], "denominator": [1, "1/1000"]},
+        {"zeros": ["-3/2"], "poles": ["-1/1000"], "gain": "2/3"},
+        "(2*s/3 + 1)/(s + 1/1000)",
+    ],
+    ids=["coefficients", "roots", "text"],
+)
+def test_numbers_of_a_weight_may_be_texts(weight):
+    made = with_weight(loads(STAGE), "x1", weight)
+    assert made.vertices[0].exact_A[2][2] == Fraction(-1, 1000)
+    s = 1j * np.array([1e-4, 1e-2, 1, 100])
+    A, B = made.vertices[0].A[2, 2], made.vertices[0].A[2, 0]
+    row = np.array(made.signal("weighted x1").C, dtype=float).ravel()
+    answer = row[0] + row[2] * B / (s - A)
+    assert np.allclose(answer, (2 * s / 3 + 1) / (s + 1e-3), rtol=1e-9)
+
+
+def test_a_text_that_is_no_number_is_refused():
+    with pytest.raises(InputError, match="numerator = 's' is not a number; write 0.5"):
+        with_weight(loads(STAGE), "x1", {"numerator": ["s"], "denominator": [1, 1]})

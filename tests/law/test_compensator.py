@@ -409,7 +409,7 @@ def test_work_on_transfer_functions_is_bounded():
             "'mesured'; did you mean 'measured'",
         ),
         ({"num": [1], "den": [1, 1], "grid": {}}, "a table is of A, B, C and D; realise each"),
-        ({"numerator": "s + 1", "denominator": [1, 2]}, "must be coefficients, [1, 50] of s + 50"),
+        ({"numerator": "s + 1", "denominator": [1, 2]}, "= 's + 1' is not a number; write 0.5"),
         ({"numerator": [[[1], [2]]], "denominator": [[[1, 2]], [[1, 3]]]}, "matrices of one shape"),
         ({"zeros": [], "poles": ["-1+2j"], "gain": 1}, "-1+2j has no conjugate; give both"),
         ({"zeros": [], "poles": ["x"], "gain": 1}, "'x' is no number"),

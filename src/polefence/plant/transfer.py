@@ -81,7 +81,7 @@ def of_roots(zeros: Any, poles: Any, gain: Any, what: str) -> Quotient:
     InputError
         If they are no numbers, or a complex one has no conjugate.
     """
-    k = exact(_number(gain), f"{what}: gain")
+    k = exact(number(gain, f"{what}: gain"), f"{what}: gain")
     top, bottom = (
         _product_of_roots(value, f"{what}: {name}")
         for name, value in (("zeros", zeros), ("poles", poles))
@@ -261,7 +261,7 @@ def _descending(polynomial: dict[tuple[int, ...], Fraction]) -> Coefficients:
 def _row(value: Any, what: str) -> list[Any]:
     """Return numbers in a row: a list, an array of one row or column, one number."""
     array = np.asarray(value, dtype=object)
-    if any(isinstance(x, str) for x in array.ravel()[:MOST_GIVEN]):
+    if isinstance(value, str):
         raise InputError(f"{what} must be coefficients, [1, 50] of s + 50")
     if array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
         raise InputError(f"{what} must be coefficients in one row, [1, 50] of s + 50")
@@ -269,7 +269,28 @@ def _row(value: Any, what: str) -> list[Any]:
         raise InputError(
             f"{what}: {array.size} coefficients; at most {MOST_GIVEN + 1} are supported"
         )
-    return [_number(x) for x in array.ravel()]
+    return [number(x, what) for x in array.ravel()]
+
+
+def number(value: Any, what: str) -> Any:
+    """Return a number, of an array of one entry or of a text such as "1/3", as Python has it.
+
+    Raises
+    ------
+    InputError
+        If a text is no number.
+    """
+    value = _number(value)
+    if not isinstance(value, str):
+        return value
+    fault = f'{what} = {shown(value)} is not a number; write 0.5, or "1/3"'
+    try:
+        (top, bottom), letter = read_quotient(value, what)
+    except InputError as problem:
+        raise InputError(fault) from problem
+    if letter:
+        raise InputError(fault)
+    return top[0] / bottom[0] if top else ZERO
 
 
 def _number(value: Any) -> Any:
@@ -295,8 +316,8 @@ def _roots(value: Any, what: str) -> Iterator[tuple[Fraction, Fraction]]:
         yield from ((exact(a, what), exact(b, what)) for a, b in value)
         return
     for entry in array.ravel():
-        if isinstance(entry, Fraction):
-            yield exact(entry, what), ZERO
+        if isinstance(entry, Fraction) or (isinstance(entry, str) and "/" in entry):
+            yield exact(number(entry, what), what), ZERO
             continue
         try:
             text = entry.replace(" ", "").replace("i", "j") if isinstance(entry, str) else entry

@@ -29,7 +29,14 @@ from polefence.plant.outputs import Output, disturbances, padded, split, states,
 from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System, as_array
 from polefence.plant.tracks import STATE as OF_ROAD
-from polefence.plant.transfer import Quotient, of_roots, quotient, read_quotient, realised
+from polefence.plant.transfer import (
+    Quotient,
+    number,
+    of_roots,
+    quotient,
+    read_quotient,
+    realised,
+)
 from polefence.proof.matrices import LONGEST, ONE, ZERO, common_denominator, whole_numbers
 from polefence.proof.regions import Disk, HalfPlane
 from polefence.proof.remainder import Remainder, Rows, Source
@@ -273,7 +280,7 @@ def _first_order(given: Any, T: Fraction, where: str) -> Quotient:
     if at is not None and len(at) != 2:
         raise InputError(f"{where}: {shown(at)} must be [FREQUENCY, GAIN]")
     w, level = (given[1], ONE) if at is None else at
-    values = (exact(x, where) for x in (given[0], w, level, given[2]))
+    values = (exact(number(x, where), where) for x in (given[0], w, level, given[2]))
     dc, w, level, hf = values
     below, above = dc * dc - level * level, level * level - hf * hf
     if w <= 0 or below * above <= 0:

@@ -296,17 +296,20 @@ def balancing(M: Array) -> Array:
     """Return powers of two d (n,) that even out diag(d)^-1 M diag(d) of all M (count, n, n)."""
     largest = np.abs(M).max(axis=0)
     n, diagonal = len(largest), np.diagonal(largest).max()
-    # What nothing follows, or follows nothing, as a disturbance: made small beside the rest.
+    # What nothing follows, or follows nothing, as a disturbance or a weight: made small beside the
+    # rest, and no smaller, sweep after sweep.
     small = 1e-6 * float(diagonal or largest.max())
-    if small == 0 or not np.isfinite(largest).all():
+    if not (small > 1e-150 and largest.max() < 1e150):  # also where entries are no numbers
         return np.ones(n)
     np.fill_diagonal(largest, 0.0)
     size, d = largest.tolist(), [1.0] * n  # plain numbers: n is small
     for _ in range(20):  # sweeps at most
         even = True
         for i in range(n):
-            column, row = sum(line[i] for line in size) or small, sum(size[i]) or small
-            f = 2.0 ** round(0.5 * math.log2(row / column))
+            column, row = max(sum(line[i] for line in size), small), max(sum(size[i]), small)
+            # half the way where both can move, all of it where one is as small as it gets
+            share = 0.5 if min(row, column) > small else 1.0
+            f = 2.0 ** round(share * math.log2(row / column))
             if f != 1:
                 even = False
                 d[i] *= f

@@ -204,6 +204,11 @@ def test_the_file_is_checked(proved):
     assert check_file(from_plain(json.loads(json.dumps(proved)))).proved
 
 
+def test_what_is_said_of_an_output_tells_of_its_functions(proved):
+    said = check_file(from_plain(proved)).claims[1]
+    assert "at vertex 4, by functions of l and th between" in said
+
+
 def _texts(table):
     return {k: item["text"] for k, item in enumerate(table["plant"]["functions"]["functions"])}
 

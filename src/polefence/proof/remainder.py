@@ -45,6 +45,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.short import Short
+from polefence.proof.text import name_text
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 Rows = tuple[tuple[Fraction, ...], ...]
@@ -68,6 +69,13 @@ class Source(Short):
 
     functions: Functions
     directions: tuple[Rows, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the parameters of functions that have a part in it."""
+        pairs = zip(self.functions.trees, self.directions, strict=True)
+        used = frozenset().union(*(tree.names for tree, M in pairs if any(map(any, M))))
+        return [name_text(r.name) for r in self.functions.ranges if r.name in used]
 
     def on_part(
         self, low: tuple[Fraction, ...], high: tuple[Fraction, ...]

@@ -1157,7 +1157,10 @@ def _output_words(output: Output, plant: Plant) -> str:
     name = quoted(output.name) if output.name else "an output"
     if plant.signal(output.name) is None:
         name = f"{name} (as the file defines it)"
-    return f"{name} = {output_text(output.C, output.D, output.F)}"
+    source = None if output.near is None else output.near.source
+    names = [] if source is None else source.names
+    bent = f", by functions of {' and '.join(names)} between" if names else ""
+    return f"{name} = {output_text(output.C, output.D, output.F)}{bent}"
 
 
 def scaled(matrices: Sequence[Rationals], scales: Sequence[Fraction], sizes: Sizes) -> Polynomial:

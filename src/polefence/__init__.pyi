@@ -80,6 +80,7 @@ from polefence.plant.linearise import Linearised as Linearised, linearise as lin
 from polefence.plant.parameters import Parameter as Parameter
 from polefence.plant.polynomial import Domain as Domain
 from polefence.plant.spec import load as load
+from polefence.plant.surface import Surface as Surface
 from polefence.plant.system import System as System
 from polefence.plant.vehicle import Vehicle as Vehicle
 from polefence.plant.weights import with_reference as with_reference, with_weight as with_weight

@@ -402,3 +402,17 @@ def test_a_table_of_two_arguments_is_proved(kind):
 def test_bad_tables_of_two_arguments_say_why(old, new, why):
     with pytest.raises((SpecError, PlantError), match=why):
         loads(SURFACE.replace(old, new))
+
+
+def test_a_table_of_two_arguments_in_python():
+    surface = pf.Surface([0, 1, 3], [0, 2], [[1, 2], [2, 3], [5, 4]])
+    plant = pf.UncertainPlant.from_expressions(
+        [pf.Parameter("p", 0, 3), pf.Parameter("q", 0, 2)],
+        [[0, 1], ["-f(p, q)", -1]],
+        [[0], [1]],
+        tables={"f": surface},
+    )
+    weights = np.kron([1 / 3, 2 / 3], [0.25, 0.75])  # p = 2, q = 1.5
+    assert plant.at(weights[None])[0][0, 1, 0] == pytest.approx(-(0.25 * 3.5 + 0.75 * 3.5))
+    with pytest.raises(PlantError, match="first = .* must be finite numbers"):
+        pf.Surface([0, float("inf")], [0, 1], [[0, 0], [0, 0]])

@@ -53,6 +53,7 @@ from polefence.proof.reading import MAX_VERTICES
 from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 from polefence.proof.text import plural
+from polefence.proof.work import FormatError
 
 if TYPE_CHECKING:
     from polefence.plant.cars import Car
@@ -703,6 +704,11 @@ class Scope(Mapping[str, Any]):
         tables: Mapping[str, Table | Surface] | None = None,
     ) -> None:
         self.tables = dict(tables or {})
+        for name, table in self.tables.items():
+            try:
+                table.require(name)
+            except FormatError as error:
+                raise SpecError(str(error)) from error
         self.constants = {k: exact(v, f"constants.{k}") for k, v in constants.items()}
         self.definitions = dict(definitions)
         self.bound: dict[str, Any] = {}

@@ -460,10 +460,6 @@ def _interpolated(data: Mapping[str, Any]) -> dict[str, Table | Surface]:
         else:
             knots, heights = (_listed(row[k], f"{where}: {k}") for k in ("arguments", "values"))
             table = Table(knots, heights, kind == "cubic")
-        try:
-            table.require(name)
-        except FormatError as error:
-            raise SpecError(str(error)) from error
         tables[name] = table
     return tables
 

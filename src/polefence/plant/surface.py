@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from typing import Any
 
+from polefence.base.errors import PlantError, shown
+from polefence.base.explained import explained_fields
 from polefence.proof.functions import MAX_KNOTS, Table, Tree
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
@@ -21,15 +24,27 @@ class Surface(Short):
 
     Parameters
     ----------
-    first, second : tuple of Fraction
+    first, second : sequence of number
         Knots, rising.
-    values : tuple of tuple of Fraction
+    values : sequence of sequences of number
         One row for each of the first knots.
+
+    Raises
+    ------
+    PlantError
+        If there is something else than numbers.
     """
 
-    first: tuple[Fraction, ...]
-    second: tuple[Fraction, ...]
-    values: tuple[tuple[Fraction, ...], ...]
+    first: Sequence[Any]
+    second: Sequence[Any]
+    values: Sequence[Sequence[Any]]
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        for key in ("first", "second"):
+            object.__setattr__(self, key, _numbers(getattr(self, key), key))
+        rows = tuple(_numbers(row, "a row of values") for row in self.values)
+        object.__setattr__(self, "values", rows)
 
     def require(self, name: str) -> None:
         """Refuse knots that do not rise, and values that are not theirs.
@@ -38,7 +53,7 @@ class Surface(Short):
         ------
         FormatError
         """
-        for knots in (self.first, self.second):
+        for knots in map(tuple, (self.first, self.second)):
             Table(knots, knots).require(name)
         if len(self.values) != len(self.first) or any(
             len(row) != len(self.second) for row in self.values
@@ -54,12 +69,12 @@ class Surface(Short):
             tuple(b - a for a, b in zip(low, high, strict=True))
             for low, high in pairwise(self.values)
         ]
-        rows = {f"{name}_row_1": Table(self.second, self.values[0])}
+        rows = {f"{name}_row_1": Table(tuple(self.second), tuple(self.values[0]))}
         for j, step in enumerate(steps, 1):
             risen = tuple(Fraction(k >= j) for k in range(len(self.first)))
             rows |= {
-                f"{name}_ramp_{j}": Table(self.first, risen),
-                f"{name}_step_{j}": Table(self.second, step),
+                f"{name}_ramp_{j}": Table(tuple(self.first), risen),
+                f"{name}_step_{j}": Table(tuple(self.second), step),
             }
         return rows
 
@@ -69,6 +84,13 @@ class Surface(Short):
         for j in range(1, len(self.first)):
             total = total + x.called(f"{name}_ramp_{j}") * y.called(f"{name}_step_{j}")
         return total
+
+
+def _numbers(values: Sequence[Any], what: str) -> tuple[Fraction, ...]:
+    try:
+        return tuple(map(Fraction, values))
+    except (ValueError, OverflowError) as error:
+        raise PlantError(f"{what} = {shown(values)} must be finite numbers") from error
 
 
 def of_one_argument(tables: Mapping[str, Table | Surface]) -> dict[str, Table]:

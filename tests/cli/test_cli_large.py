@@ -73,4 +73,4 @@ def test_what_a_large_plant_may_be_asked_is_said_in_one_line(matrices, capsys):
     assert "structure.mat: not UTF-8 text; polefence verify reads matrices of other tools" in said
     code, said = run(capsys, "verify", "structure.mat")
     assert code == 2
-    assert "name a file that does, or none by --gain none" in said
+    assert "name a file that does, or write none" in said

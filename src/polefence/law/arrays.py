@@ -124,7 +124,7 @@ def _law(arrays: Arrays, plant: UncertainPlant, alone: bool) -> Law:
         + (
             f"name one of the systems {', '.join(several)} K"
             if several
-            else "name a file that does, or none by --gain none"
+            else "name a file that does, or write none"
         )
     )
 

@@ -303,12 +303,12 @@ def balancing(M: Array) -> Array:
         return np.ones(n)
     np.fill_diagonal(largest, 0.0)
     size, d = largest.tolist(), [1.0] * n  # plain numbers: n is small
-    for _ in range(20):  # sweeps at most
+    for _ in range(60):  # sweeps at most: a chain of 8 states takes 30
         even = True
         for i in range(n):
-            column, row = max(sum(line[i] for line in size), small), max(sum(size[i]), small)
-            # half the way where both can move, all of it where one is as small as it gets
-            share = 0.5 if min(row, column) > small else 1.0
+            column, row, share = sum(line[i] for line in size), sum(size[i]), 0.5
+            if not column or not row:  # all the way, for nothing else moves it
+                column, row, share = max(column, small), max(row, small), 1.0
             f = 2.0 ** round(share * math.log2(row / column))
             if f != 1:
                 even = False

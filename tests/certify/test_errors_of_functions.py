@@ -67,3 +67,13 @@ def test_along_a_motion_there_is_a_share():
     found = bound("-4 - 0.1*sqrt((p - 1)**2 + 1e-4)", Gain, moving=True)
     assert 1e-5 < found.errors < 1e-2
     assert f"{100 * found.errors:.1g}"[:3] in errors_text(found)
+
+
+def test_an_output_that_is_a_function_has_errors_too():
+    """The loop is a polynomial, which is exact; the output is none."""
+    plant = loads(
+        SPEC.replace("STIFFNESS", "-4 - p**2/4") + '[outputs]\ny = {C = ["sqrt(p)", 0]}\n'
+    )
+    found = best_bound(plant, given_law(plant, np.zeros((1, 2))), Rms(("y",)))
+    assert found.claim.subject.evidence.cells == ()
+    assert 0 < found.errors < 1e-3

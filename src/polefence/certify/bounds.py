@@ -356,7 +356,8 @@ class _Question:
         remainder = self.plant.remainder
         if self.plant.functions is None or problem is None or remainder is None:
             return bound
-        if not evidence.cells and not any(map(any, remainder.entries)):
+        known = (remainder, *(near for near in problem.near if near is not None))
+        if not evidence.cells and not any(any(map(any, one.entries)) for one in known):
             return replace(bound, errors=0.0)
         if not evidence.per_cell[0].dual:
             return bound

@@ -335,12 +335,6 @@ def test_python_functions_may_use_numpy():
     np.testing.assert_allclose(family.driven(family.alpha(p=0.3, q=1.7))[1], np.sqrt(1.7))
 
 
-def test_samples_of_tables_with_knots_are_refused():
-    text = TABLE.replace("ARGUMENTS", "[0, 1, 2, 4]").replace("VALUES", "[5, 2, 1, 4]")
-    with pytest.raises(pf.InputError, match="a knot inside the range"):
-        at_sample_time(loads(text), 0.01)
-
-
 def test_moving_parameters_are_kept(pendulum):
     moving = replace(
         pendulum,

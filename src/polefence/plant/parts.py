@@ -23,7 +23,7 @@ from polefence.proof.laws import add, on_corners
 from polefence.proof.matrices import Rationals, beside, mix
 from polefence.proof.plant import Node, held_columns, lattice
 from polefence.proof.ranges import corner_weights, corners
-from polefence.proof.remainder import LARGER, THIRD, Remainder
+from polefence.proof.remainder import LARGER, THIRD, Kinks, Remainder
 
 Point = tuple[Fraction, ...]
 
@@ -57,9 +57,7 @@ def _part(plant: UncertainPlant, low: Point, high: Point) -> UncertainPlant:
         )
         for k, vertex in enumerate(v for v in nodes if v.at in outer)
     )
-    remainder = plant.remainder and replace(
-        plant.remainder.inside(low, high, values), rounding=(), bends=()
-    )
+    remainder = plant.remainder and plant.remainder.inside(low, high, values)
     return replace(
         plant,
         vertices=vertices,
@@ -98,14 +96,27 @@ def off_along(plant: UncertainPlant, gain: Callable[[Array], Array], box: Box) -
     if remainder is None or not remainder.bends:
         return None
     sides, domain = np.subtract(box.high, box.low), plant.domain
-    if remainder.third:
+    kinks = _kinks_along(remainder.kinks, box)
+    if remainder.third and kinks is None:
         grown = float(LARGER) ** np.arange(len(sides)) * sides**3 / THIRD
         bends = grown[:, None, None] * np.array(remainder.third, dtype=float)
     else:
         bends = sides[:, None, None] ** 2 / 8 * np.array(remainder.bends, dtype=float)
+        bends = bends if kinks is None else bends + kinks
     K = gain(box.alpha(domain, np.full(domain.corners, 1 / domain.corners)))
     A, B = bends[..., :n], bends[..., n : n + len(K)]
     return np.asarray(A + B @ np.abs(K))
+
+
+def _kinks_along(kinks: Kinks | None, box: Box) -> Array | None:
+    """Return what tables with knots on a part add, for each parameter that they are of."""
+    low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+    each = kinks.inside(low, high) if kinks else []
+    if kinks is None or not each:
+        return None
+    names = [tree.names for tree in kinks.functions.trees]
+    used = [[float(r.name in of) for of in names] for r in kinks.functions.ranges]
+    return np.tensordot(np.array(used), np.array(each, dtype=float), 1)
 
 
 def ends(plant: UncertainPlant) -> tuple[Point, Point]:

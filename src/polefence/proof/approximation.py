@@ -101,32 +101,38 @@ class Functions(Short):
     def derivatives(self) -> tuple[tuple[tuple[Interval, ...], ...], ...]:
         """Of each function, along each parameter: values and three derivatives on the box.
 
-        Raises
-        ------
-        KinkError
-            If one is not bounded.
+        They are those between the knots of tables.
         """
+        tables = tuple((name, table.between_knots) for name, table in self.tables)
+        parts, count = replace(self, tables=tables)._on_whole_box, len(self.ranges)
+        return tuple(tuple(part.derivatives(i) for i in range(count)) for part in parts)
+
+    @property
+    def _on_whole_box(self) -> tuple[_Part, ...]:
         count = len(self.ranges)
         whole = (Fraction(0),) * count, (Fraction(1),) * count
+        return tuple(_Part(self, tree, *whole) for tree in self.trees)
+
+    def knotted(self, low: Point, high: Point) -> tuple[tuple[int, Fraction], ...]:
+        """Return how many derivatives of each function are bounded on a part of the box.
+
+        Where that is one, it comes with what the function is off by from the interpolation between
+        its values at the corners; else with zero.
+        """
+        parts = [_Part(self, tree, low, high) for tree in self.trees]
         return tuple(
-            tuple(_Part(self, tree, *whole).derivatives(i) for i in range(count))
-            for tree in self.trees
+            (part.smooth, _short_up(part.chord_error()) if part.kinked else Fraction(0))
+            for part in parts
         )
 
     def values(self, at: Point) -> tuple[Fraction, ...]:
         """Return the functions at a point of the box, to what `widest` says."""
-        count = len(self.ranges)
-        whole = (Fraction(0),) * count, (Fraction(1),) * count
-        parts = [_Part(self, tree, *whole) for tree in self.trees]
-        known = ((part, part.exactly(at)) for part in parts)
+        known = ((part, part.exactly(at)) for part in self._on_whole_box)
         return tuple(intervals.middle(part.value(at)) if x is None else x for part, x in known)
 
     def widest(self, at: Point) -> Fraction:
         """Return what `values` are off by at most."""
-        count = len(self.ranges)
-        whole = (Fraction(0),) * count, (Fraction(1),) * count
-        parts = [_Part(self, tree, *whole) for tree in self.trees]
-        known = [part.value(at) for part in parts if part.exactly(at) is None]
+        known = [part.value(at) for part in self._on_whole_box if part.exactly(at) is None]
         return max((Fraction(b - a, ONE) for a, b in known), default=Fraction(0))
 
     @property
@@ -175,13 +181,13 @@ class _Part:
         ends = (1 / r.low, 1 / r.high) if r.inverted else (r.low, r.high)
         first, last = (ends[0] + (ends[1] - ends[0]) * at[i] for at in (self.low, self.high))
         value = intervals.plus(enclosing(first), intervals.times(enclosing(last - first), t))
-        # what rounding adds beyond the range is no value of the parameter
-        bottom, top = sorted((first, last))
-        value = max(value[0], enclosing(bottom)[0]), min(value[1], enclosing(top)[1])
-        series = [value, *[ZERO] * order]
+        series = [_between(value, first, last), *[ZERO] * order]
         if along and order:
             series[1] = enclosing(last - first)
-        return _inverse(series) if r.inverted else series
+        if not r.inverted:
+            return series
+        value, *higher = _inverse(series)
+        return [_between(value, 1 / first, 1 / last), *higher]
 
     def series(self, t: Sequence[Interval], along: int | None, order: int) -> Series:
         """Return the function's series along a parameter, about each point of a box of t.
@@ -226,8 +232,6 @@ class _Part:
 
     def derivatives(self, i: int) -> tuple[Interval, ...]:
         """Return the ranges of the value and of three derivatives along a parameter."""
-        if self.smooth < 3:
-            raise KinkError(self.smooth)
         if i not in self.axes:
             return (self.series(self._whole, None, 0)[0], ZERO, ZERO, ZERO)
         series = [self.series(box, i, 3) for box in self._boxes(-1)]
@@ -373,7 +377,7 @@ class _Part:
         Of fewer derivatives it is that of a lower degree, times one and the Lebesgue constants.
         """
         if degree >= self.smooth:
-            lower = self._chord_error() if self.kinked else self._by_derivatives(self.smooth - 1)
+            lower = self.chord_error() if self.kinked else self._by_derivatives(self.smooth - 1)
             return lower * (1 + LEBESGUE[degree - 1] ** len(self.axes))
         grown, total = Fraction(1), Fraction(0)
         for i in self.axes:
@@ -473,7 +477,7 @@ class _Part:
         if self.is_exact:
             return Approximation(tuple(corners), tuple(curve), Fraction(0))
         if chord:
-            error = self._chord_error()
+            error = self.chord_error()
         elif not self.axes:
             error = Fraction(0)
         else:
@@ -482,7 +486,8 @@ class _Part:
         grown = math.prod([LEBESGUE[degree - 1]] * len(self.axes), start=Fraction(1))
         return Approximation(tuple(corners), tuple(curve), _short_up(error + (4 + grown) * unit))
 
-    def _chord_error(self) -> Fraction:
+    def chord_error(self) -> Fraction:
+        """Return what it is off by from the interpolation between its values at the corners."""
         total = Fraction(0)
         for i in self.axes:
             slope = self.series(self._whole, i, 1)[1]
@@ -550,6 +555,12 @@ class _Part:
             more = table[place] - chord
             curve.append(more if self.is_exact else round(more / unit) * unit)
         return curve
+
+
+def _between(value: Interval, first: Fraction, last: Fraction) -> Interval:
+    """Return an interval without what rounding adds beyond two ends: no value of a parameter."""
+    low, high = sorted((first, last))
+    return max(value[0], enclosing(low)[0]), min(value[1], enclosing(high)[1])
 
 
 def _inverse(series: Series) -> Series:

@@ -3,7 +3,8 @@
 ``{"tables": [{"name", "arguments", "values", "cubic"}], "functions": [{"text", "entries": [{"of",
 "row", "column", "times"}]}]}``. ``of`` is A, B or E, or C, D or F with the name of an ``output``,
 which has one row. The entry has so many times the function, less the combination of that one's
-values at the vertices, in place of nothing: at the vertices it is what the plant says there.
+values at the vertices, in place of nothing: at the vertices it is what the plant says there. In a
+plant that is sampled a function may have no entries: the samples are of it.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def read_entries(
     for k, item in enumerate(listed):
         trees.append(parse(item.text("text"), names, tables))
         of_plant.append(_zeros(n, n + m + q))
-        for entry in item.tables("entries", MAX_ENTRIES):
+        for entry in item.tables("entries", MAX_ENTRIES, 0):
             letter = entry.word("of", starts)
             if letter in "CDF":
                 name, row = entry.text("output"), 1

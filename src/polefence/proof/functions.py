@@ -77,6 +77,11 @@ class Table(Short):
         """How many derivatives are bounded where a knot is inside."""
         return 2 if self.cubic else 1
 
+    @property
+    def between_knots(self) -> Table:
+        """It with derivatives that are those between its knots, all of which are bounded."""
+        return _BetweenKnots(self.arguments, self.values, self.cubic)
+
     @cached_property
     def pieces(self) -> tuple[tuple[Fraction, Fraction, tuple[Fraction, ...]], ...]:
         """Each knot, the next one, and the coefficients of the polynomial about the first."""
@@ -130,6 +135,15 @@ class Table(Short):
             about = enclosing(min(inside) - a)[0], enclosing(max(inside) - a)[1]
             series.append([_derivative(polynomial, k, about) for k in range(order + 1)])
         return [intervals.hull(column) for column in zip(*series, strict=True)]
+
+
+class _BetweenKnots(Table):
+    """A table whose derivatives are those between its knots."""
+
+    @property
+    def smooth(self) -> int:
+        """All are bounded there."""
+        return SMOOTH
 
 
 def _derivative(polynomial: Sequence[Fraction], order: int, at: Interval) -> Interval:

@@ -25,6 +25,15 @@ of the magnitudes of its three weights.
 Where M has functions of the parameters among its entries, N, N_i and the higher derivatives of M
 hold these too, and N + s N_i + s^2 N_ii / 2 + s^3 N_iii / 6 is in place of N + s N_i.
 
+The derivatives of a table are those between its knots. A part of the box with a knot of a cubic one
+inside has a bounded second derivative still, and no third: it is interpolated between its corners.
+So is one with a knot between straight lines, where there is no second derivative either. There the
+function f is e off the multi-affine g of its values at the corners, whose second derivatives are
+zero, and whose first are no larger than those of f. The samples are bounded with g, and f, with its
+matrix F in M, moves them by at most e S more,
+
+    S = d/ds exp (N + s |F|) at s = 0.
+
 All is computed in whole multiples of 2^-96 and rounded to the safe side.
 """
 
@@ -61,11 +70,14 @@ class Bends:
         What an entry of `sample` is off by at most.
     third : tuple of (n, n + m + q) rationals
         D_i of each parameter.
+    kinks : tuple of (n, n + m + q) rationals
+        S of each function; none where no table has a knot inside.
     """
 
     along: tuple[Rationals, ...]
     missing: Fraction
     third: tuple[Rationals, ...]
+    kinks: tuple[Rationals, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,10 +90,14 @@ class Curves:
         Its largest magnitude.
     along : tuple of three (n, width) rationals each
         Of each parameter the largest magnitudes of its three derivatives.
+    kinks : tuple of (n, width) rationals
+        |F| of each function, zero where it has no knot between straight lines; none of these where
+        no table has a knot inside.
     """
 
     size: Rationals
     along: tuple[tuple[Rationals, Rationals, Rationals], ...]
+    kinks: tuple[Rationals, ...] = ()
 
 
 def bends(M: Sequence[Rationals], terms: int, curves: Curves | None = None) -> Bends:
@@ -125,10 +141,14 @@ def bends(M: Sequence[Rationals], terms: int, curves: Curves | None = None) -> B
                 [[-(-x // math.factorial(k)) for x in row] for row in matrix]
                 for k, matrix in enumerate(higher, 2)
             ]
-        twice, thrice = _derivatives(N, rates, shift)
+        _, twice, thrice = _derivatives(N, rates, shift)
         along.append(twice)
         third.append(thrice)
-    return Bends(tuple(along), missing, tuple(third))
+    kinks = tuple(
+        _derivatives(N, [_magnitudes(F)], shift)[0] if any(map(any, F)) else F
+        for F in (curves.kinks if curves else ())
+    )
+    return Bends(tuple(along), missing, tuple(third), kinks)
 
 
 def _largest_with(
@@ -201,8 +221,8 @@ def held_sample(M: Rationals, terms: int, early: Fraction, inputs: int) -> Integ
     ]
 
 
-def _derivatives(N: Integers, rates: Sequence[Integers], shift: int) -> tuple[Rationals, Rationals]:
-    """Return C and D of one parameter, from N + c I and |d^k M/dt_i^k| / k!, where c is the shift.
+def _derivatives(N: Integers, rates: Sequence[Integers], shift: int) -> list[Rationals]:
+    """Return S, C and D of one parameter, from N + c I and |d^k M/dt_i^k| / k!; c is the shift.
 
     The exponential is the square of that of half the numbers, and so on: of numbers so small that
     a few terms of the series are enough.
@@ -238,10 +258,10 @@ def _derivatives(N: Integers, rates: Sequence[Integers], shift: int) -> tuple[Ra
         total = _product(total, total, below)
         below = -(-(below**2) >> FINE)
     least = _at_most_exponential(Fraction(shift, ONE)) * ONE
-    twice, thrice = (
-        [[math.factorial(d) * Fraction(x) / least for x in row] for row in total[d]] for d in (2, 3)
-    )
-    return twice, thrice
+    return [
+        [[math.factorial(d) * Fraction(x) / least for x in row] for row in total[d]]
+        for d in (1, 2, 3)
+    ]
 
 
 def _powers(changes: Sequence[Fraction], d: int) -> list[Fraction]:

@@ -11,14 +11,14 @@ from typing import Any, Literal
 
 from polefence.proof.approximation import Functions
 from polefence.proof.dead_time import DeadTime
-from polefence.proof.entries import Placed, read_entries, write_entries
+from polefence.proof.entries import MAX_FUNCTIONS, Placed, read_entries, write_entries
 from polefence.proof.fitted import Data
 from polefence.proof.late import Late, late_in
 from polefence.proof.matrices import Rationals, common_denominator
 from polefence.proof.polynomials import Sizes
 from polefence.proof.ranges import ANY, Range
 from polefence.proof.reading import MAX_VERTICES, Table, as_number, plain, plain_rows, require_shape
-from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
+from polefence.proof.remainder import MAX_CURVE, Kinks, Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.work import RATIONAL, FormatError, spend
 
@@ -260,6 +260,8 @@ class Plant(Short):
         )
         if "functions" in table:
             plant = plant._with_functions(table.table("functions"))
+        if "bends" in table and "kinks" in table.table("bends"):
+            plant = plant._with_kinks(table.table("bends"))
         if plant.remainder is not None:
             plant.remainder.require(n, m, q, plant.sizes)
         if plant.sample_time is not None and plant.sample_time <= 0:
@@ -285,6 +287,16 @@ class Plant(Short):
             raise FormatError(f"{table.where}: samples are no functions; their outputs may be")
         remainder = remainder or self.remainder
         return replace(self, outputs=outputs, remainder=remainder, functions=placed.functions)
+
+    def _with_kinks(self, table: Table) -> Plant:
+        """Return it with what functions with knots add to its samples."""
+        where = table.path("kinks")
+        if self.functions is None or self.remainder is None:
+            raise FormatError(f"{where}: they belong to samples of functions of the parameters")
+        sizes = table.matrices("kinks", self.n, self.n + self.m + self.q, MAX_FUNCTIONS)
+        common_denominator(sizes)
+        kinks = Kinks(self.functions, _rows(sizes))
+        return replace(self, remainder=replace(self.remainder, kinks=kinks))
 
     def _placed(self, functions: Functions) -> dict[str, Any]:
         """Return where functions of the parameters stand, as a file has it."""
@@ -329,6 +341,8 @@ class Plant(Short):
                 table["bends"] = head | {"along": plain(self.remainder.bends)}
                 if self.remainder.third:
                     table["bends"] |= {"degree": 2, "third": plain(self.remainder.third)}
+                if self.remainder.kinks is not None:
+                    table["bends"] |= {"kinks": plain(self.remainder.kinks.sizes)}
         table["parameters"] = [
             {
                 "name": parameter.name,

@@ -121,10 +121,10 @@ class Table:
         """Return a table below."""
         return self._at(self.at(key), self.path(key))
 
-    def tables(self, key: str, most: int) -> list[Table]:
+    def tables(self, key: str, most: int, least: int = 1) -> list[Table]:
         """Return a list of tables."""
-        where = self.path(key)
-        return [self._at(row, f"{where}[{k + 1}]") for k, row in enumerate(self.items(key, most))]
+        where, rows = self.path(key), self.items(key, most, least)
+        return [self._at(row, f"{where}[{k + 1}]") for k, row in enumerate(rows)]
 
     def _at(self, value: Any, where: str) -> Table:
         if where not in self._below:

@@ -135,6 +135,34 @@ class Source(Short):
 
 
 @dataclass(frozen=True)
+class Kinks(Short):
+    """Functions of tables with knots, in samples.
+
+    Where a function is off by one from the interpolation between the corners of a part, an entry of
+    [A, B, E] is off by its matrix of ``sizes`` at most: zero of a function without a knot between
+    straight lines.
+    """
+
+    functions: Functions
+    sizes: tuple[Rows, ...]
+
+    def inside(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> list[Rationals]:
+        """Return what entries are off by on a part of the box, for each function.
+
+        Nothing, not even zeros, where no knot is inside.
+        """
+        known = self.functions.knotted(tuple(low), tuple(high))
+        if min(smooth for smooth, _ in known) > 2:
+            return []
+        length = longest(row for M in self.sizes for row in M)
+        spend(RATIONAL * len(known) * sum(map(len, self.sizes[0])), length, length)
+        return [
+            [[error * x for x in row] for row in M]
+            for (_, error), M in zip(known, self.sizes, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
 class Remainder(Short):
     """What each entry of [A, B, E] may be off by, (n, n + m + q).
 
@@ -146,6 +174,7 @@ class Remainder(Short):
     the middle of each parameter too, and a curve of degree 2 through them. Of such a part, with
     ``middles``, products with inputs that are the same everywhere are of the least degree. Where
     ``source`` says what functions of the parameters there are, parts have what these are there.
+    ``kinks`` are of samples of functions whose second derivatives are unbounded.
     """
 
     entries: Rows
@@ -156,10 +185,15 @@ class Remainder(Short):
     third: tuple[Rows, ...] = ()
     middles: bool = False
     source: Source | None = None
+    kinks: Kinks | None = None
 
     @classmethod
     def between(
-        cls, rounding: Rows, bends: Sequence[Rows], third: Sequence[Rows] = ()
+        cls,
+        rounding: Rows,
+        bends: Sequence[Rows],
+        third: Sequence[Rows] = (),
+        kinks: Kinks | None = None,
     ) -> Remainder:
         """Return that of the multi-affine interpolation between the corners of a box.
 
@@ -171,12 +205,13 @@ class Remainder(Short):
             Bounds on the second derivative along each side, from 0 to 1.
         third : sequence of (n, n + m + q) rationals, optional
             The same of the third derivative.
+        kinks : Kinks, optional
+            What functions with knots add.
         """
-        total = tuple(
-            tuple(x + sum(along, ZERO) / 8 for x, *along in zip(*rows, strict=True))
-            for rows in zip(rounding, *bends, strict=True)
-        )
-        return cls(total, rounding=rounding, bends=tuple(bends), third=tuple(third))
+        count = len(bends)
+        more = kinks.inside((ZERO,) * count, (ONE,) * count) if kinks else ()
+        total = _interpolated(rounding, bends, more)
+        return cls(total, rounding=rounding, bends=tuple(bends), third=tuple(third), kinks=kinks)
 
     @property
     def parts_degree(self) -> int:
@@ -208,7 +243,10 @@ class Remainder(Short):
         source = self.source and replace(
             self.source, directions=tuple(map(change, self.source.directions))
         )
-        return Remainder(entries, curve, self.degree, rounding, bends, third, self.middles, source)
+        kinks = self.kinks and replace(self.kinks, sizes=tuple(map(change, self.kinks.sizes)))
+        return Remainder(
+            entries, curve, self.degree, rounding, bends, third, self.middles, source, kinks
+        )
 
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
@@ -250,14 +288,15 @@ class Remainder(Short):
             [A, B, E], or its first columns, at the nodes of a part with middles, as `lattice` has
             them.
         """
-        if self.third:
-            width = len(self.entries[0])
-            curve = tuple(
-                tuple((*row, *(ZERO,) * (width - len(row))) for row in M)
-                for M in through(values, len(low))
-            )
-            return Remainder(self.inside_alone(low, high).entries, curve, 2, middles=True)
-        return self.inside_alone(low, high)
+        alone, middles = self._alone(low, high)
+        if not middles:
+            return alone
+        width = len(self.entries[0])
+        curve = tuple(
+            tuple((*row, *(ZERO,) * (width - len(row))) for row in M)
+            for M in through(values, len(low))
+        )
+        return replace(alone, curve=curve, degree=2, middles=True)
 
     def added(
         self, low: Sequence[Fraction], high: Sequence[Fraction], columns: Sequence[int]
@@ -277,40 +316,44 @@ class Remainder(Short):
 
     def inside_alone(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> Remainder:
         """Return that of a part of the box, without the curve through its middles."""
+        return self._alone(low, high)[0]
+
+    def _alone(self, low: Sequence[Fraction], high: Sequence[Fraction]) -> tuple[Remainder, bool]:
+        """Return it, and whether it is off so little from a curve through its middles."""
         if self.source is not None:
-            return self.source.on_part(tuple(low), tuple(high))[1]
-        if self.third:
+            return self.source.on_part(tuple(low), tuple(high))[1], False
+        kinks = self.kinks.inside(low, high) if self.kinks else []
+        if self.third and not kinks:
             grown, shares = ONE, list[Fraction]()
             for a, b in zip(low, high, strict=True):
                 shares.append(grown * (b - a) ** 3 / THIRD)
                 grown *= LARGER
             length = longest(row for M in self.third for row in M)
             spend(RATIONAL * len(shares) * sum(map(len, self.entries)), length, length)
-            return Remainder(
+            rows = tuple(
                 tuple(
-                    tuple(
-                        grown * x + sum(map(mul, shares, along), ZERO)
-                        for x, *along in zip(*rows, strict=True)
-                    )
-                    for rows in zip(self.rounding, *self.third, strict=True)
+                    grown * x + sum(map(mul, shares, along), ZERO)
+                    for x, *along in zip(*rows, strict=True)
                 )
+                for rows in zip(self.rounding, *self.third, strict=True)
             )
+            return Remainder(rows), True
         if self.bends:
             sides = [b - a for a, b in zip(low, high, strict=True)]
-            pairs = zip(sides, self.bends, strict=True)
             length = longest(row for M in self.bends for row in M)
             spend(RATIONAL * len(sides) * sum(map(len, self.entries)), length, length)
-            return Remainder.between(
-                self.rounding,
-                [tuple(tuple(x * side * side for x in row) for row in M) for side, M in pairs],
-            )
+            bends = [
+                tuple(tuple(x * side * side for x in row) for row in M)
+                for side, M in zip(sides, self.bends, strict=True)
+            ]
+            return Remainder(_interpolated(self.rounding, bends, kinks)), False
         if not self.curve:
-            return self
+            return self, False
         coefficients = [list(map(list, M)) for M in self.curve]
         curve = tuple(
             tuple(map(tuple, M)) for M in restricted(coefficients, self.degree, low, high)
         )
-        return Remainder(self.entries, curve, self.degree)
+        return Remainder(self.entries, curve, self.degree), False
 
     def transposed(self, n: int, p: int) -> Remainder:
         """Return that of the dual plant (A', C'), of p measured signals that are exact.
@@ -320,7 +363,7 @@ class Remainder(Short):
         dual = self.mapped(
             lambda M: tuple((*(row[i] for row in M), *(ZERO,) * p) for i in range(n))
         )
-        return replace(dual, rounding=(), bends=(), third=())
+        return replace(dual, rounding=(), bends=(), third=(), kinks=None)
 
     def padded(self, n: int, m: int, states: int, inputs: int = 0) -> Remainder:
         """Return that of the plant with more states and inputs, behind its own, that are exact."""
@@ -366,12 +409,41 @@ class Remainder(Short):
             raise FormatError("plant.bends must be one a parameter, without a curve")
         if self.third and len(self.third) != len(self.bends):
             raise FormatError("plant.bends.third must be one a parameter, as along is")
-        if self.bends and self.entries != Remainder.between(self.rounding, self.bends).entries:
-            raise FormatError("plant.remainder is not that of plant.bends")
+        if self.kinks is not None:
+            self._require_kinks(n, n + m + q)
+        if self.bends:
+            whole = Remainder.between(self.rounding, self.bends, kinks=self.kinks)
+            if self.entries != whole.entries:
+                raise FormatError("plant.remainder is not that of plant.bends")
         if len(self.entries) != n or any(len(row) != n + m + q for row in self.entries):
             raise FormatError(f"plant.remainder must hold {n} rows of {n + m + q} numbers")
         if min(map(min, self.entries)) < 0:
             raise FormatError("plant.remainder must hold numbers of zero or more")
+
+    def _require_kinks(self, n: int, width: int) -> None:
+        """Refuse sizes of functions that do not fit."""
+        sizes = () if self.kinks is None else self.kinks.sizes
+        if not self.bends:
+            raise FormatError("plant.bends.kinks belong to bends")
+        if self.kinks is not None and len(sizes) != len(self.kinks.functions.trees):
+            raise FormatError("plant.bends.kinks must be one a function of plant.functions")
+        for matrix in sizes:
+            if len(matrix) != n or any(len(row) != width for row in matrix):
+                raise FormatError(f"plant.bends.kinks must hold {n} rows of {width} numbers")
+            if min(map(min, matrix)) < 0:
+                raise FormatError("plant.bends.kinks must hold numbers of zero or more")
+
+
+def _interpolated(rounding: Rows, bends: Sequence[Rows], more: Sequence[Rationals]) -> Rows:
+    """Return what entries are off by between the corners of a part, of the bends of its sides."""
+    count = len(bends)
+    return tuple(
+        tuple(
+            x + sum(others[:count], ZERO) / 8 + sum(others[count:], ZERO)
+            for x, *others in zip(*rows, strict=True)
+        )
+        for rows in zip(rounding, *bends, *more, strict=True)
+    )
 
 
 def through(values: Sequence[Rationals], count: int) -> list[Rationals]:

@@ -29,9 +29,8 @@ from polefence.proof.between import MOST_PARTS as MOST_CLOCK_PARTS
 from polefence.proof.claims.base import prove
 from polefence.proof.claims.samples import MAX_TERMS
 from polefence.proof.claims.steps import FURTHER, products_of_series
-from polefence.proof.functions import KinkError
 from polefence.proof.plant import held_columns
-from polefence.proof.remainder import MAX_CURVE, Remainder, Rows
+from polefence.proof.remainder import MAX_CURVE, Kinks, Remainder, Rows
 from polefence.proof.text import plural
 from polefence.proof.work import FormatError
 from polefence.response.discrete import balancing, zero_order_hold
@@ -290,33 +289,30 @@ def _between_nodes(
         terms = claim_of_samples(replace(bare, sampling=origin)).terms_needed()
         origin = replace(origin, terms=terms)
         bounds = claim_of_samples(replace(bare, sampling=origin)).bounds()
-    except KinkError as problem:
-        raise InputError(
-            f"{plant.name}: a table has a knot inside the range, and samples are not bounded "
-            "there; write a smooth function, or ranges between the knots"
-        ) from problem
     except FormatError as problem:
         raise InputError(f"{plant.name}: {problem}; take a shorter sample time") from problem
     scales = units[:n, None] / _doubled(plant, delay, units)
-    along, third = (
-        _doubled(
-            plant, delay, np.array([[list(map(float, row)) for row in C] for C in derivatives])
-        )
-        * 1.01
-        for derivatives in (bounds.along, bounds.third)
+    along, third, kinks = (
+        _doubled(plant, delay, np.array(matrices, dtype=float)) * 1.01
+        if matrices
+        else np.zeros((0, *scales.shape))
+        for matrices in (bounds.along, bounds.third, bounds.kinks)
     )
     T = bare.sample_time or Fraction(0)
     known = np.abs([np.hstack(block) for block in _held(plant, T, delay.early)])
     largest = known.max(axis=0) / scales + along.sum(axis=0) / 8
     # with what rounding to doubles may change; of two inputs a difference is rounded
     missing = 2.02 * float(bounds.missing)
-    remainders = [2.0**-51 * largest + missing, *along, *third]
-    rounding, *derivatives = (
+    remainders = [2.0**-51 * largest + missing, *along, *third, *kinks]
+    rounding, *others = (
         tuple(map(_up, _placed(M * scales, plant, bare, delay))) for M in remainders
     )
-    count = len(along)
-    bends, turns = derivatives[:count], derivatives[count:] if count <= MOST_IN_MIDDLES else []
-    remainder = Remainder.between(rounding, bends, turns)
+    count, last = len(along), len(along) + len(third)
+    bends, turns = others[:count], others[count:last] if count <= MOST_IN_MIDDLES else []
+    of_functions = (
+        Kinks(plant.functions, tuple(others[last:])) if len(kinks) and plant.functions else None
+    )
+    remainder = Remainder.between(rounding, bends, turns, of_functions)
     sampled = replace(bare, remainder=remainder, sampling=origin)
     vertices = inside(sampled, *ends(plant)).vertices
     return replace(sampled, vertices=vertices)

@@ -46,7 +46,7 @@ from polefence.proof.polynomials import (
 )
 from polefence.proof.ranges import corner_weights, corners
 from polefence.proof.reading import MAX_VERTICES, Table, plain, require_shape
-from polefence.proof.remainder import Source
+from polefence.proof.remainder import Remainder, Source
 from polefence.proof.short import Short
 from polefence.proof.text import late_text, milliseconds_text
 from polefence.proof.work import MAX_IN_PARTS, RATIONAL, FormatError, spend
@@ -233,7 +233,22 @@ class Samples(Short, Claim):
             derivatives[0] = [a + b for a, b in zip(derivatives[0], steps, strict=True)]
             first, second, third = (self._of_functions(values, True) for values in derivatives)
             along.append((first, second, third))
-        return Curves(self._of_functions(sizes, True), tuple(along))
+        size, smooth = self._of_functions(sizes, True), self._smooth
+        if min(smooth) > 2:
+            return Curves(size, tuple(along))
+        chosen = [
+            [Fraction(j == k and bounded < 2) for j in range(len(smooth))]
+            for k, bounded in enumerate(smooth)
+        ]
+        kinks = (self._of_functions(values, True) for values in chosen)
+        return Curves(size, tuple(along), tuple(kinks))
+
+    @property
+    def _smooth(self) -> list[int]:
+        """How many derivatives of each function are bounded on the box."""
+        count = len(self.plant.ranges)
+        ends = (ZERO,) * count, (Fraction(1),) * count
+        return [k for k, _ in self.source.functions.knotted(*ends)] if self.source else []
 
     def _of_functions(self, values: Sequence[Fraction], sizes: bool = False) -> Rationals:
         """Return so many times the functions' directions, in the units; or of their magnitudes."""
@@ -290,11 +305,14 @@ class Samples(Short, Claim):
             bounds = self.bounds()
         except FormatError as problem:
             return undecided(str(problem))
-        rounding, *along = self._in_units(
-            list(map(self._held, (remainder.rounding, *remainder.bends, *remainder.third)))
-        )
+        kinks = () if remainder.kinks is None else remainder.kinks.sizes
+        if bounds.kinks and not self._same_functions(remainder):
+            return undecided("a table has a knot inside the range, of which the plant says nothing")
+        claimed = (*remainder.bends, *remainder.third, *kinks)
+        rounding, *along = self._in_units(list(map(self._held, (remainder.rounding, *claimed))))
         # what inputs do in a part of the period bends no more than in all of it
-        every = map(self._twice, (*bounds.along, *(bounds.third if remainder.third else ())))
+        third = bounds.third if remainder.third else ()
+        every = map(self._twice, (*bounds.along, *third, *bounds.kinks))
         missing = 2 * bounds.missing if self.early else bounds.missing
         for most, bend in zip(along, every, strict=True):
             if any(
@@ -312,6 +330,12 @@ class Samples(Short, Claim):
                         return undecided("a sample is farther off than the plant says")
         count = len(self.plant.A) + len(self.plant.nodes)
         return Verdict("proved", f"samples compared at {count} points, and bounded between them")
+
+    def _same_functions(self, remainder: Remainder) -> bool:
+        """Whether the plant's kinks are those of the functions of what is sampled."""
+        if remainder.kinks is None or self.source is None:
+            return False
+        return remainder.kinks.functions == self.source.functions
 
     def _known_samples(self) -> Iterator[tuple[tuple[Fraction, ...], Rationals]]:
         """Yield the points of the box at which F, G and H are known, with these."""

@@ -167,6 +167,15 @@ def test_a_search_is_that_of_the_same_rows_by_another_name(tmp_path, capsys):
         read(json.dumps(changed))
 
 
+def test_what_inputs_pass_into_by_functions_wants_a_sensor(tmp_path, capsys):
+    spec = tmp_path / "mass.toml"
+    outputs = '[outputs]\nlift = {C = ["sqrt(k)", 0], D = [1]}\n'
+    spec.write_text(SPEC.replace("[outputs]\n", outputs, 1))
+    said = refused(capsys, "optimise", str(spec), "--measured", "lift, v", "--minimise", "gain of v")
+    assert "give its sensor or the actuator a bandwidth" in said
+    assert "without inputs" not in said
+
+
 def test_code_says_what_is_to_be_taken_off(tmp_path, capsys):
     spec, made, code = tmp_path / "mass.toml", tmp_path / "made", tmp_path / "code"
     spec.write_text(SPEC)

@@ -155,7 +155,7 @@ class Structure(Short):
                 raise InputError(f"measured: {error}") from error
             if signal.D:
                 left = f"measure '{signal.name}{WITHOUT}', by code that takes its input off, or "
-                left *= bool(signal.C or signal.F)
+                left *= bool(signal.C or signal.F) and signal.near is None
                 raise InputError(
                     f"measured: an input passes straight into {name!r}; {left}give its sensor or "
                     "the actuator a bandwidth"

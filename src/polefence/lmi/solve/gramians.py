@@ -34,8 +34,8 @@ OVER = 1.3  # times what is missed, since R moves what is missed
 ROOM = 1e-7  # of the bound's square, for rounding
 LOWEST = 0.03  # of a level, what a point's own is at least
 # In which R makes up for a remainder too, and by how much more than is missed. A table of straight
-# lines in a plant with a sensor takes 15 parts so (18 with 3.0), where 400 were not enough with what
-# all modes share. A van's with another takes 70 parts at 5 ms (94 with 3.0, 90 with 2.0).
+# lines in a plant with a sensor takes 15 parts so (18 with 3.0), where 400 were not enough with
+# what all modes share. A van's with another takes 70 at 5 ms (94 with 3.0, 90 with 2.0).
 MODE_ROUNDS, MODE_OVER = 3, 1.5
 SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way from what is least to what is claimed
 BARELY = 1e-5  # by which a point's own level exceeds the least there

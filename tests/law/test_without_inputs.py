@@ -171,7 +171,8 @@ def test_what_inputs_pass_into_by_functions_wants_a_sensor(tmp_path, capsys):
     spec = tmp_path / "mass.toml"
     outputs = '[outputs]\nlift = {C = ["sqrt(k)", 0], D = [1]}\n'
     spec.write_text(SPEC.replace("[outputs]\n", outputs, 1))
-    said = refused(capsys, "optimise", str(spec), "--measured", "lift, v", "--minimise", "gain of v")
+    asked = ["--measured", "lift, v", "--minimise", "gain of v"]
+    said = refused(capsys, "optimise", str(spec), *asked)
     assert "give its sensor or the actuator a bandwidth" in said
     assert "without inputs" not in said
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 import polefence as pf
+from polefence.certify.evaluation import rounding_share
 from polefence.plant.parts import inside
 from polefence.plant.samples import claim_of_samples
 from polefence.plant.spec import loads
@@ -155,6 +156,7 @@ def test_poles_and_bounds_are_proved_up_to_the_worst_and_files_say_so(kind):
     assert not pf.analyse(found, K, Disk(0, radius * (1 - 1e-4))).proved
     kept = pf.analyse(found, K, Disk(0, radius * (1 + 1e-3)))
     assert kept.proved
+    assert rounding_share(kept.certificate) < 1e-3  # of the loops that there are in its parts
     table = json.loads(kept.certificate.file().dumps())
     assert check_file(from_plain(table)).proved
     functions, sizes = table["plant"]["functions"]["functions"], table["plant"]["bends"]["kinks"]

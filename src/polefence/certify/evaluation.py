@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -29,6 +30,8 @@ from polefence.law.coordinates import Coordinates
 from polefence.law.laws import right_divide
 from polefence.lmi.solve.scaling import summed, transposed
 from polefence.plant.boxes import Box
+from polefence.plant.family import UncertainPlant
+from polefence.plant.parts import inside
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.region.regions import Pair, Region
@@ -199,9 +202,10 @@ class _Loops:
     @classmethod
     def of(cls, certificate: Certificate, lyapunov: Lyapunov, places: Array) -> _Loops:
         law, plant, domain = certificate.law, certificate.plant, certificate.domain
-        basis = domain.basis(places, lyapunov.degree)
-        if lyapunov.box is not None:
-            places = lyapunov.box.alpha(domain, places)
+        basis, box = domain.basis(places, lyapunov.degree), lyapunov.box
+        near = None if plant.remainder is None else _near(plant, box, places)
+        if box is not None:
+            places = box.alpha(domain, places)
         if law.W is not None:
             coordinates = law.coordinates
             W, Z = (np.tensordot(law.domain.basis(places, law.degree), M, 1) for M in law.even)
@@ -212,8 +216,11 @@ class _Loops:
             X = np.tensordot(basis, coordinates.forms(lyapunov.X), 1)
             gains = law.gain(places)
             K = coordinates.feedback(gains)
-        A = np.tensordot(places, coordinates.loops(plant.A), 1)
-        B = np.tensordot(places, coordinates.inputs(plant.B), 1)
+        if near is None:
+            A = np.tensordot(places, coordinates.loops(plant.A), 1)
+            B = np.tensordot(places, coordinates.inputs(plant.B), 1)
+        else:
+            A, B = coordinates.loops(near[0]), coordinates.inputs(near[1])
         C: Array = np.asarray(np.linalg.cholesky((X + X.swapaxes(-1, -2)) / 2), dtype=float)
         left: Array = np.asarray(np.linalg.solve(C, B), dtype=float)
         closed, back = np.linalg.solve(C, A) @ C + left @ K @ C, coordinates.inverse @ C
@@ -237,6 +244,15 @@ class _Loops:
         weights = [np.einsum("ab,paibj->pij", form, inverse) for form in (M @ M.T, kept)]
         square = sum(_square(term, *weights) for term in self.terms)
         return np.asarray(2 * SAFETY * UNIT * np.sqrt(square))
+
+
+def _near(plant: UncertainPlant, box: Box | None, places: Array) -> tuple[Array, Array]:
+    """Return A and B at places of a part of the box, of a plant that is near a polynomial there."""
+    if box is not None and plant.bent:
+        plant = inside(plant, *(tuple(map(Fraction, ends)) for ends in (box.low, box.high)))
+    elif box is not None:
+        places = box.alpha(plant.domain, places)
+    return plant.at(places)
 
 
 def _square(term: Term, before: Array, behind: Array) -> Array:

@@ -453,6 +453,17 @@ def test_a_road_moves_a_car_alone(car, capsys):
     assert "--speed is missing" in refused(capsys, "simulate", "car.toml", "--kerb", "0.1")
 
 
+def test_a_fast_pole_shortens_the_step_on_a_road(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for bandwidth, longest in ((100, 0.001), (300, 1 / (2 * np.pi * 300))):
+        sensor = f'\n[sensor."suspension deflection"]\nbandwidth = {bandwidth}\n'
+        Path("car.toml").write_text(spec_text("quarter-car-physical") + sensor)
+        ran(capsys, "simulate", "car.toml", *ROAD, "-o", "drive.csv")
+        step = table("drive.csv")[1, 0]
+        assert longest / 3 < step <= longest * 1.001
+        assert (step == 0.001) == (bandwidth == 100)
+
+
 def test_other_disturbances_of_a_car_are_still_on_a_road(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     spec = spec_text("quarter-car-ride")

@@ -373,9 +373,11 @@ def _excitation(subject: Subject, options: Any, law: Any) -> Excitation:
         if options.speed is None:
             raise InputError("--speed is missing: a road needs it [m/s]")
         road, duration = _road(options)
+        step = _road_step(plant, options, law)
         if car is not None:
-            return _also(plant, _on_wheels(plant, car, road, duration, options), turns)
-        return excitation.on_road(plant, road, options.speed, _step(options), duration)
+            wheels = _on_wheels(plant, car, road, duration, options, step)
+            return _also(plant, wheels, turns)
+        return excitation.on_road(plant, road, options.speed, step, duration)
     if not any(others.values()) and options.input is None:
         raise InputError(
             "nothing moves the plant: give --step-in, --impulse-in, --initial or --input, or for a "
@@ -420,7 +422,12 @@ def _also(plant: UncertainPlant, moved: Excitation, sizes: Mapping[str, float]) 
 
 
 def _on_wheels(
-    plant: UncertainPlant, car: Car, road: Road, duration: float | None, options: Any
+    plant: UncertainPlant,
+    car: Car,
+    road: Road,
+    duration: float | None,
+    options: Any,
+    step: float,
 ) -> Excitation:
     """Return a road under all wheels; left and right of a random road differ in short waves."""
     from polefence.plant.tracks import SHARE, STATE
@@ -437,7 +444,7 @@ def _on_wheels(
     if wide and options.road is not None:
         other = random_road(options.road, road.length, (options.seed or 0) + 1)
         pair = both_sides(road, other, float(SHARE) * wide)
-    return on_wheels(plant, car.places, pair, options.speed, _step(options), duration)
+    return on_wheels(plant, car.places, pair, options.speed, step, duration)
 
 
 def _sizes(texts: list[str], key: str) -> dict[str, float]:
@@ -505,6 +512,19 @@ def _road(options: Any) -> tuple[Road, float | None]:
     if options.grade is not None:
         return roads.grade(*options.grade, **level), duration
     return roads.kerb(options.kerb, **level), duration
+
+
+def _road_step(plant: UncertainPlant, options: Any, law: Any) -> float:
+    """Return the step on a road [s]: shorter where the loop has poles that are too fast for it."""
+    from polefence.response.closed import close
+    from polefence.response.grid import longest_step
+    from polefence.vehicle.reference_laws import nominal
+
+    step = _step(options)
+    if options.step is not None or options.sampling is not None or plant.sample_time is not None:
+        return step
+    longest = longest_step(close(plant, law, nominal(plant), disturbed=False))
+    return step if step <= longest else longest / 2  # other parameters may have faster ones
 
 
 def _step(options: Any, longest: float = math.inf) -> float:

@@ -54,6 +54,7 @@ from polefence.plant.card import card
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter
+from polefence.plant.parts import inside
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import matrices
@@ -307,13 +308,20 @@ class _Question:
 
     def along(self, polynomial: Along) -> Evidence:
         """Return the evidence that one is."""
-        size = self.specification.driven_by
-        return Evidence([_rationals(X / size**2) for X in polynomial.X], polynomial.degree)
+        square, degree = self.specification.driven_by**2, polynomial.degree
+        each = [Evidence([_rationals(M / square) for M in X], degree) for X in polynomial.X]
+        if len(each) == 1:
+            return each[0]
+        pieces = tuple(
+            Piece(tuple(map(Fraction, box.low)), tuple(map(Fraction, box.high)), evidence)
+            for box, evidence in zip(polynomial.cells, each, strict=True)
+        )
+        return Evidence([], cells=pieces)
 
     def evidence(self, dual: Dual) -> Evidence:
         """Return the evidence that a dual polynomial is; with a dead time X of a noise."""
         if dual.reached and self.plant.dead_time is not None:
-            return self.along(Along(dual.Q, dual.degree, dual.level))
+            return self.along(Along([], [dual.Q], dual.degree, dual.level))
         return dual_evidence(dual)
 
     def stepped(self, evidence: Evidence, level: float) -> Bound | None:
@@ -715,9 +723,7 @@ def _proved(
     if plant.remainder is not None and specification.of_signal:
         try:
             if not (evidence.dual or evidence.per_cell[0].storage):
-                cut, wide = specification.cut_off(plant), behind(plant, law, specification)
-                spread = spread_of(wide.plant, wide.law, evidence, cut=cut)
-                evidence = replace(evidence, spread=spread)
+                evidence = _with_spread(plant, law, specification, evidence)
         except np.linalg.LinAlgError:  # no Lyapunov matrix
             return None
     claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(level))
@@ -734,6 +740,22 @@ def _proved(
     if not specification.of_signal:
         degree = law.degree
     return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
+
+
+def _with_spread(
+    plant: UncertainPlant, law: Law, specification: Specification, evidence: Evidence
+) -> Evidence:
+    """Return evidence with what a remainder asks for besides, in each cell."""
+    cut, wide = specification.cut_off(plant), behind(plant, law, specification)
+    if not evidence.cells:
+        return replace(evidence, spread=spread_of(wide.plant, wide.law, evidence, cut=cut))
+    pieces = list[Piece]()
+    for piece in evidence.cells:
+        own = inside(wide.plant, piece.low, piece.high)
+        held = wide.law.inside(wide.plant, piece.low, piece.high)
+        spread = spread_of(own, held, piece.evidence, cut=cut)
+        pieces.append(replace(piece, evidence=replace(piece.evidence, spread=spread)))
+    return replace(evidence, cells=tuple(pieces))
 
 
 def _evidences(point: LyapunovPolynomial, form: tuple[int, int]) -> Iterator[Evidence]:

@@ -26,6 +26,7 @@ from polefence.law.laws import (
     Law,
 )
 from polefence.lmi.conditions.lyapunov import Loop
+from polefence.lmi.solve.along_motions import falling
 from polefence.lmi.solve.loops import loop_of
 from polefence.lmi.solve.lyapunov import MOST_STATES, LyapunovPolynomial, points_inside
 from polefence.lmi.solve.one_loop import modal
@@ -181,6 +182,10 @@ class Search:
 
     def proof(self, ladder: Sequence[tuple[int, int]]) -> dict[str, Any] | None:
         """Return evidence of a form of the whole box, else in parts of it."""
+        if self.plant.moving and self.plant.functions is not None:  # enclosed anew in each cell
+            evidence = self._along_motions()
+            if evidence is not None:
+                return evidence
         for form in ladder:
             if self._late():
                 return None
@@ -210,6 +215,8 @@ class Search:
             Whether evidence will do for a part of the box, from the plant and the law there; by
             default where it is proved.
         """
+        if self.plant.moving and self.plant.dead_time is None and holds is None:
+            return self._along_motions()
         if self.most < 2 or self._late():
             return None
         self.halved = True
@@ -226,6 +233,26 @@ class Search:
             if parts is not None:
                 pieces = (inside.piece(box, proof) for box, proof in parts)
                 return part_of(Evidence([], cells=tuple(pieces)))
+        return None
+
+    def _along_motions(self) -> dict[str, Any] | None:
+        """Return evidence on the cells of a grid, where parameters move."""
+        if not self.law.in_parts:
+            return None
+        for along in falling(self.plant, self.law, self.part):
+            pieces = list[Piece]()
+            for box, X in zip(along.cells, along.X, strict=True):
+                piece = _Inside.piece(box, Evidence([]))
+                plant = inside(self.plant, piece.low, piece.high)
+                law = self.law.inside(self.plant, piece.low, piece.high)
+                found = {"X": X, "degree": along.degree, "elevation": 0}
+                evidence = in_rationals(with_remainder(plant, law, found))
+                pieces.append(replace(piece, evidence=evidence))
+            whole = part_of(Evidence([], cells=tuple(pieces)))
+            if certificate_of(self.plant, self.law, self.part, [whole]).holds():
+                return whole
+            if self._late():
+                return None
         return None
 
     def _late(self) -> bool:

@@ -31,9 +31,10 @@ from polefence.proof.polynomials import (
     constant,
     corners_of,
     count_of,
+    monomials,
     restricted,
 )
-from polefence.proof.ranges import corner_weights, corners
+from polefence.proof.ranges import Range, corner_weights, corners
 from polefence.proof.reading import MAX_SIZE, Table, plain, shown
 from polefence.proof.remainder import Remainder, Spread
 from polefence.proof.short import Short
@@ -386,6 +387,39 @@ class Piece(Short):
         """Share of the box."""
         sides = (b - a for a, b in zip(self.low, self.high, strict=True))
         return math.prod(sides, start=Fraction(1))
+
+
+def require_continuous(cells: Sequence[Piece], ranges: Sequence[Range]) -> None:
+    """Refuse parts of the box whose X differ where a moving parameter goes from one to another.
+
+    The parts are cells of a grid: two that touch across a moving parameter have the same ends
+    along all others. X, or Q, is then continuous along every motion, and its change is that in the
+    parts.
+    """
+    known: dict[tuple[Point, Point], Evidence] = {(p.low, p.high): p.evidence for p in cells}
+    for piece in cells:
+        for f, parameter in enumerate(ranges):
+            if parameter.rate is None or piece.high[f] == 1:
+                continue
+            beyond = [high for low, high in known if low == _moved_to(piece.low, f, piece.high[f])]
+            others = [high for high in beyond if _moved_to(high, f, piece.high[f]) == piece.high]
+            if len(others) != 1:
+                raise FormatError("cells: while parameters move they must be those of a grid")
+            other = known[_moved_to(piece.low, f, piece.high[f]), others[0]]
+            if _face(piece.evidence, f, 1, len(ranges)) != _face(other, f, 0, len(ranges)):
+                raise FormatError("cells: X or Q is not continuous where parameters move")
+
+
+def _moved_to(point: Point, f: int, value: Fraction) -> Point:
+    return (*point[:f], value, *point[f + 1 :])
+
+
+def _face(evidence: Evidence, f: int, side: int, count: int) -> tuple[int, list[Rationals]]:
+    """Return the coefficients of X where parameter f is at an end."""
+    exponents = monomials((2,) * count, evidence.degree)
+    whole = evidence.degree
+    pairs = zip(exponents, evidence.X, strict=True)
+    return whole, [X for e, X in pairs if e[2 * f + side] == whole]
 
 
 def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Rationals]:

@@ -1,39 +1,72 @@
 """Lyapunov polynomials of a loop whose parameters move, by interpolation: no LMI is solved.
 
 At rest the least X of A X + X A' + E E' <= 0 is the covariance of the state. The polynomial that
-has its values at nodes misses the inequality, by what interpolation misses and by dX/dt while
-parameters move. A constant R, added to E E', makes up for both: it grows until no coefficient is
-negative, at any extreme of the rates. Of parameters that move slowly beside the loop the bound
-exceeds the truth by little. An LMI finds the least bound, with a number for each entry of each
-coefficient of X: of 8 states and three parameters it takes 7 s for one of degree 1, where this
-takes 0.1 s for one of degree 4.
+has its values at nodes misses the inequality, by what interpolation misses, by dX/dt while
+parameters move, and by what a remainder of the plant takes. A constant R, added to E E', makes up
+for all of it: it grows until no coefficient is negative, at any extreme of the rates. Of parameters
+that move slowly beside the loop the bound exceeds the truth by little. An LMI finds the least
+bound, with a number for each entry of each coefficient of X: of 8 states and three parameters it
+takes 7 s for one of degree 1, where this takes 0.1 s for one of degree 4.
+
+On the cells of a grid X is a polynomial in each, and functions of the parameters are enclosed anew.
+As R is the same in all, X is one function of the parameters, and cells that touch share its
+coefficients on their face: so it is continuous along every motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from itertools import product
+from math import prod
 
 import numpy as np
 
+from polefence.law.laws import Law
 from polefence.lmi.conditions.motion import change
 from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.lmi.solve.duals import MOST
 from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, majorant, root
+from polefence.lmi.solve.loops import loop_degree
+from polefence.lmi.solve.spread import covering
+from polefence.plant.boxes import Box, equal
+from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
+from polefence.plant.parts import inside, narrowed
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
-from polefence.response.modes import Modes
+from polefence.proof.remainder import SHARE
+from polefence.region.regions import Region
+from polefence.response.modes import Modes, even_modes, of_modes
+
+DEGREES = (1, 2, 3, 4)  # of X on the whole box
+CELLS = (2, 4, 8, 16, 32)  # of a grid, along each parameter that moves or is in a function
+DEGREE = 2  # of X in a cell
+MOST_CELLS = 256
+# Rounds in which R grows where only a region is asked for, how large it becomes beside S where that
+# does not end, and the most by which what is missed is taken to fall in a round.
+GROWING, FAR, NEAR_ONE = 12, 1e3, 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Bernstein coefficients of X (count, n, n), of a degree, and the level that it proves."""
+    """X on the cells of a grid, and the level that it proves.
 
-    X: Array
+    Attributes
+    ----------
+    cells : sequence of Box
+        One where X is a polynomial on the whole box.
+    X : sequence of (count, n, n) arrays
+        Bernstein coefficients in each.
+    degree : int
+    level : float
+    """
+
+    cells: Sequence[Box]
+    X: Sequence[Array]
     degree: int
     level: float
 
@@ -42,6 +75,8 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     """Yield polynomials of rising degree until one proves a level near the worst sample.
 
     There are none in discrete time, of a parameter that moves at any rate, and of laws Z W^-1.
+    Where entries are functions of the parameters, or no polynomial of the whole box was found,
+    there are those of finer and finer grids too.
 
     Parameters
     ----------
@@ -56,108 +91,363 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     still = problem.gain or problem.share is not None or problem.law.W is not None
     if still or motion.free or motion.centre is not None or set(problem.domain.sizes) != {2}:
         return
-    for degree in range(1, 5):
+    whole, least = (1,) * len(problem.domain.sizes), np.inf
+    for degree in DEGREES:
         if problem.work(degree) * ROUNDS > MOST and degree > 1:
-            return
-        along: Along | None = None
-        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            along = _Interpolation(problem, motion, degree).along()
+            break
+        along = _found(_Driven.on_grid(problem, motion, whole, degree))
         if along is not None:
             yield along
-            if along.level <= worst * (1 + near):
+            least = min(least, along.level)
+            if least <= worst * (1 + near):
                 return
+    if problem.plant.functions is None and np.isfinite(least):
+        return
+    for counts in grids(problem.plant, motion):
+        if problem.work(DEGREE) * ROUNDS * prod(counts) > MOST:
+            return
+        along = _found(_Driven.on_grid(problem, motion, counts, DEGREE))
+        if along is not None:
+            yield along
+            if along.level > least * (1 - near) or along.level <= worst * (1 + near):
+                return
+            least = along.level
+
+
+def grids(plant: UncertainPlant, motion: Motion) -> Iterator[tuple[int, ...]]:
+    """Yield how many cells finer and finer grids have along each parameter."""
+    source = plant.remainder and plant.remainder.source
+    names = source.names if source else []
+    divided = {move.simplex for move in motion.moves}
+    divided |= {f for f, p in enumerate(plant.parameters) if p.name in names}
+    for count in CELLS:
+        counts = tuple(count if f in divided else 1 for f in range(len(plant.parameters)))
+        if prod(counts) > MOST_CELLS:
+            return
+        yield counts
+
+
+def _found(grid: _Driven) -> Along | None:
+    with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+        return grid.along()
+    return None
 
 
 @dataclass(frozen=True, eq=False)
-class _Interpolation:
-    """The search for R at one degree of X."""
+class Cell:
+    """A cell of a grid.
 
-    problem: DualProblem
+    Attributes
+    ----------
+    box : Box
+    plant : UncertainPlant
+        There.
+    law : Law
+    domain : Domain
+    motion : Motion
+        Of its coordinates.
+    degree, total : int
+        Of X, and of the inequality.
+    at : sequence of int
+        Which of the grid's coefficients are its own, in their order.
+    loops : (count, n, n) array
+        At the nodes of X.
+    noise : (count, n, n) array
+        E E' there.
+    raised : tuple of arrays
+        Loops and E E' at the nodes of the inequality.
+    scales : (q,) array, optional
+        Of the disturbances; none where none counts.
+    """
+
+    box: Box
+    plant: UncertainPlant
+    law: Law
+    domain: Domain
     motion: Motion
     degree: int
+    total: int
+    at: Sequence[int]
+    loops: Array
+    noise: Array
+    raised: tuple[Array, Array]
+    scales: Array | None = None
 
     @cached_property
-    def total(self) -> int:
-        """Degree of the inequalities."""
-        problem = self.problem
-        inverted = any(move.inverted for move in self.motion.moves)
-        # s^2 in dX/dt, s = 1/p
-        return max(
-            self.degree + problem.rows,
-            2 * problem.driving_degree,
-            self.degree - 1 + 2 * inverted,
-        )
+    def modes(self) -> Modes:
+        """Of the loops at the nodes of X."""
+        return Modes(self.loops)
 
     @cached_property
-    def nodes(self) -> tuple[Modes, Array, Array]:
-        """Modes of the loops at the nodes of X, E and C'C there."""
-        A, Y, E, _ = self.problem.closed(self.problem.domain.nodes(self.degree))
-        return Modes(A), E, Y.swapaxes(-1, -2) @ Y
-
-    @cached_property
-    def raised(self) -> tuple[Array, Array, Array, Array]:
-        """At the inequality's nodes: Bernstein polynomials of X, loops, outputs, E E'."""
-        at = self.problem.domain.nodes(self.total)
-        A, Y, E, _ = self.problem.closed(at)
-        return self.problem.domain.basis(at, self.degree), A, Y, E @ E.swapaxes(-1, -2)
+    def basis(self) -> Array:
+        """Bernstein polynomials of X at the nodes of the inequality."""
+        return self.domain.basis(self.domain.nodes(self.total), self.degree)
 
     @cached_property
     def slopes(self) -> list[Array]:
         """Coefficients of dX/dt at every extreme of the rates, as weights of those of X."""
-        return slopes(self.motion, self.problem.domain, self.degree, self.total)
+        return slopes(self.motion, self.domain, self.degree, self.total)
+
+    def solved(self, R: Array) -> Array:
+        """Return the coefficients of X that has at its nodes the covariance with R."""
+        return self.domain.interpolated(self.modes.lyapunov(self.noise + R), self.degree)
+
+    def bernstein(self, values: Array) -> Array:
+        """Return coefficients of the inequality's degree."""
+        return self.domain.interpolated(values, self.total)
+
+    def lifted(self, X: Array) -> Array:
+        """Return the coefficients of X, of the inequality's degree."""
+        return self.bernstein(np.tensordot(self.basis, X, 1))
+
+    def missed(self, X: Array) -> Array:
+        """Return the violation of the inequality by each coefficient, at each extreme."""
+        A, noise = self.raised
+        half = A @ np.tensordot(self.basis, X, 1)
+        both = self.bernstein(half + half.swapaxes(-1, -2) + noise)
+        both = both + self._lost(X)
+        return np.concatenate([both - np.tensordot(D, X, 1) for D in self.slopes])
+
+    def _lost(self, X: Array) -> Array:
+        """Return what a remainder takes of each coefficient."""
+        remainder = self.plant.remainder
+        if remainder is None:
+            return np.zeros_like(X[0])
+        degree = self.degree + self.law.degree
+        at = self.domain.nodes(degree)
+        values = np.tensordot(self.domain.basis(at, self.degree), X, 1)
+        values = np.concatenate([values, self.law.gain(at) @ values], axis=1)
+        R = np.array(remainder.entries, dtype=float)
+        spread = covering(R, self.domain.interpolated(values, degree), self.scales is not None)
+        H: Array = np.diag(np.square(np.array(spread.rows, dtype=float)))
+        lost: Array = H + np.array(spread.omega, dtype=float)
+        if self.scales is None:
+            return lost
+        columns = np.array(spread.columns[len(spread.columns) - len(self.scales) :], dtype=float)
+        most = float((columns * self.scales).max(initial=0.0))
+        if most:
+            share = float(SHARE)
+            lost = lost + self.bernstein(share * self.raised[1]) + (1 + 1 / share) * most**2 * H
+        return lost
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Cells of the box, in each of which X is a polynomial; it is continuous."""
+
+    cells: Sequence[Cell]
+
+    def shared(self, coefficients: Sequence[Array]) -> list[Array]:
+        """Return the coefficients of each cell; cells that touch have the first one's on a face."""
+        known = dict[int, Array]()
+        for cell, X in zip(self.cells, coefficients, strict=True):
+            for place, M in zip(cell.at, X, strict=True):
+                known.setdefault(place, M)
+        return [np.stack([known[place] for place in cell.at]) for cell in self.cells]
+
+    def solved(self, R: Array) -> list[Array]:
+        """Return X in each cell, the covariance with R."""
+        return self.shared([cell.solved(R) for cell in self.cells])
+
+    def missed(self, X: Sequence[Array]) -> Array:
+        """Return the violation of the inequality by each coefficient of all cells."""
+        return np.concatenate([cell.missed(own) for cell, own in zip(self.cells, X, strict=True)])
+
+    def lifted(self, X: Sequence[Array]) -> Array:
+        """Return the coefficients of X in all cells."""
+        return np.concatenate([cell.lifted(own) for cell, own in zip(self.cells, X, strict=True)])
+
+
+def places(counts: Sequence[int], degree: int, domain: Domain) -> Iterator[tuple[Box, list[int]]]:
+    """Yield the cells of a grid, and the places of their coefficients among all of the grid's."""
+    whole = [count * degree + 1 for count in counts]
+    exponents = [e[1::2] for e in domain.monomials(degree)]
+    for first, box in zip(product(*map(range, counts)), equal(tuple(counts)), strict=True):
+        nodes = [[degree * k + e for k, e in zip(first, own, strict=True)] for own in exponents]
+        yield box, [int(np.ravel_multi_index(node, whole)) for node in nodes]
+
+
+def _motion_in(plant: UncertainPlant, box: Box) -> Motion:
+    low, high = (map(Fraction, ends) for ends in (box.low, box.high))
+    return Motion.of(replace(plant, parameters=tuple(map(narrowed, plant.parameters, low, high))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """The search for R of what moves under disturbances.
+
+    Attributes
+    ----------
+    grid : Grid
+    seen : list of arrays
+        Outputs at the nodes of X in each cell.
+    raised : list of arrays
+        The same at the nodes of the inequality.
+    """
+
+    grid: Grid
+    seen: list[Array]
+    raised: list[Array]
+
+    @classmethod
+    def on_grid(
+        cls, problem: DualProblem, motion: Motion, counts: Sequence[int], degree: int
+    ) -> _Driven:
+        """Return it on a grid of so many cells."""
+        cells, seen, raised = list[Cell](), list[Array](), list[Array]()
+        divided, moves = prod(counts) > 1 or problem.plant.bent, problem.plant
+        for box, at in places(counts, degree, problem.domain):
+            own = problem.inside(box) if divided else problem
+            inner = _motion_in(moves, box) if divided else motion
+            inverted = any(move.inverted for move in inner.moves)
+            # s^2 in dX/dt, s = 1/p
+            total = max(degree + own.rows, 2 * own.driving_degree, degree - 1 + 2 * inverted)
+            domain = own.domain
+            A, Y, E, _ = own.closed(domain.nodes(degree))
+            loops, rows, entering, _ = own.closed(domain.nodes(total))
+            noises = (M @ M.swapaxes(-1, -2) for M in (E, entering))
+            noise, noise_raised = noises
+            cells.append(
+                Cell(
+                    box,
+                    own.plant,
+                    own.law,
+                    domain,
+                    inner,
+                    degree,
+                    total,
+                    at,
+                    A,
+                    noise,
+                    (loops, noise_raised),
+                    own.scales,
+                )
+            )
+            seen.append(Y)
+            raised.append(rows)
+        return cls(Grid(cells), seen, raised)
 
     def along(self) -> Along | None:
         """Let R grow until no coefficient is negative; None if it does not end.
 
         It is measured in what it adds to the bound: with the observability Gramian Q, tr Q R.
         """
-        modes, E, seen = self.nodes
-        noise = E @ E.swapaxes(-1, -2)
-        inverse = root(modes.observed(seen).mean(axis=0)).T
+        cells = self.grid.cells
+        squares = [Y.swapaxes(-1, -2) @ Y for Y in self.seen]
+        observed = [cell.modes.observed(S) for cell, S in zip(cells, squares, strict=True)]
+        inverse = root(np.concatenate(observed).mean(axis=0)).T
         T, eye = np.linalg.inv(inverse), np.eye(len(inverse))
-        top = float(np.einsum("pij,pji->p", seen, modes.lyapunov(noise)).max())
-        loops = inverse @ modes.A @ T
+        tops = [
+            np.einsum("pij,pji->p", S, cell.modes.lyapunov(cell.noise)).max()
+            for cell, S in zip(cells, squares, strict=True)
+        ]
+        top = float(max(tops))
+        loops = inverse @ np.concatenate([cell.loops for cell in cells]) @ T
         R, over = 1e-3 * top / len(T) * eye, OVER
         for _ in range(ROUNDS):
-            gramians = modes.lyapunov(noise + T @ R @ T.T)
-            X = self.problem.domain.interpolated(gramians, self.degree)
-            if not np.all(np.isfinite(X)):
+            X = self.grid.solved(T @ R @ T.T)
+            if not all(np.all(np.isfinite(own)) for own in X):
                 return None
-            missed = inverse @ self._missed(X) @ inverse.T
+            missed = inverse @ self.grid.missed(X) @ inverse.T
             level, more = self._level(X), np.zeros_like(R)
             if np.linalg.eigvalsh(missed).max() >= 0:
                 more = over * majorant(missed)
             elif level is not None:
-                return Along(X, self.degree, level)
+                return Along([cell.box for cell in cells], X, cells[0].degree, level)
             if level is None:  # more than D is covariance of the noise -(A D + D A')
-                D = OVER * majorant(-inverse @ self._raised(X) @ inverse.T) + 1e-9 * top * eye
+                low = -inverse @ self.grid.lifted(X) @ inverse.T
+                D = OVER * majorant(low) + 1e-9 * top * eye
                 half = loops @ D
                 more = more + majorant(-half - half.swapaxes(-1, -2))
             R, over = R + more + ROOM * top * eye, over * OVER
         return None
 
-    def _raised(self, X: Array) -> Array:
-        """Return the coefficients of X, of the inequality's degree."""
-        return self._bernstein(np.tensordot(self.raised[0], X, 1))
-
-    def _missed(self, X: Array) -> Array:
-        """Return the violation of the inequality by each coefficient, at each extreme."""
-        basis, A, _, noise = self.raised
-        half = A @ np.tensordot(basis, X, 1)
-        both = self._bernstein(half + half.swapaxes(-1, -2) + noise)
-        return np.concatenate([both - np.tensordot(D, X, 1) for D in self.slopes])
-
-    def _level(self, X: Array) -> float | None:
+    def _level(self, X: Sequence[Array]) -> float | None:
         """Return the least level for blocks [level^2, C X; X C', X]; None where X is not > 0."""
-        basis, _, Y, _ = self.raised
-        rows, X = self._bernstein(Y @ np.tensordot(basis, X, 1)), self._raised(X)
-        if np.linalg.eigvalsh(X).min() <= 0:
-            return None
-        squares = (rows * np.linalg.solve(X, rows.swapaxes(-1, -2)).swapaxes(-1, -2)).sum((1, 2))
-        return float(np.sqrt(squares.max()))
+        largest = 0.0
+        for cell, own, Y in zip(self.grid.cells, X, self.raised, strict=True):
+            rows = cell.bernstein(Y @ np.tensordot(cell.basis, own, 1))
+            lifted = cell.lifted(own)
+            if np.linalg.eigvalsh(lifted).min() <= 0:
+                return None
+            solved = np.linalg.solve(lifted, rows.swapaxes(-1, -2)).swapaxes(-1, -2)
+            largest = max(largest, float((rows * solved).sum((1, 2)).max()))
+        return float(np.sqrt(largest))
 
-    def _bernstein(self, values: Array) -> Array:
-        return self.problem.domain.interpolated(values, self.total)
+
+def falling(plant: UncertainPlant, law: Law, part: Region) -> Iterator[Along]:
+    """Yield X on finer and finer grids that fall along motions as a half-plane asks for.
+
+    S is in place of E E', the same everywhere: that of which X is the sum of v v* over the modes v
+    in the middle, so that each mode is as far from the edge as its own pole is.
+    """
+    motion, domain, numbers = Motion.of(plant), law.domain_of(plant), part.closed_form
+    if numbers is None or numbers[2] or set(domain.sizes) != {2}:
+        return
+    if motion.free or motion.centre is not None or law.W is not None:
+        return
+    a, b, _ = map(float, numbers)
+    middle = np.full((1, domain.corners), 1 / domain.corners)
+    centre, corners = (_loops(plant, law, at) for at in (middle, domain.nodes(1)))
+    modes = even_modes(centre[0], 0.0, a, b, corners - centre)
+    if modes is None:
+        return
+    V, inside_by = modes
+    S = of_modes(V, inside_by)
+    T: Array = np.asarray(np.linalg.cholesky(of_modes(V, np.ones(len(V)))), dtype=float)
+    for counts in grids(plant, motion):
+        cells = list[Cell]()
+        for box, at in places(counts, DEGREE, domain):
+            cells.append(_falling_in(plant, law, box, at, a / b, S / b))
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+            X = _grown(Grid(cells), T)
+            if X is not None:
+                yield Along([cell.box for cell in cells], X, DEGREE, 0.0)
+
+
+def _falling_in(
+    plant: UncertainPlant, law: Law, box: Box, at: Sequence[int], shift: float, S: Array
+) -> Cell:
+    """Return a cell in which A X + X A' + shift X - dX/dt is to be below -S."""
+    low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+    own, held, domain = inside(plant, low, high), law.inside(plant, low, high), law.domain_of(plant)
+    motion = _motion_in(plant, box)
+    inverted = any(move.inverted for move in motion.moves)
+    total = max(DEGREE + loop_degree(own, held), DEGREE - 1 + 2 * inverted)
+    shifted = shift / 2 * np.eye(plant.shape[0])
+    loops, raised = (
+        _loops(own, held, domain.nodes(degree)) + shifted for degree in (DEGREE, total)
+    )
+    noise = np.broadcast_to(S, loops.shape)
+    again = np.broadcast_to(S, raised.shape)
+    return Cell(box, own, held, domain, motion, DEGREE, total, at, loops, noise, (raised, again))
+
+
+def _grown(grid: Grid, T: Array) -> list[Array] | None:
+    """Let R grow until no coefficient is negative; None if it does not end."""
+    inverse, R, last = np.linalg.inv(T), np.zeros_like(T), np.inf
+    for _ in range(GROWING):
+        X = grid.solved(T @ R @ T.T)
+        if not all(np.all(np.isfinite(own)) for own in X):
+            return None
+        if np.linalg.eigvalsh(inverse @ grid.lifted(X) @ inverse.T).min() <= 0:
+            return None
+        missed = inverse @ grid.missed(X) @ inverse.T
+        if np.linalg.eigvalsh(missed).max() < 0:
+            return X
+        more = majorant(missed)
+        size = float(np.trace(more))
+        # what is missed falls by about the same share in each round: all of it at once
+        share = size / last if size < last < np.inf else 0.0
+        R, last = R + OVER / (1 - min(share, NEAR_ONE)) * more + ROOM * np.eye(len(T)), size
+        if np.trace(R) > FAR * len(T):
+            return None
+    return None
+
+
+def _loops(plant: UncertainPlant, law: Law, alpha: Array) -> Array:
+    A, B = plant.at(alpha)
+    return np.asarray(A + B @ law.gain(alpha))
 
 
 def slopes(motion: Motion, domain: Domain, degree: int, total: int) -> list[Array]:

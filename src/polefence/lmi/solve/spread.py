@@ -51,12 +51,17 @@ def spread_of(
         Y = polynomials.bernstein([*evidence.held], XKX.sizes, evidence.held_degree)
         parts = cut_off(XKX, n, {i: Y.part(slice(i, i + 1)) for i in cut})
         entries = np.concatenate([_coefficients(part) for _, part in parts])
-    X = entries[:, :n].mean(axis=0)
+    return covering(np.array(remainder.entries, dtype=float), entries, driven)
+
+
+def covering(R: Array, entries: Array, driven: bool = True) -> Spread:
+    """Return multipliers of a remainder R (n, n + m + q) for coefficients of [X; K X]."""
+    X = entries[:, : len(R)].mean(axis=0)
     T = np.linalg.cholesky((X + X.T) / 2)
     inverse = np.linalg.inv(T)
     moved = entries @ inverse.T  # in coordinates in which X is about one
     a, b = (inverse**2).sum(axis=0), (moved**2).sum(axis=2).max(axis=0)
-    R, known = np.array(remainder.entries, dtype=float), len(b)
+    known = len(b)
     if driven:
         rows, columns = cheapest(R, a, b)
     else:  # any column of a disturbance will do that is large enough

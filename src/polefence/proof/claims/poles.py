@@ -52,6 +52,7 @@ from polefence.proof.laws import (
     on_part,
     read_cells,
     read_evidence,
+    require_continuous,
     require_terms,
     used_nodes,
 )
@@ -91,7 +92,7 @@ from polefence.proof.polynomials import (
     count_of,
     monomials,
 )
-from polefence.proof.ranges import Range
+from polefence.proof.ranges import Range, narrowed
 from polefence.proof.reading import Table, plain
 from polefence.proof.regions import (
     MAX_PARTS,
@@ -315,7 +316,8 @@ class Poles(Short, Claim):
         for proof in self.evidence if late else ():
             require_late_cells(self.motion, proof.cells)
         divided = not late and any(proof.cells for proof in self.evidence)
-        if self.method == "slack" or self.weights or divided:
+        whole = self.step or self.law.K is None  # of these X is one
+        if self.method == "slack" or self.weights or (divided and whole):
             what = "disk about zero" if self.step else "half-plane"
             raise FormatError(
                 f"a {what} needs one X for the whole box while parameters move; slack has none"
@@ -324,6 +326,8 @@ class Poles(Short, Claim):
             raise FormatError("sampled plants with a remainder need constant parameters")
         for proof, parts in self._each_with_parts:
             if any(part.decays(self.step) for part in parts):
+                if not late and proof.cells:
+                    require_continuous(proof.cells, self.motion)
                 pieces = [(self.law.inside(p.low, p.high), p.evidence) for p in proof.cells]
                 for law, item in pieces or [(self.law, proof)]:
                     X = lifted(law, item, self.sizes).part(slice(len(self.A[0])))
@@ -456,7 +460,9 @@ class Poles(Short, Claim):
         low, high = piece.low, piece.high
         law, evidence = self.law.inside(low, high), (piece.evidence,)
         (A, B), remainder = on_part((self.A, self.B), self.nodes, self.remainder, low, high)
-        return replace(self, A=A, B=B, law=law, evidence=evidence, remainder=remainder, nodes=())
+        motion = tuple(map(narrowed, self.motion, low, high)) if self.motion else ()
+        inner = replace(self, A=A, B=B, law=law, evidence=evidence, remainder=remainder, nodes=())
+        return replace(inner, motion=motion)
 
     def _lyapunov(
         self, AB: Polynomial, evidence: Evidence, parts: tuple[Part, ...]

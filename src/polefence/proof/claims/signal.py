@@ -56,6 +56,7 @@ from polefence.proof.laws import (
     on_part,
     read_cells,
     read_evidence,
+    require_continuous,
     used_nodes,
 )
 from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work
@@ -79,7 +80,6 @@ from polefence.proof.polynomials import (
     count_of,
     diagonal,
     joint,
-    monomials,
     multinomial,
     number,
 )
@@ -669,7 +669,7 @@ class SignalClaim(Short, Claim):
         if is_late(self.subject.motion):
             require_late_cells(self.subject.motion, evidence.cells)
         elif self.subject.motion and evidence.cells:
-            if not self.along_motions or self.subject.step:
+            if self.subject.step or self.subject.law.K is None:
                 raise FormatError("cells: moving parameters need one X for the whole box")
             require_continuous(evidence.cells, self.subject.motion)
         pieces = [self._with(evidence.cells[0])] if evidence.cells else [self]
@@ -976,38 +976,6 @@ def write_outputs(outputs: Sequence[Output]) -> dict[str, Any]:
 
 def _rows_of(output: Output) -> dict[str, Any]:
     return {key: plain_rows(getattr(output, key)) for key in "CDF" if getattr(output, key)}
-
-
-def require_continuous(cells: Sequence[Piece], ranges: Sequence[Range]) -> None:
-    """Refuse parts of the box whose Q differ where a moving parameter goes from one to another.
-
-    The parts are cells of a grid: two that touch across a moving parameter have the same ends
-    along all others. Q is then continuous along every motion, and its change is that in the parts.
-    """
-    known: dict[tuple[Point, Point], Evidence] = {(p.low, p.high): p.evidence for p in cells}
-    for piece in cells:
-        for f, parameter in enumerate(ranges):
-            if parameter.rate is None or piece.high[f] == 1:
-                continue
-            beyond = [high for low, high in known if low == _moved_to(piece.low, f, piece.high[f])]
-            others = [high for high in beyond if _moved_to(high, f, piece.high[f]) == piece.high]
-            if len(others) != 1:
-                raise FormatError("cells: while parameters move they must be those of a grid")
-            other = known[_moved_to(piece.low, f, piece.high[f]), others[0]]
-            if _face(piece.evidence, f, 1, len(ranges)) != _face(other, f, 0, len(ranges)):
-                raise FormatError("cells: Q is not continuous where parameters move")
-
-
-def _moved_to(point: Point, f: int, value: Fraction) -> Point:
-    return (*point[:f], value, *point[f + 1 :])
-
-
-def _face(evidence: Evidence, f: int, side: int, count: int) -> tuple[int, list[Rationals]]:
-    """Return the coefficients of Q where parameter f is at an end."""
-    exponents = monomials((2,) * count, evidence.degree)
-    whole = evidence.degree
-    pairs = zip(exponents, evidence.X, strict=True)
-    return whole, [X for e, X in pairs if e[2 * f + side] == whole]
 
 
 def curved_rows(outputs: Sequence[Output], rows: Polynomial, first: int = 0) -> Polynomial:

@@ -23,6 +23,7 @@ from polefence.fleet.run import run, worked_out
 from polefence.fleet.store import Row, Store, alike, value_of
 from polefence.fleet.study import Study, load_study
 from polefence.fleet.workers import Workers, here, processes
+from polefence.plant.spec import loads
 from polefence.proof.text import plural
 from polefence.region.text import digits_down, digits_up
 
@@ -140,7 +141,7 @@ def _of_results(store: Store, options: Any) -> int:
         return _checked(store, options)
     if options.html is not None:
         check_target(options.html)
-    rows = list(store.rows())
+    rows, data = list(store.rows()), loads(about["base"]).data  # which says what is not proved
     if options.best is not None:
         if options.best not in names:
             raise InputError(f"--best {options.best!r}: {suggest(options.best, names)}")
@@ -152,7 +153,8 @@ def _of_results(store: Store, options: Any) -> int:
         pairs = [(q.name, q.largest) for q in questions]
         failed = alike([row for row in rows if row["status"] not in GOOD])
         valued = [row | {"value": value_of(row)} for row in rows]
-        text = fleet_page(about["name"], about["names"], pairs, valued, failed)
+        note = "" if data is None else data.note
+        text = fleet_page(about["name"], about["names"], pairs, valued, failed, note)
         write_text(options.html, text)
         saved(options.html)
     total = len(about["rows"]) * len(names)

@@ -164,7 +164,7 @@ FAULTS = {
     "one name": (None, cell(1, 1, "y0"), "column 3 has the name of another"),
     "two lines": (None, lambda rows: rows.__delitem__(slice(3, None)), "4 to 200000 numbers"),
     "no line": (None, lambda rows: rows.__delitem__(slice(2, None)), "no line of numbers"),
-    "too few": (None, lambda rows: rows.__delitem__(slice(7, None)), "ask for a lower order"),
+    "too few": (None, lambda rows: rows.__delitem__(slice(7, None)), "20 measured numbers are too"),
 }  # fmt: skip
 
 

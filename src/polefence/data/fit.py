@@ -186,6 +186,11 @@ class _Question:
         return found
 
     @property
+    def timed(self) -> bool:
+        """Whether responses in time were measured."""
+        return self.measurements[0].kind == TIME
+
+    @property
     def entries(self) -> int:
         """How many entries are free."""
         n, m, p = self.signals.order, len(self.signals.inputs), len(self.signals.outputs)
@@ -205,7 +210,7 @@ class _Question:
             raise InputError(f"{len(self.parameters)} parameters; at most {MOST_PARAMETERS}")
         for p in self.parameters:
             self._require_values(p)
-        if self.signals.unstable and self.measurements[0].kind == TIME:
+        if self.signals.unstable and self.timed:
             raise InputError(
                 "an unstable plant is fitted to frequency responses alone: its response in time "
                 "grows; measure its frequency response in a closed loop"
@@ -245,10 +250,12 @@ class _Question:
     def _require_bounded(self, monomials: int) -> None:
         each = [self._numbers(own) for own in self.measurements]
         entries, unknowns, known = self.entries, self.entries * monomials, sum(each)
-        if known < 2 * unknowns:
+        beside = len(each) * (self.signals.order + len(self.signals.outputs)) if self.timed else 0
+        if known - beside < 2 * unknowns:
+            more = f", and {beside} initial values and constants" if beside else ""
             raise InputError(
-                f"{known} measured numbers are too few for {unknowns} coefficients; measure more, "
-                "or ask for a lower order or degree"
+                f"{known} measured numbers are too few for {unknowns} coefficients{more}; measure "
+                "more, or ask for a lower order or degree"
             )
         fits = len(self.groups) + 1
         condensed = min(known, len(each) * (entries + 1)) * unknowns
@@ -337,9 +344,7 @@ class _Question:
             own.frequency[0] if isinstance(own, FrequencyResponse) else 1 / (own.count * own.step)
             for own in self.measurements
         )
-        remedy = "" if self.measurements[0].kind == TIME else (
-            ", or say unstable = true if the plant itself is"
-        )  # fmt: skip
+        remedy = "" if self.timed else ", or say unstable = true if the plant itself is"
         for point in points_of(self.parameters):
             pole = max(np.linalg.eigvals(shape.model(theta @ self.basis.at(point)).A).real)
             if pole >= slowest:

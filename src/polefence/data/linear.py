@@ -72,7 +72,7 @@ class Modes:
         self.W = np.linalg.inv(self.V)
         self.z = poles * step
         # of a pair one speaks for both
-        self.chosen = np.flatnonzero(poles.imag >= 0)
+        self.chosen = [int(k) for k in np.flatnonzero(poles.imag >= 0)]
         self.weights = np.where(poles.imag[self.chosen] > 0, 2.0, 1.0)
 
     def _driven(self, k: int, acting: Array, begin: Any = 0.0) -> Array:
@@ -94,8 +94,9 @@ class Modes:
         for k in self.chosen:
             acting = self.step * (now[k] * drive[k, :-1] + next_[k] * drive[k, 1:])
             modes[k] = self._driven(k, acting, begin[k])
-        for k in np.flatnonzero(self.z.imag < 0):
-            modes[k] = modes[int(np.argmin(np.abs(self.z - self.z[k].conj())))].conj()
+        for other in np.flatnonzero(self.z.imag < 0):
+            pair = int(np.argmin(np.abs(self.z - self.z[other].conj())))
+            modes[other] = modes[pair].conj()
         return modes, drive
 
     def forced(self, B: Array, u: Array, hold: str, x0: Array | None = None) -> Array:

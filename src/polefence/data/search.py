@@ -61,7 +61,8 @@ class Search:
         for own, (model, r, monomials) in zip(
             self.measurements, self._residuals(theta), strict=True
         ):
-            triangle = np.linalg.qr(np.column_stack([self.of.slopes(model, own), r]), mode="r")
+            both = np.column_stack([self.of.slopes(model, own), r])
+            triangle = np.asarray(np.linalg.qr(both, mode="r"))
             J, rest = triangle[:, :-1], triangle[:, -1:]
             spread = (J[:, :, None] * monomials).reshape(len(J), -1)
             rows.append(np.hstack([spread, rest]))

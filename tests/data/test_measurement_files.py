@@ -110,6 +110,21 @@ def test_the_command_writes_a_family_that_other_commands_take(
     assert main(["design", "family.toml", "--region", "half_plane(3)", "-o", "made"]) == 0
     assert main(["check", "made", "--spec", "family.toml"]) == 0
     assert capsys.readouterr().out.splitlines().count(family.data.note) == 2
+    # of a refusal too, and of many variants
+    assert main(["design", "family.toml", "--region", "disk(-100, 0.01)"]) == 1
+    assert capsys.readouterr().out.splitlines().count(family.data.note) == 1
+    (tmp_path / "study.toml").write_text(
+        'base = "family.toml"\nvariants.grid = {"q.high" = [1.8, 2]}\n'
+        'question = [{ask = "tightest", of = "half_plane"}]\n'
+    )
+    for words in (
+        ["study.toml", "-o", "rows"],
+        ["rows", "--html", "rows.html"],
+        ["rows", "--check"],
+    ):
+        assert main(["study", *words]) == 0
+        assert capsys.readouterr().out.splitlines().count(family.data.note) == 1
+    assert (tmp_path / "rows.html").read_text().count("unproved, from data") == 1
     A, _ = family.at(family.alpha(q=1.7))
     np.testing.assert_allclose(np.poly(A), np.poly(at(plant, 1.7)[0]), rtol=1e-6)
 

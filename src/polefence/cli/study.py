@@ -137,11 +137,12 @@ def _of_results(store: Store, options: Any) -> int:
     about = store.about
     questions = read_questions(about["questions"])
     names = [q.name for q in questions]
+    data = loads(about["base"]).data  # which says beside all answers what is not proved
     if options.check:
         return _checked(store, options)
     if options.html is not None:
         check_target(options.html)
-    rows, data = list(store.rows()), loads(about["base"]).data  # which says what is not proved
+    rows = list(store.rows())
     if options.best is not None:
         if options.best not in names:
             raise InputError(f"--best {options.best!r}: {suggest(options.best, names)}")

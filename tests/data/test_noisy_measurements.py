@@ -10,6 +10,8 @@ import pytest
 import polefence as pf
 from polefence.data import Response, search
 from polefence.data.linear import Modes
+from polefence.data.local import Model, Signals
+from polefence.data.residual import Residual
 from support.measurements import at, companion, exactly, in_time, names
 
 NOISE = 0.02
@@ -162,3 +164,19 @@ def test_a_free_mass_is_fitted_in_time(seed):
     assert abs(slow) < 1 / 25
     assert fast == pytest.approx(-1, rel=0.2)
     assert found.data.all.rms == pytest.approx(NOISE, rel=0.15)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("pole", "moves"), [(0.7, True), (0.8, False)])
+def test_a_response_that_diverges_has_no_slopes(pole, moves):
+    """Within 40 s it grows by e^28, or by e^32, of which numbers tell nothing."""
+    time, u = np.arange(401) * 0.1, np.ones((1, 401))
+    own = Response(time, u, np.exp(-time)[None])
+    signals = Signals(("u1",), ("y1",), np.zeros((1, 1), dtype=bool), 1)
+    residual = Residual(signals, (("A", 0, 0), ("B", 0, 0)), np.ones(1))
+    one = np.ones((1, 1))
+    model = Model(pole * one, one, one, 0 * one)
+    assert np.isfinite(residual.of(model, own)).all()
+    slopes = residual.slopes(model, own)
+    assert slopes.shape == (401, 2)
+    assert slopes.any() == moves

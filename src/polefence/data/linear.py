@@ -54,11 +54,6 @@ def _divided(z: Array, hold: str) -> Array:
                      for f, mean in zip(steps, middle, strict=True)])  # fmt: skip
 
 
-def diverges(A: Array, span: float) -> bool:
-    """Whether a response grows beyond what numbers tell in this time [s]."""
-    return bool(not np.isfinite(A).all() or np.linalg.eigvals(A).real.max() * span > DIVERGED)
-
-
 class Modes:
     """A real system's modes, for samples this far apart [s]."""
 
@@ -74,6 +69,12 @@ class Modes:
         # of a pair one speaks for both
         self.chosen = [int(k) for k in np.flatnonzero(poles.imag >= 0)]
         self.weights = np.where(poles.imag[self.chosen] > 0, 2.0, 1.0)
+
+    @classmethod
+    def of(cls, A: Array, step: float, count: int) -> Modes | None:
+        """Return a system's modes; None where so many samples grow beyond what numbers tell."""
+        modes = cls(A, step) if np.isfinite(A).all() else None
+        return modes if modes is not None and modes.z.real.max() * count <= DIVERGED else None
 
     def _driven(self, k: int, acting: Array, begin: Any = 0.0) -> Array:
         """Return a mode (..., count) that is moved at each step by (..., count - 1)."""

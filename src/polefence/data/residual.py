@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polefence.data.linear import Modes, diverges, resolvent, transfer
+from polefence.data.linear import Modes, resolvent, transfer
 from polefence.data.local import Model, Signals, weights
 from polefence.data.measured import FrequencyResponse, Measurement, Response
 from polefence.plant.system import Array
@@ -24,10 +24,10 @@ def rest(signals: Signals, model: Model, own: Response, scale: Array) -> Array |
     Where the response begins, and by how much each output is off, are those that leave least, each
     output in shares of its size.
     """
-    if diverges(model.A, own.step * own.count):
-        return None
     u, y = signals.sampled(own)
-    modes = Modes(model.A, own.step)
+    modes = Modes.of(model.A, own.step, own.count)
+    if modes is None:
+        return None
     left = y - model.C @ modes.forced(model.B, u, own.hold) - model.D @ u
     Q, flat = _orthonormal(_nuisances(model, modes, own.count, scale)), left / scale[:, None]
     flat = flat.reshape(-1)
@@ -109,9 +109,14 @@ class Residual:
         return np.array(columns).T
 
     def _in_time(self, model: Model, own: Response) -> Array:
-        """Return slopes without what initial states and constants explain (Kaufman)."""
+        """Return slopes without what initial states and constants explain (Kaufman).
+
+        Where the model's response diverges there are none.
+        """
         u, y = self.signals.sampled(own)
-        modes, scale = Modes(model.A, own.step), self.sizes
+        modes, scale = Modes.of(model.A, own.step, own.count), self.sizes
+        if modes is None:
+            return np.zeros((y.size, len(self.places)))
         left = y - model.C @ modes.forced(model.B, u, own.hold) - model.D @ u
         Z = _nuisances(model, modes, own.count, scale)
         size = np.maximum(np.linalg.norm(Z, axis=0), 1e-300)

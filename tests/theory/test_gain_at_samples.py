@@ -14,6 +14,8 @@ from polefence import (
     Disk,
     Gain,
     InputError,
+    NotProvedError,
+    Structure,
     analyse,
     at_sample_time,
     with_reference,
@@ -23,6 +25,7 @@ from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.requirements.specification import limit_text
 from polefence.requirements.text import parse_specification
+from polefence.search import optimise as search
 from support.specs import SPRING
 
 HELD = Gain(["weighted error of x", "f"], disturbances={"r": 1}, at="samples")
@@ -145,3 +148,18 @@ def test_what_passes_straight_through_is_taken_at_samples_alone():
     asked = Gain("weighted error of x", disturbances={"r": 1})
     with pytest.raises(InputError, match='or ask for it at = "samples"'):
         analyse(sampled, proportional(GAINS["prompt"]), Disk(0, 1), limits=[asked])
+
+
+@pytest.mark.parametrize("at", ["all times", "samples"])
+def test_where_no_law_is_found_at_all_times_samples_are_named(at, monkeypatch):
+    monkeypatch.setattr(search, "orders_below", lambda structure: [structure.order])
+    monkeypatch.setattr(search, "_best_tuned", lambda *_: None)
+    monkeypatch.setattr(search, "_attainable", lambda *_: ())
+    monkeypatch.setattr(search, "_refute", lambda _: None)
+    sampled = at_sample_time(with_weight(tracking(SLOW), "r", "1/(s/20 + 1)"), PERIODS["50 ms"])
+    asked = Gain("weighted error of x", at_most=1, disturbances={"r": 1}, at=at)
+    structure = Structure(measured=["error of x"], schedule=[])
+    with pytest.raises(NotProvedError) as caught:
+        search.optimise(sampled, None, [asked], structure=structure)
+    named = 'where they are held, ask for it at = "samples"' in str(caught.value)
+    assert named is (at == "all times")

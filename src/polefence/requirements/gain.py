@@ -101,6 +101,15 @@ class Gain(Specification):
                 f'at = "{SAMPLES}", of disturbances that are held'
             ) from error
 
+    def easier(self, plant: UncertainPlant) -> str:
+        """Say that commands may be held; samples take faster ones for slow ones."""
+        if self.held(plant) is None:
+            return ""
+        return (
+            f"{self.title} counts disturbances faster than the samples, which no law tells from "
+            f'slow ones: where they are held, ask for it at = "{SAMPLES}"'
+        )
+
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""
         problem, held = self._dual(plant, law, 1.0, gain=True), self.held(plant)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import polefence as pf
 from polefence.data import Response, search
@@ -180,3 +181,19 @@ def test_a_response_that_diverges_has_no_slopes(pole, moves):
     slopes = residual.slopes(model, own)
     assert slopes.shape == (401, 2)
     assert slopes.any() == moves
+
+
+def test_blas_has_one_thread(monkeypatch):
+    """More of them wait for one another: where others work too a fit took 60 s in place of 1."""
+    source, threads = np.random.default_rng(10), []
+    cost = search.Search.cost
+
+    def seen(self, theta):
+        threads.extend(own["num_threads"] for own in threadpool_info() if own["user_api"] == "blas")
+        return cost(self, theta)
+
+    monkeypatch.setattr(search.Search, "cost", seen)
+    plant = companion(2, 1, 1, source)
+    with threadpool_limits(2, user_api="blas"):
+        pf.identify(in_time(plant, source, count=200), 2, **signals(plant))
+    assert set(threads) <= {1}

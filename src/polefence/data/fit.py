@@ -15,6 +15,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, suggest
 from polefence.base.explained import explained
+from polefence.base.processors import small_matrices
 from polefence.base.progress import counted, stage
 from polefence.data.identified import Identified, scale_of, with_data
 from polefence.data.local import Model, Signals, local_model
@@ -92,7 +93,8 @@ def identify(
     signals = signals_of(labels, direct, order, unstable)
     question = _Question(signals, responses, _box(responses, parameters), degree)
     question.require()
-    return question.answer(labels)
+    with small_matrices():  # threads of BLAS that wait for one another took most of the time
+        return question.answer(labels)
 
 
 def signals_of(labels: Labels, direct: Sequence[str], order: int, unstable: bool) -> Signals:

@@ -17,6 +17,7 @@ import numpy as np
 from polefence.base.errors import InputError, PlantError, SpecError, suggest
 from polefence.base.explained import explained
 from polefence.base.files import read_text
+from polefence.base.processors import small_matrices
 from polefence.base.progress import counted
 from polefence.data.fit import require_alike
 from polefence.data.identified import Identified, scale_of, with_data
@@ -92,7 +93,8 @@ def refined_ranges(
         raise InputError(f"margin = {margin:g} must be a share, such as 0.05 of each end")
     if len(responses) == 1 and not margin:
         raise InputError("one measurement is one value, and no range; give a margin, such as 0.05")
-    return search.answer(text, path, margin)
+    with small_matrices():
+        return search.answer(text, path, margin)
 
 
 class _Search:

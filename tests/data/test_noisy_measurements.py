@@ -196,4 +196,4 @@ def test_blas_has_one_thread(monkeypatch):
     plant = companion(2, 1, 1, source)
     with threadpool_limits(2, user_api="blas"):
         pf.identify(in_time(plant, source, count=200), 2, **signals(plant))
-    assert set(threads) <= {1}
+    assert set(threads) == {1}

@@ -51,7 +51,8 @@ from polefence.certify.progress import progress as progress
 from polefence.certify.refutation import Refutation as Refutation, refute_limits as refute_limits
 from polefence.certify.running import Running as Running, running as running
 from polefence.certify.table import TableAnalysis as TableAnalysis
-from polefence.data.fit import Identified as Identified, identify as identify
+from polefence.data.fit import identify as identify
+from polefence.data.identified import Identified as Identified
 from polefence.fleet.run import study as study
 from polefence.law.compensator import Compensator as Compensator
 from polefence.law.control import from_control as from_control, to_control as to_control

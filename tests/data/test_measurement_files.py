@@ -110,6 +110,21 @@ def test_the_command_writes_a_family_that_other_commands_take(
     assert main(["design", "family.toml", "--region", "half_plane(3)", "-o", "made"]) == 0
     assert main(["check", "made", "--spec", "family.toml"]) == 0
     assert capsys.readouterr().out.splitlines().count(family.data.note) == 2
+    # of a refusal too, and of many variants
+    assert main(["design", "family.toml", "--region", "disk(-100, 0.01)"]) == 1
+    assert capsys.readouterr().out.splitlines().count(family.data.note) == 1
+    (tmp_path / "study.toml").write_text(
+        'base = "family.toml"\nvariants.grid = {"q.high" = [1.8, 2]}\n'
+        'question = [{ask = "tightest", of = "half_plane"}]\n'
+    )
+    for words in (
+        ["study.toml", "-o", "rows"],
+        ["rows", "--html", "rows.html"],
+        ["rows", "--check"],
+    ):
+        assert main(["study", *words]) == 0
+        assert capsys.readouterr().out.splitlines().count(family.data.note) == 1
+    assert (tmp_path / "rows.html").read_text().count("unproved, from data") == 1
     A, _ = family.at(family.alpha(q=1.7))
     np.testing.assert_allclose(np.poly(A), np.poly(at(plant, 1.7)[0]), rtol=1e-6)
 
@@ -153,13 +168,19 @@ FAULTS = {
     "a word": (None, cell(5, 1, "off"), "line 6, column 'u0': 'off' is no finite number"),
     "falling": (None, cell(5, 0, "0"), "time does not rise: sample 4 is 0"),
     "a cell too many": (None, cell(5, 2, "1,2"), "line 6 has 4 cells; its header 3"),
+    "a decimal comma": (
+        None,
+        lambda rows: rows.__setitem__(slice(None), [row.replace(",", ";").replace(".", ",")
+                                                    for row in rows]),
+        "is no finite number; write its decimals behind a point",
+    ),
     "no unit": (None, cell(1, 0, "time"), "the first column is 'time'; a response has 'time [s]'"),
     "no name": (None, cell(1, 1, ""), "column 2 has no name"),
     "one name": (None, cell(1, 1, "y0"), "column 3 has the name of another"),
     "two lines": (None, lambda rows: rows.__delitem__(slice(3, None)), "4 to 200000 numbers"),
     "no line": (None, lambda rows: rows.__delitem__(slice(2, None)), "no line of numbers"),
-    "too few": (None, lambda rows: rows.__delitem__(slice(7, None)), "ask for a lower order"),
-}
+    "too few": (None, lambda rows: rows.__delitem__(slice(7, None)), "20 measured numbers are too"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -193,3 +214,27 @@ def test_the_measurements_are_not_written_over(tmp_path, plant, source, monkeypa
 
 def test_names_of_signals_are_what_they_were(plant):
     assert names(plant) == {"input_names": ["u0"], "output_names": ["y0"]}
+
+
+HEADS = {
+    "magnitude of y0 from u0 [mm/N]": "'magnitude of y0 from u0' is in 'mm/N', the pair in 'm/N'",
+    "magnitude of y0 from u0 [m/N]": None,
+    "magnitude of y0 from u0 [m/(N)]": None,
+    "magnitude": "has 'phase of y0 from u0' and no 'magnitude of y0 from u0'; a fit needs both",
+}
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_frequency_response_has_both_parts_in_the_units_of_its_signals(head, tmp_path, plant):
+    for own in in_frequency(plant):
+        G = own.values[0, 0]
+        write_csv(tmp_path / f"{own.at['q']:g}.csv", ["w [rad/s]", head, f"phase of {PAIR} [rad]"],
+                  [BAND, abs(G), np.angle(G)])  # fmt: skip
+    (tmp_path / "m.toml").write_text(HEAD + "".join(measurement(f"{q:g}.csv", q) for q in POINTS))
+    if HEADS[head] is None:
+        assert load_measurements(tmp_path / "m.toml").answer().data.all.largest < 1e-6
+        return
+    with pytest.raises(pf.InputError) as refused:
+        load_measurements(tmp_path / "m.toml")
+    assert HEADS[head] in str(refused.value)
+    assert "\n" not in str(refused.value)

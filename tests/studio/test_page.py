@@ -1,11 +1,13 @@
 """The page without a browser: what is shown is of the newest question, or nothing is."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from polefence import Design, Disk, HalfPlane
+from polefence.proof.fitted import Data, Misfit
 from polefence.studio import Page, State, answers, question, taking
 from support.browser import until
 from support.studios import subject
@@ -102,6 +104,16 @@ def test_a_region_that_implies_no_stability_is_noted(page):
     page.region.value = "disk(-40, 45)"
     assert until(lambda: "proved: all poles in disk(-40, 45)" in page.badge.object)
     assert "does not imply stability" in page.badge.object
+
+
+def test_of_a_plant_from_data_it_is_said_that_it_is_not_proved_to_be_in_the_family(tmp_path):
+    data = Data("time", ("a.csv",), 9, Misfit(0.02, 0.08), (("y", Misfit(0.02, 0.08)),))
+    own = subject()
+    own = replace(own, plant=replace(own.plant, data=data))
+    page = Page(own, State.first(own, Disk(-40, 31)), tmp_path)
+    assert until(lambda: "proved: all poles in disk(-40, 31)" in page.badge.object)
+    assert data.note in page.badge.object
+    page.close()
 
 
 def test_what_is_not_proved_is_not_saved_as_a_design(page, tmp_path):

@@ -11,7 +11,7 @@ from polefence.cli.options import result_arguments
 from polefence.cli.output import PROVED, check_results, saved, write_figure, write_json
 from polefence.cli.terminal import say
 from polefence.data.files import load_measurements
-from polefence.data.fit import Identified
+from polefence.data.identified import Identified
 from polefence.proof.fitted import FREQUENCY, percent
 from polefence.proof.text import plural
 from polefence.search.rows import plant_summary

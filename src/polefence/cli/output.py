@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from polefence.base.beside import collected
-from polefence.base.errors import InputError
+from polefence.base.errors import InputError, NotProvedError
 from polefence.base.files import check_document, check_target, make_folder, write_bytes, write_text
 from polefence.base.progress import stage
 from polefence.base.renamed import with_old_keys
@@ -46,6 +46,9 @@ def streams(options: Any) -> Iterator[None]:
         try:
             yield
             say(*notes)
+        except NotProvedError:  # an answer too
+            say(*notes)
+            raise
         finally:
             _standard.reset(token)
             _saved.reset(listed)

@@ -23,6 +23,7 @@ from polefence.fleet.run import run, worked_out
 from polefence.fleet.store import Row, Store, alike, value_of
 from polefence.fleet.study import Study, load_study
 from polefence.fleet.workers import Workers, here, processes
+from polefence.plant.spec import loads
 from polefence.proof.text import plural
 from polefence.region.text import digits_down, digits_up
 
@@ -136,6 +137,7 @@ def _of_results(store: Store, options: Any) -> int:
     about = store.about
     questions = read_questions(about["questions"])
     names = [q.name for q in questions]
+    data = loads(about["base"]).data  # which says beside all answers what is not proved
     if options.check:
         return _checked(store, options)
     if options.html is not None:
@@ -152,7 +154,8 @@ def _of_results(store: Store, options: Any) -> int:
         pairs = [(q.name, q.largest) for q in questions]
         failed = alike([row for row in rows if row["status"] not in GOOD])
         valued = [row | {"value": value_of(row)} for row in rows]
-        text = fleet_page(about["name"], about["names"], pairs, valued, failed)
+        note = "" if data is None else data.note
+        text = fleet_page(about["name"], about["names"], pairs, valued, failed, note)
         write_text(options.html, text)
         saved(options.html)
     total = len(about["rows"]) * len(names)

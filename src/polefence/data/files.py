@@ -13,8 +13,9 @@ import numpy as np
 from polefence.base.errors import InputError, SpecError, shown, suggest
 from polefence.base.explained import explained
 from polefence.base.files import read_text
-from polefence.data.fit import MOST_MEASUREMENTS, Identified, identify, over_values
+from polefence.data.fit import MOST_MEASUREMENTS, identify, over_values
 from polefence.data.grey import refined_ranges
+from polefence.data.identified import Identified
 from polefence.data.measured import FrequencyResponse, Measurement, Response
 from polefence.data.table import Columns, read_columns
 from polefence.plant.outputs import split
@@ -198,10 +199,11 @@ class _Reader:
     ) -> FrequencyResponse:
         frequency = columns.values[columns.first] * FREQUENCIES[columns.units[columns.first]]
         values = np.full((len(self.measured), len(self.acting), len(frequency)), np.nan + 0j)
-        for i, (output, _) in enumerate(self.measured):
-            for j, (inside, _) in enumerate(self.acting):
+        for i, (output, of_output) in enumerate(self.measured):
+            for j, (inside, of_input) in enumerate(self.acting):
                 pair = f"{output} from {inside}"
-                found = self._pair(columns, self.columns.get(pair, pair))
+                unit = f"{of_output}/{of_input}" if of_output and of_input else ""
+                found = self._pair(columns, self.columns.get(pair, pair), unit)
                 if found is not None:
                     values[i, j] = found
         if np.isnan(values).all():
@@ -212,22 +214,41 @@ class _Reader:
         inputs, outputs = (tuple(name for name, _ in s) for s in (self.acting, self.measured))
         return FrequencyResponse(frequency, values, at, inputs, outputs, file)
 
-    def _pair(self, columns: Columns, pair: str) -> Array | None:
-        """Return the values of one pair; None of one that is not in the file."""
-        real, imaginary = f"real part of {pair}", f"imaginary part of {pair}"
-        magnitude, phase = f"magnitude of {pair}", f"phase of {pair}"
-        known = columns.values.keys()
-        if {real, imaginary} & known:
-            return columns.of(real) + 1j * columns.of(imaginary)
-        if not {magnitude, phase} & known:
-            return None
-        size, angle = columns.of(magnitude), columns.of(phase)
-        if columns.units[magnitude] == "dB":
-            size = 10 ** (size / 20)
-        unit = columns.units[phase] or "deg"
-        if unit not in ANGLES:
-            raise InputError(f"{columns.source}: {phase!r} is in {shown(unit)}; give deg or rad")
-        return np.asarray(size * np.exp(1j * ANGLES[unit] * angle))
+    def _pair(self, columns: Columns, pair: str, unit: str) -> Array | None:
+        """Return the values of one pair, in this unit; None of one that is not in the file."""
+        for first, second in (("real part", "imaginary part"), ("magnitude", "phase")):
+            names = f"{first} of {pair}", f"{second} of {pair}"
+            there = [name for name in names if name in columns.values]
+            if len(there) == 1:
+                (gone,) = {*names} - {*there}
+                raise InputError(
+                    f"{columns.source}: has {there[0]!r} and no {gone!r}; a fit needs both"
+                )
+            if not there:
+                continue
+            one, two = (columns.values[name] for name in names)
+            own = columns.units[names[0]]
+            if own and own != "dB" and not _alike(own, unit):
+                raise InputError(
+                    f"{columns.source}: {names[0]!r} is in {shown(own)}, the pair in "
+                    f"{shown(unit)}; convert it"
+                )
+            if first == "real part":
+                return np.asarray(one + 1j * two)
+            angle = columns.units[names[1]] or "deg"
+            if angle not in ANGLES:
+                raise InputError(
+                    f"{columns.source}: {names[1]!r} is in {shown(angle)}; give deg or rad"
+                )
+            size = 10 ** (one / 20) if own == "dB" else one
+            return np.asarray(size * np.exp(1j * ANGLES[angle] * two))
+        return None
+
+
+def _alike(own: str, unit: str) -> bool:
+    """Whether two units of a gain are written alike, but for brackets; so is one of none."""
+    bare = (text.translate(str.maketrans("", "", "() ")) for text in (own, unit))
+    return not unit or len(set(bare)) == 1
 
 
 def _at(table: Mapping[str, Any], where: str) -> dict[str, float]:

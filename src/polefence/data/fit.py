@@ -7,126 +7,34 @@ relative error of frequency responses, the output error of responses in time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polefence.base.errors import InputError, PlantError, suggest
+from polefence.base.errors import InputError, suggest
 from polefence.base.explained import explained
-from polefence.base.files import write_text
+from polefence.base.processors import small_matrices
 from polefence.base.progress import counted, stage
-from polefence.data.linear import transfer
-from polefence.data.local import Model, Signals, local_model, sizes
+from polefence.data.identified import Identified, scale_of, with_data
+from polefence.data.local import Model, Signals, local_model
 from polefence.data.measured import FrequencyResponse, Measurement, Response, measured
-from polefence.data.read_back import model_at
-from polefence.data.residual import Missed, Residual, misfits, missed, rest
+from polefence.data.residual import Missed, Residual, missed
+from polefence.data.search import Search
 from polefence.data.shape import Basis, Shape, chains_of, spread
 from polefence.data.written import Labels, black_box
-from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import split
 from polefence.plant.parameters import Parameter, check_label, exact
-from polefence.plant.spec import data_lines, loads
 from polefence.plant.system import Array
-from polefence.proof.fitted import TIME, Data, Misfit
-from polefence.proof.short import Short
-from polefence.proof.text import digits_up, plural
+from polefence.proof.fitted import TIME
+from polefence.proof.text import plural
 
 MOST_ORDER, MOST_DEGREE = 12, 2
 MOST_MEASUREMENTS, MOST_SIGNALS, MOST_PARAMETERS = 100, 20, 3
 MOST_ROWS = 30_000_000  # numbers of a matrix of slopes
-MOST_WORK = 1_000_000_000  # of these, for all fits
-TRIES = 50  # evaluations of one fit
-SINGULAR = 1e-9  # of slopes of unit length: below that the data do not tell coefficients apart
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Identified(Short):
-    """A family fitted to measurements, and what it misses them by.
-
-    Attributes
-    ----------
-    plant : UncertainPlant
-        With ``data``: whatever is said of it says that this is unproved.
-    text : str
-        Its spec.
-    measurements : tuple of Measurement
-    inputs, outputs : tuple of str
-        Names of what acts, and of what is measured.
-    unknowns : int
-        How many coefficients were sought.
-    values : tuple of mapping
-        For each measurement the values of the parameters that the family has it at.
-    missed : tuple of Misfit
-        Of each measurement.
-    """
-
-    plant: UncertainPlant
-    text: str
-    measurements: tuple[Measurement, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    unknowns: int
-    values: tuple[Mapping[str, float], ...]
-    missed: tuple[Misfit, ...]
-
-    @property
-    def data(self) -> Data:
-        """What it was fitted to, and what it misses that by."""
-        if self.plant.data is None:
-            raise PlantError(f"{self.plant.name} is not from data")
-        return self.plant.data
-
-    def __str__(self) -> str:
-        return self.data.note
-
-    def __repr__(self) -> str:
-        return f"<Identified {self.plant!r}, {self.data.all.text}>"
-
-    @explained
-    def response(self, number: int) -> Array:
-        """Return what the family says in place of a measurement, from 0.
-
-        Returns
-        -------
-        (p, count) or (p, m, count) array
-            Of ``outputs``, in time with the initial state and the constants that miss it least; of
-            a frequency response from ``inputs``, complex.
-        """
-        own = self.measurements[number]
-        model = model_at(self.plant, self._signals, self.values[number])
-        if isinstance(own, FrequencyResponse):
-            return np.asarray(transfer(model.A, model.B, model.C, model.D, own.frequency))
-        left = rest(self._signals, model, own)
-        y = self._signals.sampled(own)[1]
-        return np.full_like(y, np.nan) if left is None else y - left
-
-    def measured(self, number: int) -> Array:
-        """Return a measurement in the same order, from 0; nan where a pair was not measured."""
-        own = self.measurements[number]
-        if isinstance(own, FrequencyResponse):
-            return self._signals.values(own)
-        return self._signals.sampled(own)[1]
-
-    @property
-    def _signals(self) -> Signals:
-        none = np.zeros((len(self.outputs), len(self.inputs)), dtype=bool)
-        return Signals(self.inputs, self.outputs, none, self.plant.shape[0])
-
-    @explained
-    def save(self, path: str | Path) -> Path:
-        """Write the spec, which every command and `load` read; return its path.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
-        """
-        path = Path(path)
-        write_text(path, self.text)
-        return path
+MOST_WORK = 1_000_000_000  # of slopes of measured numbers in entries, for all fits: some minutes
+CHEAP = 25  # steps of a factorisation that take the time of one such slope
 
 
 @explained
@@ -185,7 +93,8 @@ def identify(
     signals = signals_of(labels, direct, order, unstable)
     question = _Question(signals, responses, _box(responses, parameters), degree)
     question.require()
-    return question.answer(labels)
+    with small_matrices():  # threads of BLAS that wait for one another took most of the time
+        return question.answer(labels)
 
 
 def signals_of(labels: Labels, direct: Sequence[str], order: int, unstable: bool) -> Signals:
@@ -279,9 +188,9 @@ class _Question:
         return found
 
     @property
-    def samples(self) -> int:
-        """How many instants or frequencies there are."""
-        return sum(own.count for own in self.measurements)
+    def timed(self) -> bool:
+        """Whether responses in time were measured."""
+        return self.measurements[0].kind == TIME
 
     @property
     def entries(self) -> int:
@@ -303,22 +212,25 @@ class _Question:
             raise InputError(f"{len(self.parameters)} parameters; at most {MOST_PARAMETERS}")
         for p in self.parameters:
             self._require_values(p)
-        if self.signals.unstable and self.measurements[0].kind == TIME:
+        if self.signals.unstable and self.timed:
             raise InputError(
                 "an unstable plant is fitted to frequency responses alone: its response in time "
                 "grows; measure its frequency response in a closed loop"
             )
-        points = [
-            dict(zip((p.name for p in self.parameters), at, strict=True)) for at in self.groups
-        ]
-        M = np.array([self.basis.at(point) for point in points])
-        if np.linalg.matrix_rank(M) < M.shape[1]:
+        terms = len(self.basis.powers)
+        if not self._tells_terms:
             raise InputError(
-                f"{plural(len(points), 'point')} of the parameters cannot tell the "
-                f"{M.shape[1]} terms of degree {self.degree} apart; measure at more values, or ask "
-                "for a lower degree"
+                f"{plural(len(self.groups), 'point')} of the parameters cannot tell the {terms} "
+                f"terms of degree {self.degree} apart; measure at more values, or ask for a lower "
+                "degree"
             )
-        self._require_bounded(M.shape[1])
+        self._require_bounded(terms)
+
+    @property
+    def _tells_terms(self) -> bool:
+        """Whether the points tell the monomials apart."""
+        M = np.array([self.basis.at(own.at) for own in self.measurements])
+        return bool(np.linalg.matrix_rank(M) == M.shape[1])
 
     def _point(self, at: tuple[float, ...]) -> dict[str, float]:
         """Return values by the parameters' names."""
@@ -338,31 +250,35 @@ class _Question:
             )
 
     def _require_bounded(self, monomials: int) -> None:
-        unknowns = self.entries * monomials
-        known = self._numbers
-        if known < 2 * unknowns:
+        each = [self._numbers(own) for own in self.measurements]
+        entries, unknowns, known = self.entries, self.entries * monomials, sum(each)
+        beside = len(each) * (self.signals.order + len(self.signals.outputs)) if self.timed else 0
+        if known - beside < 2 * unknowns:
+            more = f", and {beside} initial values and constants" if beside else ""
             raise InputError(
-                f"{known} measured numbers are too few for {unknowns} coefficients; measure more, "
-                "or ask for a lower order or degree"
+                f"{known} measured numbers are too few for {unknowns} coefficients{more}; measure "
+                "more, or ask for a lower order or degree"
             )
-        work = known * unknowns * (len(self.groups) + 1)
-        if known * unknowns > MOST_ROWS or work > MOST_WORK:
-            most = min(MOST_ROWS // unknowns, MOST_WORK // (unknowns * (len(self.groups) + 1)))
+        fits = len(self.groups) + 1
+        condensed = min(known, len(each) * (entries + 1)) * unknowns
+        rest = MOST_WORK // fits - condensed * unknowns // CHEAP
+        if condensed > MOST_ROWS or rest < 0:
+            raise InputError(
+                f"{plural(len(each), 'measurement')} and {unknowns} coefficients are more than are "
+                "fitted here; ask for a lower order or degree"
+            )
+        most = min(rest // entries, MOST_ROWS // entries * known // max(each))
+        if known > most:
             raise InputError(
                 f"{known} measured numbers and {unknowns} coefficients are more than are fitted "
                 f"here; thin the samples out to {most} numbers, or ask for a lower order"
             )
 
-    @property
-    def _numbers(self) -> int:
-        """How many numbers were measured."""
-        total = 0
-        for own in self.measurements:
-            if isinstance(own, FrequencyResponse):
-                total += 2 * int((~np.isnan(self.signals.values(own))).sum())
-            else:
-                total += len(self.signals.outputs) * own.count
-        return total
+    def _numbers(self, own: Measurement) -> int:
+        """Return how many numbers a measurement has."""
+        if isinstance(own, FrequencyResponse):
+            return 2 * int((~np.isnan(self.signals.values(own))).sum())
+        return len(self.signals.outputs) * own.count
 
     def answer(self, labels: Labels) -> Identified:
         """Return the family.
@@ -376,11 +292,18 @@ class _Question:
         with stage("a model of each point"):
             shape, start = self._start(scale)
         with stage("all measurements together"):
-            theta = self.fitted(shape, scale, start, self.measurements)
+            theta, told = self._search(shape, scale).answer(start)
+        if not told:
+            raise InputError(
+                f"the measurements do not determine the {theta.size} coefficients of order "
+                f"{self.signals.order} and degree {self.degree}; ask for a lower order or degree"
+            )
         self._require_stable(shape, theta)
         left_out = self._left_out(shape, scale, theta)
-        text = black_box(shape, self.basis, theta, labels)
-        return self.read_back(text, left_out, theta.size)
+        return with_data(
+            black_box(shape, self.basis, theta, labels), self.signals, self.measurements,
+            [own.at for own in self.measurements], left_out, theta.size,
+        )  # fmt: skip
 
     def _start(self, scale: Array | None) -> tuple[Shape, Array]:
         models, points = list[Model](), list[dict[str, float]]()
@@ -400,9 +323,7 @@ class _Question:
             if any(row is None for row in rows):
                 continue
             theta = spread(self.basis, points, np.array(rows))
-            residual = Residual(self.signals, shape.places, scale)
-            r = self.residual(residual, shape, theta, self.measurements)
-            cost = float(np.linalg.norm(r))
+            cost = self._search(shape, scale).cost(theta)
             if np.isfinite(cost) and (best is None or cost < best[0]):
                 best = cost, shape, theta
         if best is None:
@@ -412,75 +333,34 @@ class _Question:
             )
         return best[1], best[2]
 
-    def residual(
-        self, of: Residual, shape: Shape, theta: Array, measurements: Sequence[Measurement]
-    ) -> Array:
-        """Return the residual of measurements."""
-        rows = (of.of(shape.model(theta @ self.basis.at(own.at)), own) for own in measurements)
-        return np.concatenate(list(rows))
-
-    def slopes(
-        self, of: Residual, shape: Shape, theta: Array, measurements: Sequence[Measurement]
-    ) -> Array:
-        """Return its slopes in the coefficients."""
-        rows = list[Array]()
-        for own in measurements:
-            monomials = self.basis.at(own.at)
-            J = of.slopes(shape.model(theta @ monomials), own)
-            rows.append((J[:, :, None] * monomials).reshape(len(J), -1))
-        return np.concatenate(rows)
-
-    def fitted(
-        self,
-        shape: Shape,
-        scale: Array | None,
-        start: Array,
-        measurements: Sequence[Measurement],
-    ) -> Array:
-        """Return the coefficients that fit measurements best, near others.
-
-        Raises
-        ------
-        InputError
-            If the measurements do not determine them.
-        """
-        from scipy.optimize import least_squares  # deferred: slow to import
-
-        of = Residual(self.signals, shape.places, scale)
-
-        def fun(x: Array) -> Array:
-            return self.residual(of, shape, x.reshape(start.shape), measurements)
-
-        def jac(x: Array) -> Array:
-            return self.slopes(of, shape, x.reshape(start.shape), measurements)
-
-        found = least_squares(
-            fun, start.reshape(-1), jac, method="lm", x_scale="jac", max_nfev=TRIES,
-            xtol=1e-9, ftol=1e-9, gtol=1e-12,
-        )  # fmt: skip
-        if not determined(np.asarray(found.jac), SINGULAR):
-            raise InputError(
-                f"the measurements do not determine the {start.size} coefficients of order "
-                f"{self.signals.order} and degree {self.degree}; ask for a lower order or degree"
-            )
-        return np.asarray(found.x.reshape(start.shape))
+    def _search(self, shape: Shape, scale: Array | None) -> Search:
+        residual = Residual(self.signals, shape.places, scale)
+        return Search(residual, shape, self.basis, self.measurements)
 
     def _require_stable(self, shape: Shape, theta: Array) -> None:
         """Refuse a family that is unstable where the plant was not said to be."""
         if self.signals.unstable:
             return
+        # slower than what was measured it may as well be an integrator
+        slowest = min(
+            own.frequency[0] if isinstance(own, FrequencyResponse) else 1 / (own.count * own.step)
+            for own in self.measurements
+        )
+        remedy = "" if self.timed else ", or say unstable = true if the plant itself is"
         for point in points_of(self.parameters):
             pole = max(np.linalg.eigvals(shape.model(theta @ self.basis.at(point)).A).real)
-            if pole >= 0:
+            if pole >= slowest:
                 where = ", ".join(f"{key} = {value:g}" for key, value in point.items())
                 raise InputError(
                     f"the fit is unstable{f' at {where}' if where else ''}, with a pole at "
-                    f"{pole:.3g}; ask for another order or degree, or say unstable = true "
-                    "if the plant itself is"
+                    f"{pole:.3g}; ask for another order or degree{remedy}"
                 )
 
     def _left_out(self, shape: Shape, scale: Array | None, theta: Array) -> list[Missed]:
-        """Return what fits of all other measurements miss each by; none of fewer than three."""
+        """Return what fits of all other measurements miss each by.
+
+        None of fewer than three points, or where the others do not tell all coefficients.
+        """
         if len(self.groups) < 3 or not self.parameters:
             return []
         found = list[Missed]()
@@ -491,29 +371,14 @@ class _Question:
                     own for key, rest in self.groups.items() if key != at for own in rest
                 ),
             )
-            M = np.array([self.basis.at(own.at) for own in others.measurements])
-            if np.linalg.matrix_rank(M) < M.shape[1]:
+            if not others._tells_terms:
                 return []
-            known = others.fitted(shape, scale, theta, others.measurements)
-            model = shape.model(known @ self.basis.at(group[0].at))
+            other, told = others._search(shape, scale).answer(theta)
+            if not told:
+                return []
+            model = shape.model(other @ self.basis.at(group[0].at))
             found += [missed(self.signals, model, own, scale) for own in group]
         return found
-
-    def read_back(self, text: str, left_out: Sequence[Missed], unknowns: int) -> Identified:
-        """Return the family of a spec, with what it misses the measurements by."""
-        return with_data(
-            text, self.signals, self.measurements, [own.at for own in self.measurements],
-            left_out, unknowns,
-        )  # fmt: skip
-
-
-def determined(J: Array, least: float) -> bool:
-    """Whether slopes, each of unit length, tell all unknowns apart."""
-    size = np.linalg.norm(J, axis=0)
-    if not size.min() > 0:
-        return False
-    s = np.linalg.svd(J / size, compute_uv=False)
-    return bool(s[-1] > least * s[0])
 
 
 def points_of(parameters: Sequence[Parameter]) -> Iterator[dict[str, float]]:
@@ -521,17 +386,6 @@ def points_of(parameters: Sequence[Parameter]) -> Iterator[dict[str, float]]:
     axes = [np.linspace(float(p.low), float(p.high), 5) for p in parameters]
     for values in np.array(np.meshgrid(*axes)).reshape(len(axes), -1).T if axes else [()]:
         yield {p.name: float(value) for p, value in zip(parameters, values, strict=True)}
-
-
-def scale_of(signals: Signals, measurements: Sequence[Measurement]) -> Array | None:
-    """Return the sizes of outputs in time; None of frequency responses."""
-    if measurements[0].kind != TIME:
-        return None
-    scale = sizes(signals, measurements)
-    for size, name in zip(scale, signals.outputs, strict=True):
-        if not size > 0:
-            raise InputError(f"output {name!r} does not move in any measurement; leave it out")
-    return scale
 
 
 def require_alike(signals: Signals, measurements: Sequence[Measurement]) -> None:
@@ -573,43 +427,3 @@ def require_alike(signals: Signals, measurements: Sequence[Measurement]) -> None
                 f"no measurement{f' at {where}' if where else ''} has {signals.outputs[i]!r} from "
                 f"{signals.inputs[j]!r}; measure it, or leave the signal out"
             )
-
-
-def with_data(
-    text: str,
-    signals: Signals,
-    measurements: Sequence[Measurement],
-    values: Sequence[Mapping[str, float]],
-    left_out: Sequence[Missed],
-    unknowns: int,
-) -> Identified:
-    """Return the family that a spec says, and the spec with what it misses measurements by.
-
-    The plant is read back from the text, so that the misfit is that of what is written.
-    """
-    plant, scale = loads(text), scale_of(signals, measurements)
-    found = [
-        missed(signals, model_at(plant, signals, at), own, scale)
-        for own, at in zip(measurements, values, strict=True)
-    ]
-    every, outputs, place = misfits(signals, found)
-    data = Data(
-        measurements[0].kind,
-        tuple(own.name for own in measurements),
-        sum(own.count for own in measurements),
-        _rounded(every),
-        tuple((name, _rounded(own)) for name, own in outputs),
-        place,
-        _rounded(misfits(signals, left_out)[0]) if left_out else None,
-    )
-    text = text + "\n".join(data_lines(data)) + "\n"
-    each = tuple(misfits(signals, [one])[0] for one in found)
-    return Identified(
-        loads(text), text, tuple(measurements), signals.inputs, signals.outputs, unknowns,
-        tuple(values), each,
-    )  # fmt: skip
-
-
-def _rounded(misfit: Misfit) -> Misfit:
-    """Return it with three digits, rounded up."""
-    return Misfit(*(float(digits_up(value, 3)) for value in (misfit.rms, misfit.largest)))

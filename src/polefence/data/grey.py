@@ -17,8 +17,10 @@ import numpy as np
 from polefence.base.errors import InputError, PlantError, SpecError, suggest
 from polefence.base.explained import explained
 from polefence.base.files import read_text
+from polefence.base.processors import small_matrices
 from polefence.base.progress import counted
-from polefence.data.fit import Identified, determined, require_alike, scale_of, with_data
+from polefence.data.fit import require_alike
+from polefence.data.identified import Identified, scale_of, with_data
 from polefence.data.local import Signals
 from polefence.data.measured import FrequencyResponse, Measurement, Response, measured
 from polefence.data.read_back import model_at
@@ -91,7 +93,8 @@ def refined_ranges(
         raise InputError(f"margin = {margin:g} must be a share, such as 0.05 of each end")
     if len(responses) == 1 and not margin:
         raise InputError("one measurement is one value, and no range; give a margin, such as 0.05")
-    return search.answer(text, path, margin)
+    with small_matrices():
+        return search.answer(text, path, margin)
 
 
 class _Search:
@@ -179,7 +182,7 @@ class _Search:
             for k in np.argsort(costs)[:BEST]
         ]  # fmt: skip
         best = min(tried, key=lambda one: float(one.cost))
-        if not determined(np.asarray(best.jac), SINGULAR):
+        if not _determined(np.asarray(best.jac)):
             raise InputError(
                 f"{own.name}: does not determine {', '.join(self.unknown)}: others explain it as "
                 "well; measure other signals, or make one of them a constant"
@@ -223,6 +226,15 @@ class _Search:
             values = self._best(own, scale, within)
             missing.append(missed(self.signals, self._model(own, values), own, scale))
         return missing
+
+
+def _determined(J: Array) -> bool:
+    """Whether slopes, each of unit length, tell all unknowns apart."""
+    size = np.linalg.norm(J, axis=0)
+    if not size.min() > 0:
+        return False
+    s = np.linalg.svd(J / size, compute_uv=False)
+    return bool(s[-1] > SINGULAR * s[0])
 
 
 def _outwards(value: float, sign: int) -> float:

@@ -179,31 +179,33 @@ def _blocks(
     if scale is None:
         yield from _of_frequencies(signals, group, A, b)
         return
-    n, responses = len(A), [own for own in group if isinstance(own, Response)]
-    parts = [_filtered(signals, own, A, b) for own in responses]
+    parts = [_filtered(signals, own, A, b) for own in group if isinstance(own, Response)]
     for i in range(len(signals.outputs)):
-        columns = list[Array]()
-        for k, (u, acting, _, free, _) in enumerate(parts):
-            # each response begins anywhere, and is off by a constant
-            beside = np.zeros((len(free), len(parts) * (n + 1)))
-            beside[:, k * (n + 1) : k * (n + 1) + n] = free
-            beside[:, k * (n + 1) + n] = 1
-            columns.append(np.hstack([acting, u[signals.direct[i]].T, beside]))
-        M = np.concatenate(columns)
-        P = np.concatenate([seen[i].T for _, _, seen, _, _ in parts])
-        y = np.concatenate([own[i] for *_, own in parts])
+        M = np.concatenate(
+            [np.hstack([acting, u[:, signals.direct[i]]]) for u, acting, *_ in parts]
+        )
+        P = np.concatenate([seen[:, i] for _, _, seen, _ in parts])
+        y = np.concatenate([own[:, i] for *_, own in parts])
         yield i, M / scale[i], P / scale[i], y / scale[i]
 
 
 def _filtered(
     signals: Signals, own: Response, A: Array, b: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Return u, phi u (count, m n), phi y (p, n, count), e^(A t) b (count, n), and y."""
+) -> tuple[Array, Array, Array, Array]:
+    """Return u (count, m), phi u (count, m n), phi y (count, p, n) and y (count, p).
+
+    Without what explains that a response begins anywhere, and is off by a constant.
+    """
     modes, (u, y) = Modes(A, own.step), signals.sampled(own)
     y = y - y.mean(axis=1, keepdims=True)
-    acting = np.concatenate([modes.forced(b[:, None], row[None], own.hold) for row in u]).T
-    seen = np.stack([modes.forced(b[:, None], row[None], "linear") for row in y])
-    return u, acting, seen, modes.free(np.eye(len(A)), own.count) @ b, y
+    acting = np.concatenate([modes.forced(b[:, None], row[None], own.hold) for row in u])
+    seen = np.concatenate([modes.forced(b[:, None], row[None], "linear") for row in y])
+    free = modes.free(np.eye(len(A)), own.count) @ b
+    columns = np.concatenate([u, acting, seen, y]).T
+    left = _without(np.column_stack([free, np.ones(own.count)]), columns)
+    ends = np.cumsum([len(u), len(acting), len(seen)])
+    u, acting, seen, y = np.split(left, ends, axis=1)
+    return u, acting, seen.reshape(own.count, y.shape[1], -1), y
 
 
 def _of_frequencies(
@@ -231,8 +233,14 @@ def _real(values: Array) -> Array:
 
 def _projected(M: Array, P: Array, y: Array) -> tuple[Array, Array]:
     """Return P and y without what M explains."""
+    left = _without(M, np.column_stack([P, y]))
+    return left[:, :-1], left[:, -1]
+
+
+def _without(M: Array, columns: Array) -> Array:
+    """Return columns without what M explains."""
     Q = np.linalg.qr(M / np.maximum(np.linalg.norm(M, axis=0), 1e-300))[0]
-    return P - Q @ (Q.T @ P), y - Q @ (Q.T @ y)
+    return np.asarray(columns - Q @ (Q.T @ columns))
 
 
 def _solved(M: Array, y: Array) -> Array:

@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from polefence.data.linear import Modes, diverges, resolvent, transfer
+from polefence.data.linear import Modes, resolvent, transfer
 from polefence.data.local import Model, Signals, weights
 from polefence.data.measured import FrequencyResponse, Measurement, Response
 from polefence.plant.system import Array
 from polefence.proof.fitted import Misfit
 
 FAR = 1e6  # the residual of a model whose response diverges
-STEP = 1e-6  # of an entry's change, of its size
 
 Entries = tuple[tuple[str, int, int], ...]
 
 
-def rest(signals: Signals, model: Model, own: Response) -> Array | None:
+def rest(signals: Signals, model: Model, own: Response, scale: Array) -> Array | None:
     """Return (p, count): what is left of the outputs; None where the model's response diverges.
 
-    Where the response begins, and by how much each output is off, are those that leave least.
+    Where the response begins, and by how much each output is off, are those that leave least, each
+    output in shares of its size.
     """
-    if diverges(model.A, own.step * own.count):
-        return None
     u, y = signals.sampled(own)
-    modes = Modes(model.A, own.step)
+    modes = Modes.of(model.A, own.step, own.count)
+    if modes is None:
+        return None
     left = y - model.C @ modes.forced(model.B, u, own.hold) - model.D @ u
-    Z, size = _nuisances(model, modes, own.count), _sizes(left)
-    flat = (left / size).reshape(-1)
-    Z = Z / np.repeat(size[:, 0], own.count)[:, None]
-    Q = _orthonormal(Z)
-    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(left.shape) * size)
+    Q, flat = _orthonormal(_nuisances(model, modes, own.count, scale)), left / scale[:, None]
+    flat = flat.reshape(-1)
+    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(left.shape) * scale[:, None])
 
 
-def _sizes(values: Array) -> Array:
-    return np.asarray(np.maximum(np.sqrt((values**2).mean(axis=1, keepdims=True)), 1e-300))
-
-
-def _nuisances(model: Model, modes: Modes, count: int) -> Array:
-    """Return (p count, n + p): responses to initial states, and constants."""
-    p = len(model.C)
-    free = np.moveaxis(modes.free(model.C, count), 1, 0).reshape(p * count, -1)
-    return np.hstack([free, np.kron(np.eye(p), np.ones((count, 1)))])
+def _nuisances(model: Model, modes: Modes, count: int, scale: Array) -> Array:
+    """Return (p count, n + p): responses to initial states, and constants, in shares of sizes."""
+    free = np.moveaxis(modes.free(model.C, count), 1, 0) / scale[:, None, None]
+    constants = np.kron(np.diag(1 / scale), np.ones((count, 1)))
+    return np.hstack([free.reshape(len(constants), -1), constants])
 
 
 def _orthonormal(Z: Array) -> Array:
@@ -78,10 +71,11 @@ class Residual:
             missed = transfer(model.A, model.B, model.C, model.D, own.frequency) - G
             flat = (missed * weights(G))[known]
             return np.concatenate([flat.real, flat.imag])
-        left = rest(self.signals, model, own)
+        scale = self.sizes
+        left = rest(self.signals, model, own, scale)
         if left is None:
-            return np.full(len(self.signals.outputs) * own.count, FAR)
-        return np.asarray((left / self._scale).reshape(-1))
+            return np.full(len(scale) * own.count, FAR)
+        return np.asarray((left / scale[:, None]).reshape(-1))
 
     def slopes(self, model: Model, own: Measurement) -> Array:
         """Return the slopes (rows, entries) of one measurement."""
@@ -90,8 +84,9 @@ class Residual:
         return self._in_time(model, own)
 
     @property
-    def _scale(self) -> Array:
-        return np.ones((1, 1)) if self.scale is None else self.scale[:, None]
+    def sizes(self) -> Array:
+        """Sizes of the outputs."""
+        return np.ones(len(self.signals.outputs)) if self.scale is None else self.scale
 
     def _of_frequencies(self, model: Model, own: FrequencyResponse) -> Array:
         G = self.signals.values(own)
@@ -114,34 +109,35 @@ class Residual:
         return np.array(columns).T
 
     def _in_time(self, model: Model, own: Response) -> Array:
-        """Return differences, without what initial states and constants explain (Kaufman)."""
+        """Return slopes without what initial states and constants explain (Kaufman).
+
+        Where the model's response diverges there are none.
+        """
         u, y = self.signals.sampled(own)
-        modes = Modes(model.A, own.step)
+        modes, scale = Modes.of(model.A, own.step, own.count), self.sizes
+        if modes is None:
+            return np.zeros((y.size, len(self.places)))
         left = y - model.C @ modes.forced(model.B, u, own.hold) - model.D @ u
-        spread = np.repeat(np.broadcast_to(self._scale[:, 0], (len(y),)), own.count)
-        Z = _nuisances(model, modes, own.count) / spread[:, None]
+        Z = _nuisances(model, modes, own.count, scale)
         size = np.maximum(np.linalg.norm(Z, axis=0), 1e-300)
-        begin = np.linalg.lstsq(Z / size, left.reshape(-1) / spread, rcond=1e-12)[0] / size
-        x0, Q = begin[: len(model.A)], _orthonormal(Z)
-
-        def response(of: Model) -> Array:
-            states = Modes(of.A, own.step).forced(of.B, u, own.hold, x0)
-            return np.asarray((of.C @ states + of.D @ u).reshape(-1) / spread)
-
-        columns = [-_difference(response, model, place) for place in self.places]
-        J = np.array(columns).T
+        flat = (left / scale[:, None]).reshape(-1)
+        begin = np.linalg.lstsq(Z / size, flat, rcond=1e-12)[0] / size
+        x0 = begin[: len(model.A)]
+        states = modes.forced(model.B, u, own.hold, x0)
+        at = {letter: [k for k, place in enumerate(self.places) if place[0] == letter]
+              for letter in "ABCD"}  # fmt: skip
+        row, column = (np.array([place[k] for place in self.places], dtype=int) for k in (1, 2))
+        slopes = np.zeros((len(y), len(self.places), own.count))
+        for gain, *moved in modes.slopes(model.B, model.C, u, own.hold, x0):
+            for letter, along in zip("AB", moved, strict=True):
+                k = at[letter]
+                slopes[:, k] += (gain[:, row[k], None] * along[column[k]]).real
+        for letter, along in (("C", states), ("D", u)):
+            k = at[letter]
+            slopes[row[k], k] = along[column[k]]
+        J = -np.moveaxis(slopes / scale[:, None, None], 1, 2).reshape(len(flat), -1)
+        Q = _orthonormal(Z)
         return np.asarray(J - Q @ (Q.T @ J))
-
-
-def _difference(response: Callable[[Model], Array], model: Model, place: Any) -> Array:
-    letter, i, j = place
-    sides = list[Array]()
-    size = max(float(np.abs(getattr(model, letter)).max()), abs(getattr(model, letter)[i, j]), 1e-9)
-    for sign in (1, -1):
-        matrices = {key: getattr(model, key).copy() for key in "ABCD"}
-        matrices[letter][i, j] += sign * STEP * size
-        sides.append(response(Model(**matrices)))
-    return np.asarray((sides[0] - sides[1]) / (2 * STEP * size))
 
 
 # --- in shares ------------------------------------------------------------------------------------
@@ -176,9 +172,9 @@ def missed(signals: Signals, model: Model, own: Measurement, scale: Array | None
     """
     if isinstance(own, FrequencyResponse):
         return _missed_frequencies(signals, model, own)
-    left = rest(signals, model, own)
-    size = np.ones((1, 1)) if scale is None else scale[:, None]
-    shares = np.full((len(signals.outputs), own.count), FAR) if left is None else abs(left) / size
+    size = np.ones(len(signals.outputs)) if scale is None else scale
+    left = rest(signals, model, own, size)
+    shares = np.full((len(size), own.count), FAR) if left is None else abs(left) / size[:, None]
     instants = own.time[np.argmax(shares, axis=1)]
     places = [
         f"{own.name}, {output}, at {instant:.4g} s"

@@ -99,8 +99,10 @@ def _numbers(path: Path, lines: list[tuple[int, str]], names: list[str], separat
         if not np.isfinite(values[row]).all():
             name, cell = next(pair for pair in zip(names, cells, strict=True)
                               if not _is_number(pair[1]))  # fmt: skip
+            comma = "; write its decimals behind a point" if "," in cell else ""
             raise InputError(
-                f"{path}: line {number}, column {name!r}: {shown(cell.strip())} is no finite number"
+                f"{path}: line {number}, column {name!r}: {shown(cell.strip())} is no finite "
+                f"number{comma}"
             )
     return values
 

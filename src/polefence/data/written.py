@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from polefence.data.shape import Basis, Shape
+from polefence.plant.outputs import split
 from polefence.plant.parameters import Parameter
 from polefence.plant.spec import toml_text
 from polefence.plant.system import Array
@@ -34,7 +36,7 @@ def black_box(shape: Shape, basis: Basis, theta: Array, labels: Labels) -> str:
     texts = _texts(shape, basis, theta, names)
     m, own = len(labels.inputs), _own_states(shape)
     lines = [*REMARK, "", f"name = {toml_text(labels.name)}"]
-    states = [labels.outputs[own[k]] if k in own else f"x{k + 1}" for k in range(len(texts["A"]))]
+    states = _states(labels, own, len(texts["A"]))
     for key, signals in (("states", states), ("inputs", labels.inputs),
                          ("disturbances", labels.disturbances)):  # fmt: skip
         lines += [f"{key} = {_row(map(toml_text, signals))}"] if signals else []
@@ -64,6 +66,14 @@ def _own_states(shape: Shape) -> dict[int, int]:
     return {
         first: i for i, (first, length) in pairs if length and not shape.signals.direct[i].any()
     }
+
+
+def _states(labels: Labels, own: dict[int, int], count: int) -> list[str]:
+    """Return names of states: of outputs, or others that no signal has."""
+    every = (*labels.inputs, *labels.disturbances, *labels.outputs)
+    taken = {split(label)[0] for label in every}
+    free = (name for k in itertools.count(1) if (name := f"x{k}") not in taken)
+    return [labels.outputs[own[k]] if k in own else next(free) for k in range(count)]
 
 
 def _variables(parameters: tuple[Parameter, ...]) -> list[str]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
+from polefence.base.errors import InputError, shown
+from polefence.base.explained import explained_fields
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance as conditions
 from polefence.lmi.solve.dual_problem import DualProblem
@@ -19,7 +21,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.between import Held
 from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
-from polefence.requirements.specification import Specification
+from polefence.requirements.specification import Row, Specification
 from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
@@ -27,17 +29,44 @@ from polefence.response.modes import Modes
 from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
 
+ALL_TIMES, SAMPLES = "all times", "samples"
+
 
 @dataclass(frozen=True)
 class Gain(Specification):
-    """The L2 gain (H-infinity norm) from the disturbances to a signal, or to a vector of them."""
+    """The L2 gain (H-infinity norm) from the disturbances to a signal, or to a vector of them.
 
+    Attributes
+    ----------
+    at : str
+        Of a plant that is sampled: "all times", or "samples". At samples disturbances are held
+        between them, as a command is that a computer gives, and the signal is that at samples. Any
+        other plant has one gain.
+    """
+
+    at: str = ALL_TIMES
     kind = "gain"
-    keys = ("disturbances",)
+    keys = ("disturbances", "at")
     vector = True
     power = 1
     direct = True
     late_as = proof.Gain.late_as
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.at not in (ALL_TIMES, SAMPLES):
+            raise InputError(f'at = {shown(self.at)} must be "{SAMPLES}" or "{ALL_TIMES}"')
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        return cls(row.table["signal"], **row.given(), at=row.table.get("at", ALL_TIMES))
+
+    @property
+    def title(self) -> str:
+        """Kind, signal, chosen disturbances, and that it is at samples, as a line has them."""
+        return super().title if self.at == ALL_TIMES else f"{super().title} with at {self.at}"
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the signal's unit per unit of the disturbances."""
@@ -58,7 +87,28 @@ class Gain(Specification):
 
     def held(self, plant: UncertainPlant) -> Held | None:
         """Return what is held between samples, where the gain is that at all times."""
-        return held_evenly(plant, self.outputs(plant))
+        return held_evenly(plant, self.outputs(plant)) if self.at == ALL_TIMES else None
+
+    def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
+        """Take what passes into a law's signals where disturbances are held; else refuse it."""
+        if self.at == SAMPLES:
+            return
+        try:
+            super().require_samples(plant, F)
+        except InputError as error:
+            raise InputError(
+                f"{error}, or the disturbance a [[weight]] such as 1/(s/30 + 1); or ask for it "
+                f'at = "{SAMPLES}", of disturbances that are held'
+            ) from error
+
+    def easier(self, plant: UncertainPlant) -> str:
+        """Say that commands may be held; samples take faster ones for slow ones."""
+        if self.held(plant) is None:
+            return ""
+        return (
+            f"{self.title} counts disturbances faster than the samples, which no law tells from "
+            f'slow ones: where they are held, ask for it at = "{SAMPLES}"'
+        )
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
         """Return the closed loops of the dual form."""

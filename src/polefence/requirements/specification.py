@@ -343,6 +343,10 @@ class Specification(Short):
                 "bounded value; give the sensor a bandwidth"
             )
 
+    def easier(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Say what to ask instead where no law was found; nothing in most kinds."""
+        return ""
+
     def unit(self, plant: UncertainPlant) -> str:
         """Return the unit of the bound, or the units of the entries where they differ."""
         units = [output.unit for output in self.outputs(plant)]

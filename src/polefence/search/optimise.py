@@ -401,8 +401,10 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
         return replace(best, cut=cut)
     reason = "not proved: no law of this structure was found that is proved to keep the region"
     slow = _slower_than_late_samples(task)
+    asked = (*([task.minimise] if task.minimise else ()), *task.limits)
+    easier = next(filter(None, (one.easier(task.plant) for one in asked)), "")
     if slow or not task.limits:
-        raise NotProvedError("; ".join(filter(None, (reason, slow, cut))))
+        raise NotProvedError("; ".join(filter(None, (reason, slow, easier, cut))))
     if not whitened(structure, task.plant):
         _refute(task)
     near, (larger, gain) = list[str](), searches.problems[-1]
@@ -420,6 +422,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
         advice = "the search with one of them left out stopped at its bound of work"
     if near:
         advice = f"with {' or '.join(near)}, the other limits as they are, there is one"
+    advice += f"; {easier}" if easier else ""
     if cut:
         advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")

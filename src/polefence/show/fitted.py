@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.explained import explained
-from polefence.data.fit import Identified
+from polefence.data.identified import Identified
 from polefence.data.measured import FrequencyResponse
+from polefence.plant.outputs import disturbances, inputs
 from polefence.proof.text import visible
 from polefence.show.plots import LAW_STYLES, new_grid, typeset
 
@@ -37,6 +38,20 @@ def _label(found: Identified, k: int) -> str:
     return typeset(visible(", ".join(at) or own.name))
 
 
+def _units(found: Identified) -> dict[str, str]:
+    """Return the units of all signals, "" of one that has none."""
+    acting = (*inputs(found.plant), *disturbances(found.plant))
+    seen = (found.plant.signal(name) for name in found.outputs)
+    return {signal.name: signal.unit for signal in (*acting, *seen)}
+
+
+def _ratio(output: str, inside: str) -> str:
+    """Return the unit of a gain, in brackets: "" where neither signal has one."""
+    if not inside or output == inside:
+        return f" [{output}]" if output and not inside else ""
+    return f" [{output or '1'}/{f'({inside})' if set('/ ') & set(inside) else inside}]"
+
+
 def _frequencies(found: Identified, chosen: list[int]) -> Figure:
     """Draw the size of each pair over the frequency."""
     p, m = len(found.outputs), len(found.inputs)
@@ -51,8 +66,11 @@ def _frequencies(found: Identified, chosen: list[int]) -> Figure:
             ax.loglog(hertz, np.abs(found.measured(k)[i, j]), color=colour, **POINTS)
             ax.loglog(hertz, np.abs(found.response(k)[i, j]), color=colour, lw=1.0,
                       label=_label(found, k))  # fmt: skip
+    units = _units(found)
     for i, j in np.ndindex(p, m):
-        axes[i][j].set_title(typeset(visible(f"{found.outputs[i]} from {found.inputs[j]}")))
+        output, inside = found.outputs[i], found.inputs[j]
+        axes[i][j].set_title(typeset(visible(f"{output} from {inside}")))
+        axes[i][j].set_ylabel(typeset(visible(f"magnitude{_ratio(units[output], units[inside])}")))
         for axis in (axes[i][j].xaxis, axes[i][j].yaxis):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("")
@@ -79,8 +97,10 @@ def _instants(found: Identified, chosen: list[int]) -> Figure:
             ax.plot(time, modelled[i, :INSTANTS], color="black", lw=1.0, label="family")
         axes[0][column].set_title(_label(found, k))
         axes[-1][column].set_xlabel("time [s]")
+    units = _units(found)
     for i, output in enumerate(found.outputs):
-        axes[i][0].set_ylabel(typeset(visible(output)))
+        unit = f" [{units[output]}]" if units[output] else ""
+        axes[i][0].set_ylabel(typeset(visible(f"{output}{unit}")))
     _legend(axes[0][0])
     return figure
 

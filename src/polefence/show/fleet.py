@@ -27,6 +27,7 @@ def fleet_page(
     questions: Sequence[tuple[str, bool]],
     rows: Sequence[Row],
     failed: Sequence[tuple[Row, int]],
+    note: str = "",
 ) -> str:
     """Return the page.
 
@@ -42,6 +43,8 @@ def fleet_page(
         As the store has them, with a "value" to be shown, or None.
     failed : sequence of (mapping, int)
         The first of rows that failed alike, and how many there are.
+    note : str
+        What is not proved of the variants.
     """
     rows = sorted(rows, key=lambda row: row["variant"])
     variants = len({row["variant"] for row in rows})
@@ -58,7 +61,8 @@ def fleet_page(
     title = f"{name}: {variants} variants"
     sampled = sum(row["status"] == "sampled" for row in rows)
     answer = f"{proved} of {len(rows)} answers proved"
-    return page(title, answer + (f", {sampled} sampled" if sampled else ""), sections)
+    answer += f", {sampled} sampled" if sampled else ""
+    return page(title, "; ".join(filter(None, (answer, note))), sections)
 
 
 def _finite(row: Row) -> bool:

@@ -715,8 +715,11 @@ def _words(answer: Answer) -> tuple[str, str]:
     proved = "; ".join((f"proved: all poles in {region}", *answer.result.bounds))
     if answer.result.design.note:
         proved += f"; {answer.result.design.note}"
-    if not implies_stability(answer.result.design.plant, region):
+    plant = answer.result.design.plant
+    if not implies_stability(plant, region):
         proved += "; note: this region does not imply stability"
+    if plant.data is not None:
+        proved += f"; {plant.data.note}"
     words = {
         "proved": proved,
         "refuted": f"refuted: poles of this law leave {region}",

@@ -49,12 +49,11 @@ class Gain(StoredClaim):
         """Refuse what is sampled, or a storage function, where it does not fit."""
         super().require_extra()
         subject = self.subject
-        # what moves E then moves A + B K too: of twice H H' one is for each
-        alike = subject.step or any(item.dual for item in subject.evidence.per_cell)
-        if alike and subject.law.F and subject.remainder is not None:
+        dual = any(item.dual for item in subject.evidence.per_cell)
+        if dual and not subject.step and subject.law.F and subject.remainder is not None:
             raise FormatError(
                 "law.measured: where a disturbance passes straight into it, a gain of a plant with "
-                "a remainder is proved in continuous time, and not in the dual form"
+                "a remainder is not proved in the dual form, but in discrete time"
             )
         if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
             raise FormatError("held: a gain at all times needs Q of the dual form in every part")
@@ -89,9 +88,9 @@ class Gain(StoredClaim):
             below, beside = below + slope, beside - slope
         if spread is not None:
             # [ -H; 0; 0; H ] Delta [ V, 0, 0, 0; 0, G, 0, 0 ] and its transpose
-            entering = constant(spread.entering(2), X.sizes)
-            lemma[0][0] = lemma[0][0] - entering - constant(spread.omega, X.sizes)
-            lost = [x * x for x in self.subject.off(self.scales)]
+            entering, times = constant(spread.entering(2), X.sizes), self._times
+            lemma[0][0] = lemma[0][0] - entering - constant(spread.omega, X.sizes).times(times)
+            lost = [times * x * x for x in self.subject.off(self.scales)]
             lemma[1][0] = lemma[1][0] - diagonal(lost, X.sizes)
             below = None if below is None else below - entering
         if below is not None:
@@ -128,9 +127,9 @@ class Gain(StoredClaim):
         if spread is None:
             return {"of the gain": lemma}
         loss, PH = loop.loss(spread, self.subject.law.form(loop.Q.sizes))
-        share = 1 + step * spread.kappa
-        driven = [share * x * x for x in spread.driving(self.scales, self.subject.q)]
-        lemma[0][0] = lemma[0][0] - loss
+        share = self._times * (1 + step * spread.kappa)
+        driven = [share * x * x for x in self.subject.off(self.scales)]
+        lemma[0][0] = lemma[0][0] - loss.times(self._times)
         lemma[1][0] = lemma[1][0] - diagonal(driven, Q.sizes)
         H = diagonal(spread.rows, Q.sizes)
         none = constant([[Fraction(0)] * self.subject.n for _ in self.outputs], Q.sizes)
@@ -150,6 +149,15 @@ class Gain(StoredClaim):
             return None
         moved = E.half_times((E * diagonal([1 / x for x in rest], E.sizes)).T)
         return -(both + moved + Y.T.half_times(Y).times(1 / self.level))
+
+    @property
+    def _times(self) -> int:
+        """How many times |V x|^2 and |G w|^2 count in discrete time, of |V x + G w|^2.
+
+        Where w passes into what the law measures both have B's columns; else none is in both. In
+        continuous time one of twice H H' is for each.
+        """
+        return 2 if self.subject.step and self.subject.law.F else 1
 
     @property
     def power(self) -> int:

@@ -38,7 +38,8 @@ def test_of_slow_motions_it_is_nearly_the_worst_at_rest_and_proved(own, inverted
         assert worst == pytest.approx(np.sqrt(0.5 / 2), rel=1e-6)
     last = found[-1]
     assert worst <= last.level <= worst * 1.01
-    every = last.X / (own.norm**2 if isinstance(own, EnergyPeak) else 1)
+    assert len(last.cells) == 1
+    every = last.X[0] / (own.norm**2 if isinstance(own, EnergyPeak) else 1)
     X = [[[Fraction(x) for x in row] for row in Q] for Q in every.tolist()]
     for factor, proved in ((1 + 1e-6, True), (1 - 1e-6, False)):
         level = Fraction(last.level * factor)

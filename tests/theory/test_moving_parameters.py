@@ -422,11 +422,13 @@ def test_dual_forms_and_cells_are_none_along_motions(bound):
 def test_parts_of_the_box_with_matrices_of_their_own_prove_nothing_along_motions(bound):
     """X would jump between them, and a loop that fast motions drive without bound be proved."""
     own = bound.claim.subject
-    whole = replace(own.evidence, X=own.evidence.X[:1], degree=0)
-    ends = (Fraction(0), Fraction(1, 2), Fraction(1))
-    cells = tuple(Piece((a,), (b,), whole) for a, b in pairwise(ends))
+    X = own.evidence.X[0]
+    own_each = [[[[factor * x for x in row] for row in X]] for factor in (1, 2)]
+    each = [replace(own.evidence, X=matrices, degree=0) for matrices in own_each]
+    ends = pairwise((Fraction(0), Fraction(1, 2), Fraction(1)))
+    cells = tuple(Piece((a,), (b,), one) for (a, b), one in zip(ends, each, strict=True))
     parts = replace(own, evidence=Evidence([], cells=cells))
-    with pytest.raises(FormatError, match="moving parameters need one X for the whole box"):
+    with pytest.raises(FormatError, match="not continuous"):
         prove(replace(bound.claim, subject=parts))
     at_rest = replace(parts, motion=())
     prove(replace(bound.claim, subject=at_rest))  # a question that can be asked

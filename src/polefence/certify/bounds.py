@@ -313,8 +313,7 @@ class _Question:
         if len(each) == 1:
             return each[0]
         pieces = tuple(
-            Piece(tuple(map(Fraction, box.low)), tuple(map(Fraction, box.high)), evidence)
-            for box, evidence in zip(polynomial.cells, each, strict=True)
+            Piece(*ends, evidence) for ends, evidence in zip(polynomial.cells, each, strict=True)
         )
         return Evidence([], cells=pieces)
 

@@ -339,8 +339,7 @@ def _evidence(claim: Poles) -> dict[str, Any]:
 def part_of(proof: laws.Evidence) -> dict[str, Any]:
     """Return the evidence for one part of a region."""
     if proof.cells:
-        bounds = ({"low": piece.low, "high": piece.high} for piece in proof.cells)
-        ends = [{key: np.array(list(map(float, p))) for key, p in box.items()} for box in bounds]
+        ends = [{"low": _row(piece.low), "high": _row(piece.high)} for piece in proof.cells]
         pairs = zip(ends, proof.cells, strict=True)
         return {"cells": tuple(box | part_of(piece.evidence) for box, piece in pairs)}
     part = {"X": _exactly(proof.X), "degree": proof.degree, "elevation": proof.elevation}
@@ -390,6 +389,11 @@ def decide(claim: Poles) -> tuple[Verdict, tuple[Fraction, ...] | None]:
 
 def _floats(matrices: list[Rationals]) -> Array:
     return np.array([[[float(e) for e in row] for row in matrix] for matrix in matrices])
+
+
+def _row(values: Sequence[Fraction]) -> Array:
+    """Return numbers in floats; as text "p/q" where floats do not hold them."""
+    return np.asarray(_exactly([[list(values)]])[0, 0])
 
 
 def _exactly(matrices: list[Rationals]) -> Array:

@@ -168,7 +168,9 @@ def lyapunovs(certificate: Certificate) -> Iterator[tuple[Region, Lyapunov]]:
             for cell in divided.get("cells", [divided]):
                 degree, X = int(cell["degree"]), in_floats(cell["X"])
                 multiple = np.asarray(cell.get("multiple", np.zeros(len(X)))) if scheduled else None
-                box = Box(tuple(cell["low"]), tuple(cell["high"])) if "low" in cell else None
+                box = None
+                if "low" in cell:
+                    box = Box(*(tuple(in_floats(cell[key]).tolist()) for key in ("low", "high")))
                 more = multiple, int(cell["elevation"]), box, cell.get("remainder")
                 yield part, Lyapunov(X, degree, *more)
         return

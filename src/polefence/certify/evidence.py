@@ -241,13 +241,11 @@ class Search:
             return None
         for along in falling(self.plant, self.law, self.part):
             pieces = list[Piece]()
-            for box, X in zip(along.cells, along.X, strict=True):
-                piece = _Inside.piece(box, Evidence([]))
-                plant = inside(self.plant, piece.low, piece.high)
-                law = self.law.inside(self.plant, piece.low, piece.high)
+            for ends, X in zip(along.cells, along.X, strict=True):
+                plant, law = inside(self.plant, *ends), self.law.inside(self.plant, *ends)
                 found = {"X": X, "degree": along.degree, "elevation": 0}
                 evidence = in_rationals(with_remainder(plant, law, found))
-                pieces.append(replace(piece, evidence=evidence))
+                pieces.append(Piece(*ends, evidence))
             whole = part_of(Evidence([], cells=tuple(pieces)))
             if certificate_of(self.plant, self.law, self.part, [whole]).holds():
                 return whole

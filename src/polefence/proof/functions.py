@@ -281,6 +281,13 @@ class Tree(Short):
         own = frozenset([self.word] if self.kind == "call" and self.word in known else [])
         return own.union(*(tree.tables(known) for tree in self.of))
 
+    def knots(self, name: str, known: Mapping[str, Table]) -> frozenset[Fraction]:
+        """Arguments at which tables of one parameter alone have their knots."""
+        own = frozenset[Fraction]()
+        if self.kind == "call" and self.word in known and self.of[0] == variable(name):
+            own = frozenset(known[self.word].arguments)
+        return own.union(*(tree.knots(name, known) for tree in self.of))
+
     @property
     def factored(self) -> tuple[Fraction, Tree]:
         """A number and another function, of which it is the product."""

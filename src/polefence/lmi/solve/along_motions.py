@@ -15,12 +15,13 @@ coefficients on their face: so it is continuous along every motion.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from math import prod
 
 import numpy as np
@@ -32,10 +33,10 @@ from polefence.lmi.solve.duals import MOST
 from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, majorant, root
 from polefence.lmi.solve.loops import loop_degree
 from polefence.lmi.solve.spread import covering
-from polefence.plant.boxes import Box, equal
+from polefence.plant.boxes import Box
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
-from polefence.plant.parts import inside, narrowed
+from polefence.plant.parts import Point, inside, narrowed
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.proof.remainder import SHARE
@@ -46,6 +47,8 @@ DEGREES = (1, 2, 3, 4)  # of X on the whole box
 CELLS = (2, 4, 8, 16, 32)  # of a grid, along each parameter that moves or is in a function
 DEGREE = 2  # of X in a cell
 MOST_CELLS = 256
+MOST_KNOTS = 16  # of tables of a parameter, at which cells may end
+ENDS = (Fraction(0), Fraction(1))
 # Rounds in which R grows where only a region is asked for, how large it becomes beside S where that
 # does not end, and the most by which what is missed is taken to fall in a round.
 GROWING, FAR, NEAR_ONE = 12, 1e3, 0.95
@@ -57,15 +60,15 @@ class Along:
 
     Attributes
     ----------
-    cells : sequence of Box
-        One where X is a polynomial on the whole box.
+    cells : sequence of pairs of tuples of Fraction
+        Their lower and upper corners; one cell where X is a polynomial on the whole box.
     X : sequence of (count, n, n) arrays
         Bernstein coefficients in each.
     degree : int
     level : float
     """
 
-    cells: Sequence[Box]
+    cells: Sequence[tuple[Point, Point]]
     X: Sequence[Array]
     degree: int
     level: float
@@ -91,7 +94,7 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     still = problem.gain or problem.share is not None or problem.law.W is not None
     if still or motion.free or motion.centre is not None or set(problem.domain.sizes) != {2}:
         return
-    whole, least = (1,) * len(problem.domain.sizes), np.inf
+    whole, least = (ENDS,) * len(problem.domain.sizes), np.inf
     for degree in DEGREES:
         if problem.work(degree) * ROUNDS > MOST and degree > 1:
             break
@@ -103,10 +106,10 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
                 return
     if problem.plant.functions is None and np.isfinite(least):
         return
-    for counts in grids(problem.plant, motion):
-        if problem.work(DEGREE) * ROUNDS * prod(counts) > MOST:
+    for cuts in grids(problem.plant, motion):
+        if problem.work(DEGREE) * ROUNDS * count_of(cuts) > MOST:
             return
-        along = _found(_Driven.on_grid(problem, motion, counts, DEGREE))
+        along = _found(_Driven.on_grid(problem, motion, cuts, DEGREE))
         if along is not None:
             yield along
             if along.level > least * (1 - near) or along.level <= worst * (1 + near):
@@ -114,17 +117,42 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
             least = along.level
 
 
-def grids(plant: UncertainPlant, motion: Motion) -> Iterator[tuple[int, ...]]:
-    """Yield how many cells finer and finer grids have along each parameter."""
+def grids(plant: UncertainPlant, motion: Motion) -> Iterator[tuple[Point, ...]]:
+    """Yield where finer and finer grids cut each parameter's interval, weights of its upper end.
+
+    Knots of tables of a parameter are among the cuts, as a function is smooth between them alone.
+    """
     source = plant.remainder and plant.remainder.source
+    trees, tables = (source.functions.trees, source.functions.by_name) if source else ((), {})
     names = source.names if source else []
     divided = {move.simplex for move in motion.moves}
     divided |= {f for f, p in enumerate(plant.parameters) if p.name in names}
+    known: list[Point] = [ENDS] * len(plant.parameters)
+    for f, p in enumerate(plant.parameters):
+        knots = {x for tree in trees for x in tree.knots(p.name, tables) if p.low < x < p.high}
+        first, last = (p.scheduling(x) for x in (p.low, p.high))
+        places = sorted((p.scheduling(x) - first) / (last - first) for x in knots)
+        if len(places) < MOST_KNOTS:
+            known[f] = (ENDS[0], *places, ENDS[1])
     for count in CELLS:
-        counts = tuple(count if f in divided else 1 for f in range(len(plant.parameters)))
-        if prod(counts) > MOST_CELLS:
+        cuts = [cut_finer(ends, count) if f in divided else ENDS for f, ends in enumerate(known)]
+        if count_of(cuts) > MOST_CELLS:
             return
-        yield counts
+        yield tuple(cuts)
+
+
+def cut_finer(cuts: Point, count: int) -> Point:
+    """Return cuts of an interval with so many between them that parts are about its share."""
+    finer = [cuts[0]]
+    for a, b in pairwise(cuts):
+        parts = math.ceil((b - a) * count)
+        finer += [a + (b - a) * Fraction(k, parts) for k in range(1, parts + 1)]
+    return tuple(finer)
+
+
+def count_of(cuts: Sequence[Point]) -> int:
+    """Return how many cells a grid has."""
+    return prod(len(own) - 1 for own in cuts)
 
 
 def _found(grid: _Driven) -> Along | None:
@@ -139,7 +167,8 @@ class Cell:
 
     Attributes
     ----------
-    box : Box
+    ends : pair of tuples of Fraction
+        Its lower and its upper corner.
     plant : UncertainPlant
         There.
     law : Law
@@ -160,7 +189,7 @@ class Cell:
         Of the disturbances; none where none counts.
     """
 
-    box: Box
+    ends: tuple[Point, Point]
     plant: UncertainPlant
     law: Law
     domain: Domain
@@ -258,17 +287,21 @@ class Grid:
         return np.concatenate([cell.lifted(own) for cell, own in zip(self.cells, X, strict=True)])
 
 
-def places(counts: Sequence[int], degree: int, domain: Domain) -> Iterator[tuple[Box, list[int]]]:
+def places(
+    cuts: Sequence[Point], degree: int, domain: Domain
+) -> Iterator[tuple[tuple[Point, Point], list[int]]]:
     """Yield the cells of a grid, and the places of their coefficients among all of the grid's."""
-    whole = [count * degree + 1 for count in counts]
+    whole = [(len(own) - 1) * degree + 1 for own in cuts]
     exponents = [e[1::2] for e in domain.monomials(degree)]
-    for first, box in zip(product(*map(range, counts)), equal(tuple(counts)), strict=True):
+    for first in product(*(range(len(own) - 1) for own in cuts)):
+        low, high = (
+            tuple(own[k + more] for own, k in zip(cuts, first, strict=True)) for more in (0, 1)
+        )
         nodes = [[degree * k + e for k, e in zip(first, own, strict=True)] for own in exponents]
-        yield box, [int(np.ravel_multi_index(node, whole)) for node in nodes]
+        yield (low, high), [int(np.ravel_multi_index(node, whole)) for node in nodes]
 
 
-def _motion_in(plant: UncertainPlant, box: Box) -> Motion:
-    low, high = (map(Fraction, ends) for ends in (box.low, box.high))
+def _motion_in(plant: UncertainPlant, low: Point, high: Point) -> Motion:
     return Motion.of(replace(plant, parameters=tuple(map(narrowed, plant.parameters, low, high))))
 
 
@@ -291,14 +324,15 @@ class _Driven:
 
     @classmethod
     def on_grid(
-        cls, problem: DualProblem, motion: Motion, counts: Sequence[int], degree: int
+        cls, problem: DualProblem, motion: Motion, cuts: Sequence[Point], degree: int
     ) -> _Driven:
-        """Return it on a grid of so many cells."""
+        """Return it on a grid."""
         cells, seen, raised = list[Cell](), list[Array](), list[Array]()
-        divided, moves = prod(counts) > 1 or problem.plant.bent, problem.plant
-        for box, at in places(counts, degree, problem.domain):
-            own = problem.inside(box) if divided else problem
-            inner = _motion_in(moves, box) if divided else motion
+        plant, divided = problem.plant, problem.plant.bent or count_of(cuts) > 1
+        for ends, at in places(cuts, degree, problem.domain):
+            box = Box(*(tuple(map(float, corner)) for corner in ends))
+            own = problem.within(box, *ends) if divided else problem
+            inner = _motion_in(plant, *ends) if divided else motion
             inverted = any(move.inverted for move in inner.moves)
             # s^2 in dX/dt, s = 1/p
             total = max(degree + own.rows, 2 * own.driving_degree, degree - 1 + 2 * inverted)
@@ -309,7 +343,7 @@ class _Driven:
             noise, noise_raised = noises
             cells.append(
                 Cell(
-                    box,
+                    ends,
                     own.plant,
                     own.law,
                     domain,
@@ -353,7 +387,7 @@ class _Driven:
             if np.linalg.eigvalsh(missed).max() >= 0:
                 more = over * majorant(missed)
             elif level is not None:
-                return Along([cell.box for cell in cells], X, cells[0].degree, level)
+                return Along([cell.ends for cell in cells], X, cells[0].degree, level)
             if level is None:  # more than D is covariance of the noise -(A D + D A')
                 low = -inverse @ self.grid.lifted(X) @ inverse.T
                 D = OVER * majorant(low) + 1e-9 * top * eye
@@ -395,23 +429,28 @@ def falling(plant: UncertainPlant, law: Law, part: Region) -> Iterator[Along]:
     V, inside_by = modes
     S = of_modes(V, inside_by)
     T: Array = np.asarray(np.linalg.cholesky(of_modes(V, np.ones(len(V)))), dtype=float)
-    for counts in grids(plant, motion):
-        cells = list[Cell]()
-        for box, at in places(counts, DEGREE, domain):
-            cells.append(_falling_in(plant, law, box, at, a / b, S / b))
+    for cuts in grids(plant, motion):
+        cells = [
+            _falling_in(plant, law, ends, at, a / b, S / b)
+            for ends, at in places(cuts, DEGREE, domain)
+        ]
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             X = _grown(Grid(cells), T)
             if X is not None:
-                yield Along([cell.box for cell in cells], X, DEGREE, 0.0)
+                yield Along([cell.ends for cell in cells], X, DEGREE, 0.0)
 
 
 def _falling_in(
-    plant: UncertainPlant, law: Law, box: Box, at: Sequence[int], shift: float, S: Array
+    plant: UncertainPlant,
+    law: Law,
+    ends: tuple[Point, Point],
+    at: Sequence[int],
+    shift: float,
+    S: Array,
 ) -> Cell:
     """Return a cell in which A X + X A' + shift X - dX/dt is to be below -S."""
-    low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
-    own, held, domain = inside(plant, low, high), law.inside(plant, low, high), law.domain_of(plant)
-    motion = _motion_in(plant, box)
+    own, held, domain = inside(plant, *ends), law.inside(plant, *ends), law.domain_of(plant)
+    motion = _motion_in(plant, *ends)
     inverted = any(move.inverted for move in motion.moves)
     total = max(DEGREE + loop_degree(own, held), DEGREE - 1 + 2 * inverted)
     shifted = shift / 2 * np.eye(plant.shape[0])
@@ -420,7 +459,7 @@ def _falling_in(
     )
     noise = np.broadcast_to(S, loops.shape)
     again = np.broadcast_to(S, raised.shape)
-    return Cell(box, own, held, domain, motion, DEGREE, total, at, loops, noise, (raised, again))
+    return Cell(ends, own, held, domain, motion, DEGREE, total, at, loops, noise, (raised, again))
 
 
 def _grown(grid: Grid, T: Array) -> list[Array] | None:

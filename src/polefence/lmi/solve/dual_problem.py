@@ -12,7 +12,7 @@ from polefence.lmi.solve.loops import loop_degree
 from polefence.plant.boxes import Box, widest
 from polefence.plant.evaluated import beyond
 from polefence.plant.family import UncertainPlant
-from polefence.plant.parts import inside, off_along
+from polefence.plant.parts import Point, inside, off_along
 from polefence.plant.polynomial import Domain, Polynomial, degree_of, values
 from polefence.plant.system import Array
 from polefence.proof.between import Clock, Period, Step
@@ -324,11 +324,15 @@ class DualProblem:
 
     def inside(self, box: Box) -> DualProblem:
         """Return the problem on a part of the box; of samples with their corners there."""
+        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
+        return self.within(box, low, high)
+
+    def within(self, box: Box, low: Point, high: Point) -> DualProblem:
+        """Return the same on a part whose ends are known exactly, and to doubles as a box."""
         means = self.means and self.means.inside(box, self.domain)
         storing = self.storing and self.storing.inside(box, self.domain)
         if not self.plant.bent:
             return replace(self, box=box, means=means, storing=storing)
-        low, high = (tuple(map(Fraction, ends)) for ends in (box.low, box.high))
         plant = inside(self.plant, low, high)
         alpha = box.alpha(self.domain, self.domain.nodes(1))
         C, D, F = (np.tensordot(alpha, M, 1) for M in (self.C, self.D, self.F))

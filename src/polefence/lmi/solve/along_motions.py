@@ -15,14 +15,11 @@ coefficients on their face: so it is continuous along every motion.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise, product
-from math import prod
+from itertools import product
 
 import numpy as np
 
@@ -31,12 +28,21 @@ from polefence.lmi.conditions.motion import change
 from polefence.lmi.solve.dual_problem import DualProblem
 from polefence.lmi.solve.duals import MOST
 from polefence.lmi.solve.gramians import OVER, ROOM, ROUNDS, majorant, root
+from polefence.lmi.solve.grids import (
+    Corners,
+    Cuts,
+    box_of,
+    cells_of,
+    count_of,
+    finer,
+    motion_in,
+    whole_box,
+)
 from polefence.lmi.solve.loops import loop_degree
 from polefence.lmi.solve.spread import covering
-from polefence.plant.boxes import Box
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
-from polefence.plant.parts import Point, inside, narrowed
+from polefence.plant.parts import inside
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.proof.remainder import SHARE
@@ -47,8 +53,6 @@ DEGREES = (1, 2, 3, 4)  # of X on the whole box
 CELLS = (2, 4, 8, 16, 32)  # of a grid, along each parameter that moves or is in a function
 DEGREE = 2  # of X in a cell
 MOST_CELLS = 256
-MOST_KNOTS = 16  # of tables of a parameter, at which cells may end
-ENDS = (Fraction(0), Fraction(1))
 # Rounds in which R grows where only a region is asked for, how large it becomes beside S where that
 # does not end, and the most by which what is missed is taken to fall in a round.
 GROWING, FAR, NEAR_ONE = 12, 1e3, 0.95
@@ -68,7 +72,7 @@ class Along:
     level : float
     """
 
-    cells: Sequence[tuple[Point, Point]]
+    cells: Sequence[Corners]
     X: Sequence[Array]
     degree: int
     level: float
@@ -94,7 +98,7 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
     still = problem.gain or problem.share is not None or problem.law.W is not None
     if still or motion.free or motion.centre is not None or set(problem.domain.sizes) != {2}:
         return
-    whole, least = (ENDS,) * len(problem.domain.sizes), np.inf
+    whole, least = whole_box(problem.plant), np.inf
     for degree in DEGREES:
         if problem.work(degree) * ROUNDS > MOST and degree > 1:
             break
@@ -117,42 +121,17 @@ def along_motions(problem: DualProblem, worst: float, near: float = 1e-3) -> Ite
             least = along.level
 
 
-def grids(plant: UncertainPlant, motion: Motion) -> Iterator[tuple[Point, ...]]:
-    """Yield where finer and finer grids cut each parameter's interval, weights of its upper end.
-
-    Knots of tables of a parameter are among the cuts, as a function is smooth between them alone.
-    """
+def grids(plant: UncertainPlant, motion: Motion) -> Iterator[Cuts]:
+    """Yield finer and finer grids, along the parameters that move or are in a function."""
     source = plant.remainder and plant.remainder.source
-    trees, tables = (source.functions.trees, source.functions.by_name) if source else ((), {})
     names = source.names if source else []
     divided = {move.simplex for move in motion.moves}
     divided |= {f for f, p in enumerate(plant.parameters) if p.name in names}
-    known: list[Point] = [ENDS] * len(plant.parameters)
-    for f, p in enumerate(plant.parameters):
-        knots = {x for tree in trees for x in tree.knots(p.name, tables) if p.low < x < p.high}
-        first, last = (p.scheduling(x) for x in (p.low, p.high))
-        places = sorted((p.scheduling(x) - first) / (last - first) for x in knots)
-        if len(places) < MOST_KNOTS:
-            known[f] = (ENDS[0], *places, ENDS[1])
     for count in CELLS:
-        cuts = [cut_finer(ends, count) if f in divided else ENDS for f, ends in enumerate(known)]
+        cuts = finer(plant, divided, count)
         if count_of(cuts) > MOST_CELLS:
             return
-        yield tuple(cuts)
-
-
-def cut_finer(cuts: Point, count: int) -> Point:
-    """Return cuts of an interval with so many between them that parts are about its share."""
-    finer = [cuts[0]]
-    for a, b in pairwise(cuts):
-        parts = math.ceil((b - a) * count)
-        finer += [a + (b - a) * Fraction(k, parts) for k in range(1, parts + 1)]
-    return tuple(finer)
-
-
-def count_of(cuts: Sequence[Point]) -> int:
-    """Return how many cells a grid has."""
-    return prod(len(own) - 1 for own in cuts)
+        yield cuts
 
 
 def _found(grid: _Driven) -> Along | None:
@@ -189,7 +168,7 @@ class Cell:
         Of the disturbances; none where none counts.
     """
 
-    ends: tuple[Point, Point]
+    ends: Corners
     plant: UncertainPlant
     law: Law
     domain: Domain
@@ -287,24 +266,6 @@ class Grid:
         return np.concatenate([cell.lifted(own) for cell, own in zip(self.cells, X, strict=True)])
 
 
-def places(
-    cuts: Sequence[Point], degree: int, domain: Domain
-) -> Iterator[tuple[tuple[Point, Point], list[int]]]:
-    """Yield the cells of a grid, and the places of their coefficients among all of the grid's."""
-    whole = [(len(own) - 1) * degree + 1 for own in cuts]
-    exponents = [e[1::2] for e in domain.monomials(degree)]
-    for first in product(*(range(len(own) - 1) for own in cuts)):
-        low, high = (
-            tuple(own[k + more] for own, k in zip(cuts, first, strict=True)) for more in (0, 1)
-        )
-        nodes = [[degree * k + e for k, e in zip(first, own, strict=True)] for own in exponents]
-        yield (low, high), [int(np.ravel_multi_index(node, whole)) for node in nodes]
-
-
-def _motion_in(plant: UncertainPlant, low: Point, high: Point) -> Motion:
-    return Motion.of(replace(plant, parameters=tuple(map(narrowed, plant.parameters, low, high))))
-
-
 @dataclass(frozen=True, eq=False)
 class _Driven:
     """The search for R of what moves under disturbances.
@@ -323,16 +284,13 @@ class _Driven:
     raised: list[Array]
 
     @classmethod
-    def on_grid(
-        cls, problem: DualProblem, motion: Motion, cuts: Sequence[Point], degree: int
-    ) -> _Driven:
+    def on_grid(cls, problem: DualProblem, motion: Motion, cuts: Cuts, degree: int) -> _Driven:
         """Return it on a grid."""
         cells, seen, raised = list[Cell](), list[Array](), list[Array]()
         plant, divided = problem.plant, problem.plant.bent or count_of(cuts) > 1
-        for ends, at in places(cuts, degree, problem.domain):
-            box = Box(*(tuple(map(float, corner)) for corner in ends))
-            own = problem.within(box, *ends) if divided else problem
-            inner = _motion_in(plant, *ends) if divided else motion
+        for ends, at in cells_of(cuts, degree, problem.domain):
+            own = problem.within(box_of(ends), *ends) if divided else problem
+            inner = motion_in(plant, ends) if divided else motion
             inverted = any(move.inverted for move in inner.moves)
             # s^2 in dX/dt, s = 1/p
             total = max(degree + own.rows, 2 * own.driving_degree, degree - 1 + 2 * inverted)
@@ -432,7 +390,7 @@ def falling(plant: UncertainPlant, law: Law, part: Region) -> Iterator[Along]:
     for cuts in grids(plant, motion):
         cells = [
             _falling_in(plant, law, ends, at, a / b, S / b)
-            for ends, at in places(cuts, DEGREE, domain)
+            for ends, at in cells_of(cuts, DEGREE, domain)
         ]
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
             X = _grown(Grid(cells), T)
@@ -443,14 +401,14 @@ def falling(plant: UncertainPlant, law: Law, part: Region) -> Iterator[Along]:
 def _falling_in(
     plant: UncertainPlant,
     law: Law,
-    ends: tuple[Point, Point],
+    ends: Corners,
     at: Sequence[int],
     shift: float,
     S: Array,
 ) -> Cell:
     """Return a cell in which A X + X A' + shift X - dX/dt is to be below -S."""
     own, held, domain = inside(plant, *ends), law.inside(plant, *ends), law.domain_of(plant)
-    motion = _motion_in(plant, *ends)
+    motion = motion_in(plant, ends)
     inverted = any(move.inverted for move in motion.moves)
     total = max(DEGREE + loop_degree(own, held), DEGREE - 1 + 2 * inverted)
     shifted = shift / 2 * np.eye(plant.shape[0])

@@ -19,6 +19,7 @@ from polefence.lmi.solve.reached import ReachedSearch
 from polefence.lmi.solve.started import StartedSearch
 from polefence.lmi.solve.storage import StorageSearch
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, Point, divided
+from polefence.plant.parts import Point as Exact
 
 MOST = 3e8  # of the work on one polynomial [multiplications]
 # The same on a part of the box, and on all parts. Degree 4 for 16 states and three parameters is
@@ -62,8 +63,8 @@ def duals(problem: DualProblem, worst: float, near: float = 1e-3, most: int = 4)
 class Part:
     """A dual polynomial on a part of the box; ``low`` and ``high`` are weights of upper ends."""
 
-    low: Point
-    high: Point
+    low: Point | Exact
+    high: Point | Exact
     dual: Dual
 
 

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import product
-from math import prod
 
 import numpy as np
 
@@ -28,12 +27,21 @@ from polefence.lmi.solve.along_motions import slopes
 from polefence.lmi.solve.dual_problem import Cover, Dual, DualProblem
 from polefence.lmi.solve.duals import Part
 from polefence.lmi.solve.gramians import Interpolation
+from polefence.lmi.solve.grids import (
+    Corners,
+    Cuts,
+    box_of,
+    cells_of,
+    count_of,
+    finer,
+    motion_in,
+    nodes_of,
+)
 from polefence.lmi.solve.interior_point import WIDE
 from polefence.lmi.solve.search import attempt, interior
 from polefence.lmi.solve.stacked import stack
-from polefence.plant.boxes import Box, equal
+from polefence.plant.boxes import Box
 from polefence.plant.motion import Motion
-from polefence.plant.parts import narrowed
 from polefence.plant.system import Array
 
 CELLS = (1, 2, 4, 8, 16, 32, 64)  # along each moving parameter
@@ -80,14 +88,14 @@ class Grid:
     ----------
     problem : DualProblem
         About a gain, of a plant whose parameters move.
-    counts : tuple of int
-        Cells along each parameter.
+    cuts : tuple
+        Of each parameter's interval.
     degree : int
         Of Q in each cell.
     """
 
     problem: DualProblem
-    counts: tuple[int, ...]
+    cuts: Cuts
     degree: int = 1
 
     @cached_property
@@ -99,7 +107,7 @@ class Grid:
     def variables(self) -> dict[tuple[int, ...], Variable]:
         """Q of each node of the grid: one for all nodes along what moves at any rate."""
         n, known = self.problem.plant.shape[0], dict[tuple[int, ...], Variable]()
-        for node in product(*(range(count * self.degree + 1) for count in self.counts)):
+        for node in product(*map(range, nodes_of(self.cuts, self.degree))):
             first = tuple(0 if f in self.motion.free else k for f, k in enumerate(node))
             like = "" if first == node else known[first].name
             known[node] = Variable(f"Q{len(known) + 1}", (n, n), symmetric=True, like=like)
@@ -108,24 +116,11 @@ class Grid:
     @cached_property
     def cells(self) -> list[Cell]:
         """The cells."""
-        places, cells = {node: k for k, node in enumerate(self.variables)}, list[Cell]()
-        numbers = product(*map(range, self.counts))
-        for first, box in zip(numbers, equal(self.counts), strict=True):
-            inner = Interpolation(self.problem.inside(box), self.degree)
-            nodes = (exponent[1::2] for exponent in inner.problem.domain.monomials(self.degree))
-            at = [
-                places[tuple(self.degree * k + e for k, e in zip(first, node, strict=True))]
-                for node in nodes
-            ]
-            cells.append(Cell(box, inner, at, self._motion_in(box)))
+        plant, cells = self.problem.plant, list[Cell]()
+        for ends, at in cells_of(self.cuts, self.degree, self.problem.domain):
+            inner = Interpolation(self.problem.within(box_of(ends), *ends), self.degree)
+            cells.append(Cell(ends, inner, at, motion_in(plant, ends)))
         return cells
-
-    def _motion_in(self, box: Box) -> Motion:
-        plant = self.problem.plant
-        low, high = (map(Fraction, ends) for ends in (box.low, box.high))
-        return Motion.of(
-            replace(plant, parameters=tuple(map(narrowed, plant.parameters, low, high)))
-        )
 
     @cached_property
     def units(self) -> Array:
@@ -138,10 +133,11 @@ class Grid:
         n = self.problem.plant.shape[0]
         unknowns = sum(v.size for v in self.variables.values())
         size = n + self.problem.E.shape[-1] + self.problem.C.shape[-2]
-        blocks = prod(self.counts) * (1 + self.degree + self.problem.degree) ** len(self.counts)
+        own = 1 + self.degree + self.problem.degree
+        blocks = count_of(self.cuts) * own ** len(self.cuts)
         blocks *= 2 ** len(self.motion.moves)
-        own = (1 + self.degree) ** len(self.counts) * n * (n + 1) // 2  # unknowns of one block
-        return float(unknowns**3 + blocks * (own * size) ** 2)
+        known = (1 + self.degree) ** len(self.cuts) * n * (n + 1) // 2  # unknowns of one block
+        return float(unknowns**3 + blocks * (known * size) ** 2)
 
     def least(self, worst: float) -> OnGrid | None:
         """Return nearly the least level, None where no loop in some cell comes to rest.
@@ -225,7 +221,8 @@ class Cell:
 
     Attributes
     ----------
-    box : Box
+    ends : pair of tuples of Fraction
+        Its lower and its upper corner.
     inner : Interpolation
         Of the problem in it.
     at : sequence of int
@@ -234,7 +231,7 @@ class Cell:
         Of its coordinates.
     """
 
-    box: Box
+    ends: Corners
     inner: Interpolation
     at: Sequence[int]
     motion: Motion
@@ -348,14 +345,15 @@ class Cell:
     def part(self, Q: Array, known: Cover | None, level: float) -> Part:
         """Return the cell's dual polynomial for a level."""
         dual = Dual(Q[list(self.at)], self.inner.degree, level, self.cover(Q, known, level))
-        return Part(tuple(self.box.low), tuple(self.box.high), dual)
+        return Part(*self.ends, dual)
 
 
 def least_in(problem: DualProblem, cells: Sequence[Box], degree: int, worst: float) -> float | None:
     """Return the least level that Q of a degree proves on a grid, which has these cells."""
-    counts = tuple(len(set(ends)) for ends in zip(*(box.low for box in cells), strict=True))
+    starts = (sorted(set(ends)) for ends in zip(*(box.low for box in cells), strict=True))
+    cuts = tuple((*map(Fraction, own), Fraction(1)) for own in starts)
     with suppress(np.linalg.LinAlgError, SolverError):
-        found = Grid(problem, counts, degree).least(worst)
+        found = Grid(problem, cuts, degree).least(worst)
         return None if found is None else found.level
     return None
 
@@ -375,11 +373,10 @@ def on_grids(problem: DualProblem, worst: float) -> Iterator[OnGrid]:
     if still or not motion or set(problem.domain.sizes) != {2}:
         return
     moving = {move.simplex for move in motion.moves} | set(motion.free)
-    places = range(len(problem.plant.parameters))
-    counts = [tuple(count if f in moving else 1 for f in places) for count in CELLS]
-    degree = next((d for d in DEGREES if Grid(problem, counts[1], d).work <= MOST), DEGREES[-1])
-    for grid in (Grid(problem, count, degree) for count in counts):
-        if grid.work > MOST or prod(grid.counts) > MOST_CELLS or ended():
+    every = [finer(problem.plant, moving, count) for count in CELLS]
+    degree = next((d for d in DEGREES if Grid(problem, every[1], d).work <= MOST), DEGREES[-1])
+    for grid in (Grid(problem, cuts, degree) for cuts in dict.fromkeys(every)):
+        if grid.work > MOST or count_of(grid.cuts) > MOST_CELLS or ended():
             return
         with suppress(np.linalg.LinAlgError, SolverError):
             found = grid.least(worst)

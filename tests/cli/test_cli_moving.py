@@ -1,5 +1,7 @@
 """Parameters that move from the command line: what is said of them, and what is refused."""
 
+from pathlib import Path
+
 import pytest
 
 from polefence.cli.main import main
@@ -72,3 +74,30 @@ def test_samples_are_of_parameters_at_rest(folder, capsys):
         "walk.toml: --sample-time 0.01: parameter p: rate: samples are for constant parameters"
         in said
     )
+
+
+TABLE = """
+disturbances = ["w"]
+[parameter.p]
+range = [1, 3]
+rate = [-0.2, 0.1]
+[table.spring]
+arguments = [1, 2, 3]
+values = [4, 2, 6]
+[matrices]
+A = [[0, 1], ["-spring(p)", -1]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+
+
+def test_a_drive_within_the_rates_of_the_spec_is_covered(tmp_path, monkeypatch, capsys):
+    """A proof on the cells of a grid has no margin of rates; the spec's own are proved."""
+    monkeypatch.chdir(tmp_path)
+    Path("moving.toml").write_text(TABLE)
+    words = ["verify", "moving.toml", "--gain", "[[0, 0]]", "--region", "half_plane(0)"]
+    ran(capsys, *words, "-o", "made")
+    drive = ["simulate", "made", "--step-in", "w=1", "--duration", "20"]
+    for end, above in ((11.5, True), (13.5, False)):  # 0.118 and 0.0952 a second
+        said = ran(capsys, *drive, "--set", "p=1", "--drift", f"p=2@3..{end}")
+        assert ("rate of change above what is proved" in said) == above

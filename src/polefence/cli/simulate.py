@@ -159,7 +159,7 @@ def _margins(setup: Setup, law: Named) -> Any:
     """Return the proved margins for moving and wrongly known parameters, where these occur."""
     if setup.still or law.design is None:
         return None
-    return (*estimation_error(law.design), *parameter_rate(law.design))
+    return (*estimation_error(law.design), *parameter_rate(law.design), law.design)
 
 
 def _write(

@@ -183,7 +183,7 @@ def run(setup: Setup, law: Any, margins: Any = None) -> Run:
     ----------
     law : None, Law, Design, GainTable or (m, n) array
         None leaves the plant to itself.
-    margins : Margins, Margin or sequence of Margin, optional
+    margins : Margins, Margin, Design or sequence of these, optional
         As `drive` takes them; not looked at where nothing moves and the law is told the truth.
 
     Raises
@@ -331,7 +331,7 @@ def drive(
         N), or a function of times that returns all values (time, q). Nominal values by default.
     hardware : Hardware, optional
         Scheduling, sampling, actuator, stops; by default none of them.
-    margins : Margins, Margin or sequence of Margin, optional
+    margins : Margins, Margin, Design or sequence of these, optional
         What is proved of rates and of errors of the estimate, to compare with.
     outside : bool
         Drive on where parameters leave their intervals; it is reported.

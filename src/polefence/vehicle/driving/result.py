@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.certify.design import Design
 from polefence.certify.margins import Margin, Margins
 from polefence.law.laws import given_law, law_or_table
 from polefence.plant.family import UncertainPlant
@@ -18,6 +19,7 @@ from polefence.plant.outputs import Output, choose, inputs, rates_in
 from polefence.plant.system import Array
 from polefence.proof.short import Short
 from polefence.proof.text import late_text
+from polefence.region.regions import HalfPlane
 from polefence.region.text import digits_down
 from polefence.response.discrete import Sampling
 from polefence.response.linear import Response
@@ -572,15 +574,18 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
     """
     if given is None:
         return None
-    if isinstance(given, Margin):
+    if isinstance(given, Margin | Design):
         given = (given,)
     if isinstance(given, Margins):
         _require_same(given, space, law)
-    elif not (isinstance(given, Sequence) and all(isinstance(m, Margin) for m in given)):
+    elif not (isinstance(given, Sequence) and all(isinstance(m, Margin | Design) for m in given)):
         raise InputError("margins must be what in_service(design) returns, or a list of its parts")
     width = len(space.plant.parameters) or 1
     bounds: dict[str, list[Array]] = {"estimate": [], "rate": [], "gain": []}
     for margin in given:
+        if isinstance(margin, Design):
+            bounds["rate"] += _rates_of(margin)
+            continue
         claim: Any = margin.claim
         if margin.kind == "gain" or claim is None:
             continue
@@ -590,6 +595,24 @@ def read_margins(given: Any, space: Space, law: Any) -> Claims | None:
             raise InputError(f"margin {margin.name} is of another plant than {space.plant.name}")
         bounds[margin.kind].append(row)
     return Claims(tuple(bounds["estimate"]), tuple(bounds["rate"]))
+
+
+def _rates_of(design: Design) -> list[Array]:
+    """Return the rates of its spec, which a design with a half-plane is proved for."""
+    parts = design.region.parts
+    if design.plant.period or not any(isinstance(part, HalfPlane) for part in parts):
+        return []
+    if not design.plant.moving:
+        return []
+    rates = (parameter.rate for parameter in design.plant.parameters)
+    return [
+        np.array(
+            [
+                0.0 if r is None else math.inf if isinstance(r, str) else float(min(map(abs, r)))
+                for r in rates
+            ]
+        )
+    ]
 
 
 def _require_same(service: Margins, space: Space, law: Any) -> None:

@@ -143,6 +143,19 @@ def test_one_fault_in_kinks_is_seen(fault):
     assert prove(claim).proved == (fault == "none")
 
 
+def test_kinks_where_no_knot_is_change_nothing():
+    plant = loads(SPEC.format(knots=[2, 5], values=[5, 21], kind="linear"))
+    claim = claim_of_samples(at_sample_time(plant, T))
+    remainder, known = claim.plant.remainder, claim.source.functions
+    assert remainder.kinks is None
+    none = tuple((Fraction(0),) * 4 for _ in range(2))
+    more = Remainder.between(
+        remainder.rounding, remainder.bends, remainder.third, Kinks(known, (none,) * 2)
+    )
+    assert more.entries == remainder.entries
+    assert prove(replace(claim, plant=replace(claim.plant, remainder=more))).proved
+
+
 @pytest.mark.parametrize("kind", ["linear", "cubic"])
 def test_poles_and_bounds_are_proved_up_to_the_worst_and_files_say_so(kind):
     """The loop is slowest at the knot, where the spring is softest."""

@@ -297,8 +297,7 @@ class _Driven:
             domain = own.domain
             A, Y, E, _ = own.closed(domain.nodes(degree))
             loops, rows, entering, _ = own.closed(domain.nodes(total))
-            noises = (M @ M.swapaxes(-1, -2) for M in (E, entering))
-            noise, noise_raised = noises
+            noise, again = (M @ M.swapaxes(-1, -2) for M in (E, entering))
             cells.append(
                 Cell(
                     ends,
@@ -311,7 +310,7 @@ class _Driven:
                     at,
                     A,
                     noise,
-                    (loops, noise_raised),
+                    (loops, again),
                     own.scales,
                 )
             )

@@ -305,7 +305,7 @@ class Samples(Short, Claim):
             bounds = self.bounds()
         except FormatError as problem:
             return undecided(str(problem))
-        kinks = () if remainder.kinks is None else remainder.kinks.sizes
+        kinks = remainder.kinks.sizes if remainder.kinks and bounds.kinks else ()
         if bounds.kinks and not self._same_functions(remainder):
             return undecided("a table has a knot inside the range, of which the plant says nothing")
         claimed = (*remainder.bends, *remainder.third, *kinks)

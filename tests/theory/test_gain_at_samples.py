@@ -3,6 +3,7 @@
 The truth is a sweep of frequencies over samples by SciPy's exponential.
 """
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -23,6 +24,7 @@ from polefence import (
 )
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
+from polefence.proof.remainder import Remainder
 from polefence.requirements.specification import limit_text
 from polefence.requirements.text import parse_specification
 from polefence.search import optimise as search
@@ -110,6 +112,34 @@ def test_plants_within_a_large_remainder_stay_below_the_bound(T, dual):
             G = [shown @ np.linalg.solve(at * np.eye(n) - loop, driven) + through for at in z]
             most = max(most, *(np.linalg.norm(g[:, -1]) for g in G))
     assert most <= float(claim.level)
+
+
+SCALAR = """
+sample_time = 1
+disturbances = ["w"]
+[matrices]
+A = [[0.2]]
+B = [[1]]
+E = [[0]]
+[outputs]
+y = {C = [1], F = [1]}
+"""
+
+
+@pytest.mark.parametrize("off", [0.01, 0.05])
+def test_what_is_off_in_the_input_adds_up_of_the_state_and_the_disturbance(off):
+    """x+ = 0.2 x + (1 + d) u, u = 0.3 (x + w): both are moved by d, in phase at rest.
+
+    Counted as squares that are not in both, less than the truth would be proved.
+    """
+    remainder = Remainder(((Fraction(0), Fraction(off), Fraction(0)),))
+    plant = replace(loads(SCALAR), remainder=remainder)
+    law = Compensator(D=[[0.3]], measured=["y"])
+    worst = 0.3 * (1 + off) / (1 - 0.2 - 0.3 * (1 + off))
+    for level, proved in ((0.997 * worst, False), (1.2 * worst, True)):
+        limited = Gain("x1", float(level), at="samples")
+        kept = analyse(plant, law, Disk(0, 1), limits=[limited]).bounds[0].bound
+        assert (kept is not None) == proved
 
 
 def test_a_command_between_samples_is_seen_as_one_at_rest():

@@ -182,7 +182,8 @@ class Search:
 
     def proof(self, ladder: Sequence[tuple[int, int]]) -> dict[str, Any] | None:
         """Return evidence of a form of the whole box, else in parts of it."""
-        if self.plant.moving and self.plant.functions is not None:  # enclosed anew in each cell
+        first = bool(self.plant.moving) and self.plant.functions is not None
+        if first:  # enclosed anew in each cell
             evidence = self._along_motions()
             if evidence is not None:
                 return evidence
@@ -204,7 +205,7 @@ class Search:
             evidence = evidence_at(self.plant, self.law, self.part, form, pieces)
             if evidence is not None:
                 return evidence
-        return self.in_parts()
+        return None if first else self.in_parts()
 
     def in_parts(self, holds: Holds | None = None) -> dict[str, Any] | None:
         """Return evidence in parts of the box, None where they would be too many.

@@ -53,10 +53,10 @@ DEGREES = (1, 2, 3, 4)  # of X on the whole box
 CELLS = (2, 4, 8, 16, 32)  # of a grid, along each parameter that moves or is in a function
 DEGREE = 2  # of X in a cell
 MOST_CELLS = 256
-# Rounds in which R grows where only a region is asked for, how large it becomes beside S where that
-# does not end, and the most by which what is missed is taken to fall in a round. A cart whose spring
-# is a table of its mass takes 8 rounds on 64 cells; with a step that counts on no fall 30 were not
-# enough, on 256 cells either.
+# Rounds in which R grows where only a region is asked for, how large it becomes beside S where it
+# does not end, and the most by which what is missed is taken to fall in a round. A cart whose
+# spring is a table of its mass takes 8 rounds on 64 cells; with a step that counts on no fall 30
+# were not enough, on 256 cells either.
 GROWING, FAR, NEAR_ONE = 12, 1e3, 0.95
 
 

@@ -9,6 +9,7 @@ import pytest
 import polefence as pf
 from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound
+from polefence.cli.main import main
 from polefence.law.structure import Structure
 from polefence.plant.dead_time import FLOOR, covering_of, with_dead_time
 from polefence.plant.spec import dumps, loads
@@ -286,11 +287,68 @@ def test_what_is_not_proved_with_a_dead_time_is_refused_before_any_work():
     for of in ("half_plane", "sector"):
         with pytest.raises(InputError, match="ask about half_plane"):
             pf.worst_case(plant, law, of)
-    with pytest.raises(InputError, match="samples hold exactly"):
-        pf.at_sample_time(plant, 0.01)
     moving = SPRING.replace("range = [80, 120]", "range = [80, 120]\nrate = [-1, 1]")
     with pytest.raises(InputError, match="k moves; leave out its rate"):
         loads(moving)
+
+
+HARDWARE = """
+[actuator.force]
+bandwidth = 8
+[sensor.velocity]
+bandwidth = 20
+noise = 0.01
+[outputs]
+acceleration = {C = ["-k", -2], D = [1], F = [1]}
+"""
+
+
+@pytest.mark.parametrize("more", ["", HARDWARE])
+def test_samples_hold_a_dead_time_as_a_delay(more):
+    late = loads(SPRING + more)
+    plain = loads(SPRING.split("[dead_time")[0] + more)
+    for step, delay in [("0.02", 0), ("0.02", "0.5"), ("0.05", 1)]:
+        asked = Fraction(delay) + Fraction("0.05") / Fraction(step)
+        one = pf.at_sample_time(late, step, delay)
+        other = pf.at_sample_time(plain, step, asked)
+        assert one == other
+        assert one.sampling.late == asked
+    assert pf.at_sample_time(late, "0.05", 1) != pf.at_sample_time(plain, "0.05", 1)
+
+
+@pytest.mark.parametrize(
+    ("was", "by", "said"),
+    [
+        ("time = 0.05", "time = [0.01, 0.05]", "not an interval; give a number"),
+        ("[dead_time.force]", "[dead_time.velocity]", "samples hold that of the only input"),
+        ("time = 0.05", "time = 5", "500 samples late; at most"),
+    ],
+)
+def test_dead_times_that_samples_do_not_hold_are_refused(was, by, said):
+    with pytest.raises(InputError, match=said) as error:
+        pf.at_sample_time(loads(SPRING.replace(was, by)), 0.01)
+    assert "\n" not in str(error.value)
+
+
+def test_one_late_input_of_two_is_refused_at_samples():
+    two = SPRING.replace('["force [N]"]', '["force [N]", "other [N]"]').replace(
+        "B = [[0], [1]]", "B = [[0, 0], [1, 1]]"
+    )
+    with pytest.raises(InputError, match="that of the only input"):
+        pf.at_sample_time(loads(two), 0.01)
+
+
+def test_a_file_is_compared_with_the_dead_time_of_a_spec(tmp_path, capsys):
+    spec, plain = tmp_path / "late.toml", tmp_path / "plain.toml"
+    spec.write_text(SPRING)
+    plain.write_text(SPRING.split("[dead_time")[0])
+    gain = ["--gain", "[[-20, -8]]", "--sample-time", "0.05", "--region", "disk(0, 1)"]
+    for name, delay, differs in [("enough", "1.5", False), ("less", "0.5", True)]:
+        out = tmp_path / name
+        given = [str(plain), *gain, "--delay", delay, "-o", str(out)]
+        assert main(["analyse", *given]) == 0
+        assert main(["check", str(out), "--spec", str(spec)]) == int(differs)
+        assert ("less than the 50 ms of dead_time late" in capsys.readouterr().out) is differs
 
 
 def test_a_signal_that_is_late_needs_a_sensor():

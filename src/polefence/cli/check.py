@@ -24,6 +24,7 @@ from polefence.cli.subjects import with_law_of
 from polefence.cli.terminal import say
 from polefence.export import check_guarantee
 from polefence.export.documents import FILE_NAME
+from polefence.plant.dead_time import on_time
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.spec import load, load_dampers
@@ -39,7 +40,7 @@ from polefence.proof.document import Document
 from polefence.proof.laws import Law
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_BYTES
-from polefence.proof.text import output_text, quoted
+from polefence.proof.text import milliseconds_text, output_text, quoted
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications
 from polefence.requirements.weights import WEIGHTS, filter_of, with_weights
@@ -164,6 +165,9 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
     if difference is not None:
         return difference
     if samples is not None and sampled:
+        plant, late = on_time(plant)
+        if samples.delay - samples.early < late / document.plant.step:
+            return f"its input acts less than the {milliseconds_text(late)} ms of dead_time late"
         difference = _other_samples(samples, claimed, plant)
         if difference is not None:
             return difference

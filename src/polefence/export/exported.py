@@ -179,7 +179,7 @@ def export_c99(
     _require_observer(design, observer, sampling, allow_unproved)
     design.plant.require_on_time(
         "and code runs at samples",
-        "leave out [dead_time], and design with --sample-time T --delay D",
+        "design with --sample-time, which takes it in",
     )
     if sampling is not None:
         require_timing(design, sampling)

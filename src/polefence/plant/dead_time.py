@@ -18,7 +18,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import DEMAND, LATE_SIGNAL, labels_of, require_new
 from polefence.plant.outputs import Output, inputs, pick, split, states
 from polefence.plant.parameters import Parameter, exact
-from polefence.plant.system import System
+from polefence.plant.system import Exact, System
 from polefence.proof.dead_time import LARGEST, ORDERS, Covering, DeadTime
 from polefence.proof.matrices import ONE, ZERO
 from polefence.proof.ranges import ANY
@@ -182,6 +182,60 @@ def _larger(
         states=(*labels_of(states(plant)), *names),
         outputs=tuple(outputs),
     )
+
+
+def on_time(plant: UncertainPlant) -> tuple[UncertainPlant, Fraction]:
+    """Return the plant whose input acts at once, and how late it does; zero without a dead time.
+
+    Raises
+    ------
+    InputError
+        Of a dead time that samples do not hold: in an interval, of a signal, of one input of many.
+    """
+    if plant.dead_time is None:
+        return plant, ZERO
+    number, dead_time = plant.dead_time
+    where = f"dead time of {dead_time.signal!r}"
+    if isinstance(dead_time.time, str):
+        raise InputError(
+            f"{where}: samples are of one dead time, not of an interval; give a number"
+        )
+    if [signal.name for signal in inputs(plant)] != [dead_time.signal]:
+        raise InputError(
+            f"{where}: samples hold that of the only input; leave out [dead_time], and delay the "
+            "input by as much"
+        )
+    n, own = plant.shape[0], range(dead_time.first, dead_time.first + dead_time.order)
+    kept = [i for i in range(n) if i not in own]
+    bit = 1 << (len(plant.parameters) - 1 - number)
+    old = [j for j in range(len(plant.vertices)) if j & bit]  # those of delta = 1
+    gain = dead_time.gain
+
+    def rows(
+        states: Sequence[Sequence[Fraction]], entering: Sequence[Sequence[Fraction]]
+    ) -> tuple[Exact, Exact]:
+        inner = tuple(tuple(row[i] for i in kept) for row in states)
+        return inner, tuple(tuple(x / gain for x in row) for row in entering)
+
+    vertices = []
+    for number, j in enumerate(old, 1):
+        vertex, E = plant.vertices[j], plant.vertices[j].exact_E
+        A, B = rows([vertex.exact_A[i] for i in kept], [vertex.exact_B[i] for i in kept])
+        driven = None if E is None else tuple(E[i] for i in kept)
+        vertices.append(System(A, B, driven, f"vertex {number}"))
+    outputs = []
+    for y in plant.outputs:
+        C, D, F = ([every[j] for j in old] for every in y.exact(plant))
+        outputs.append(Output(y.name, y.unit, *rows(C, D), F if plant.disturbance_count else ()))
+    parameters = tuple(p for p in plant.parameters if p.dead_time is None)
+    less = replace(
+        plant,
+        vertices=tuple(vertices),
+        parameters=parameters,
+        states=tuple(labels_of(states(plant))[i] for i in kept),
+        outputs=tuple(outputs),
+    )
+    return less, dead_time.time
 
 
 def _times(factor: Fraction, row: Sequence[Fraction]) -> list[Fraction]:

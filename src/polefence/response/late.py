@@ -37,6 +37,22 @@ class Late:
             raise InputError(f"delay = {delay!r} must be 0 to {MAX_DELAY}, in samples")
         return cls(late)
 
+    def after(self, dead_time: Fraction) -> Late:
+        """Return it with a dead time of the plant, in samples, on top.
+
+        Raises
+        ------
+        InputError
+            If that is too long.
+        """
+        late = self.samples + dead_time
+        if late > MAX_DELAY:
+            raise InputError(
+                f"an input acts {float(late):.4g} samples late; at most {MAX_DELAY} are provided "
+                "for: take a longer sample time"
+            )
+        return Late(late)
+
     @property
     def whole(self) -> int:
         """The same rounded up: how many inputs are on their way."""

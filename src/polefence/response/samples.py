@@ -18,6 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, PlantError, require_type
 from polefence.base.explained import explained
+from polefence.plant.dead_time import on_time
 from polefence.plant.family import SamplesOf, UncertainPlant
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.parameters import exact
@@ -76,7 +77,7 @@ def at_sample_time(
     delay : number
         How many samples late an input acts, whole or not: 1 where the law is computed during a
         step, 0.5 where that takes half of it. The inputs on their way are further states, so that
-        a law may feed them back.
+        a law may feed them back. A dead time of the plant's only input comes on top.
     degree : int, optional
         Of the samples as a polynomial of the parameters, 1 to 8: the higher, the smaller is the
         remainder, and the more is to be proved. By default, the lowest of which the remainder is
@@ -106,16 +107,13 @@ def at_sample_time(
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
     T = _time(plant, sample_time)
-    plant.require_on_time(
-        "which samples hold exactly",
-        "leave out [dead_time], and give the delay in samples",
-    )
+    plant, late_by = on_time(plant)
     if plant.moving:
         raise InputError(
             f"parameter {plant.moving[0].name}: rate: samples are for constant parameters only; "
             "leave out rate, or the sample time"
         )
-    late = Late.by(delay)
+    late = Late.by(delay).after(late_by / T)
     counts = isinstance(degree, int) and not isinstance(degree, bool)
     if degree is not None and not (counts and 1 <= degree <= MAX_CURVE):
         raise InputError(f"degree = {degree!r} must be 1 to {MAX_CURVE}")

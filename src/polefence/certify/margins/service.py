@@ -203,7 +203,7 @@ def require_service(design: Design, decay: float = 0.0, region: Region | None = 
     require_kind(design.certificate)
     design.plant.require_on_time(
         "of which no margins are proved",
-        "leave out [dead_time], and design at a sample time with this delay",
+        "design at a sample time, which takes it in",
     )
     kept = design.region if region is None else region
     if not isinstance(kept, Region):

@@ -197,9 +197,7 @@ def on_time(plant: UncertainPlant) -> tuple[UncertainPlant, Fraction]:
     number, dead_time = plant.dead_time
     where = f"dead time of {dead_time.signal!r}"
     if isinstance(dead_time.time, str):
-        raise InputError(
-            f"{where}: samples are of one dead time, not of an interval; give a number"
-        )
+        raise InputError(f"{where}: samples hold one time, not an interval; give a number")
     if [signal.name for signal in inputs(plant)] != [dead_time.signal]:
         raise InputError(
             f"{where}: samples hold that of the only input; leave out [dead_time], and delay the "

@@ -16,6 +16,16 @@ from polefence.response.bands import (
     thirds,
 )
 from polefence.response.linear import Frequency, Response, frequency, impulse, simulate, step
+from polefence.response.loop_margins import (
+    DiskRanges,
+    LeastMargin,
+    LoopMargins,
+    MarginValues,
+    disk_margin,
+    disk_ranges,
+    margins,
+)
+from polefence.response.opened import Opened, Place, family_points, opened, places
 from polefence.response.stationary import Stationary, stationary, velocity_psd
 from polefence.response.weighting import WD, WE, WF, WK, Weighting
 
@@ -27,16 +37,28 @@ __all__ = [
     "WF",
     "WK",
     "Bands",
+    "DiskRanges",
     "Frequency",
+    "LeastMargin",
+    "LoopMargins",
+    "MarginValues",
+    "Opened",
     "Output",
+    "Place",
     "Response",
     "Signal",
     "Stationary",
     "StationaryRide",
     "Weighting",
+    "disk_margin",
+    "disk_ranges",
+    "family_points",
     "frequency",
     "impulse",
     "inputs",
+    "margins",
+    "opened",
+    "places",
     "quadrature",
     "rate_of",
     "simulate",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from polefence.base.errors import InputError
+from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.response.closed import Loops, point_text
 from polefence.response.stationary import STABLE, Numbers, growth
@@ -23,6 +24,21 @@ MOST_CHOSEN = 20_000
 EVEN = 1e-6  # by which instants may be off an even spacing, relative
 # Of a result [bytes].
 MOST_BYTES = 8e9
+
+
+class Swept(Protocol):
+    """Closed loops, or what is one but opened somewhere."""
+
+    @property
+    def plant(self) -> UncertainPlant:
+        """The family."""
+
+    @property
+    def step(self) -> float:
+        """The sample time of a delta form [s]; zero in continuous time."""
+
+    def poles(self) -> Array:
+        """Closed-loop poles, (count, n) complex."""
 
 
 def longest_step(loops: Loops) -> float:
@@ -160,7 +176,7 @@ def require_size(samples: float, count: int, signals: int) -> None:
         )
 
 
-def frequencies(loops: Loops, given: object) -> Array:
+def frequencies(loops: Swept, given: object) -> Array:
     """Return frequencies [Hz]; by default 400 from a decade below all poles to one above.
 
     Raises

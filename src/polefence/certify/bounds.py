@@ -68,7 +68,6 @@ from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.short import Short
 from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
-from polefence.region.text import digits_up
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
 from polefence.requirements.rms import Rms, in_any_order, of_one_noise
 from polefence.requirements.specification import Specification, claim_of
@@ -146,7 +145,8 @@ class Bound(Short):
     errors: float | None = None
 
     def __str__(self) -> str:
-        return f"{self.specification.title} <= {digits_up(self.level)}"
+        sign = ">=" if self.specification.is_margin else "<="
+        return f"{self.specification.title} {sign} {self.specification.proved_text(self.level)}"
 
     def lyapunov_at(self, alpha: Any = None, /, **values: Any) -> Array:
         """Return the Lyapunov matrix P of the proof at one point, as ``lyapunov_at(m1=300)``.
@@ -200,9 +200,14 @@ def best_bound(
     """
     specification.require_fit(plant)
     require_passing(plant, law, specification)
-    plant = delta_form(plant)
+    posed = specification.posed(delta_form(plant), law)
     with stage(f"bound on {specification.title}"):
-        return _best_bound(plant, law, specification, known)
+        return _of(specification, _best_bound(*posed, known))
+
+
+def _of(specification: Specification, bound: Bound | None) -> Bound | None:
+    """Return a bound of what a specification posed as one of the specification itself."""
+    return None if bound is None else replace(bound, specification=specification)
 
 
 def _best_bound(
@@ -495,9 +500,10 @@ def known_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known
 ) -> Bound | None:
     """Return what given evidence proves: the limit, else a level near its own; None if nothing."""
+    posed = specification.posed(plant, law)
     if specification.at_most is not None:
-        return _proved(plant, law, specification, known[0], specification.at_most)
-    return _stepped(plant, law, specification, *known)
+        return _of(specification, _proved(*posed, known[0], specification.at_most))
+    return _of(specification, _stepped(*posed, *known))
 
 
 def _stepped(
@@ -556,8 +562,9 @@ def kept_bound(
         What proves it as far as floats tell; tried first.
     """
     require_passing(plant, law, specification)
+    posed = specification.posed(delta_form(plant), law)
     with stage(f"limit on {specification.title}"):
-        return _kept_bound(delta_form(plant), law, specification, known)
+        return _of(specification, _kept_bound(*posed, known))
 
 
 def _kept_bound(

@@ -149,6 +149,9 @@ class UncertainPlant(Short):
         Of the parameters, where entries are some: the remainder says which, and outputs do.
     data : Data, optional
         What it was fitted to: whatever is said of it also says that this is unproved.
+    opened : tuple of int or None
+        Where its disturbances are those of loops that are opened: the input that each adds to, None
+        of one that adds to what a law measures.
 
     Raises
     ------
@@ -172,6 +175,7 @@ class UncertainPlant(Short):
     car: Car | None = field(default=None, compare=False)  # dumps writes its matrices alone
     functions: Functions | None = None
     data: Data | None = None
+    opened: tuple[int | None, ...] = ()
 
     @explained_fields
     def __post_init__(self) -> None:

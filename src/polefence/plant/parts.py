@@ -146,6 +146,7 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
     sampling = plant.sampling
     if sampling is None or not plant.noded:
         return Node(at, A, B, E)
+    opened = plant.opened
     if at not in sampling.known:
         sampling.known[at] = _sampled(sampling, plant.sample_time or plant.step, at, weights)
     F, (n, m) = sampling.known[at], sampling.plant.shape
@@ -159,8 +160,10 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
                 A[i][k] = x / T
             else:
                 B[i][k - states] = x / T
-        if E:
+        if E and not opened:
             E[i] = [x / T for x in row[n + len(acting) :]]
+    if opened:
+        E = [[Fraction(0) if k is None else row[k] for k in opened] for row in B]
     return Node(at, A, B, E)
 
 

@@ -32,7 +32,7 @@ from polefence.proof.claims.signal import MAX_ENTRIES
 from polefence.proof.laws import Evidence, inner_points
 from polefence.proof.matrices import Rationals
 from polefence.proof.short import Short
-from polefence.proof.text import exactly
+from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.response.held import Storing, storing
 from polefence.response.weighting import Weighting
@@ -106,6 +106,7 @@ class Specification(Short):
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     late_as: ClassVar[str | None] = None  # what its claim has of plants with a dead time
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
+    is_margin: ClassVar[bool] = False  # whether people read 1 over its level, which is to be large
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -187,6 +188,22 @@ class Specification(Short):
     def kind(self) -> str:
         """The bounded measure of the signal."""
         raise NotImplementedError
+
+    def posed(self, plant: UncertainPlant, law: Law) -> tuple[UncertainPlant, Law, Specification]:
+        """Return the plant, the law and the bound in which it is proved: themselves, in most."""
+        return plant, law, self
+
+    def read_as(self, level: float) -> float:
+        """Return the number that people read of a level: itself, in most kinds."""
+        return level
+
+    def proved_text(self, level: float) -> str:
+        """Return what is proved, rounded to the weaker side."""
+        return digits_up(level)
+
+    def sampled_text(self, level: float) -> str:
+        """Return what is sampled, rounded to the other side."""
+        return digits_down(level)
 
     @property
     def filters(self) -> tuple[Weighting | None, ...]:
@@ -520,7 +537,11 @@ class Specification(Short):
 
 def limit_text(limit: Specification) -> str:
     """Return a specification and its limit, which reads back as it is."""
-    return limit.title if limit.at_most is None else f"{limit.title} <= {exactly(limit.at_most)}"
+    if limit.at_most is None:
+        return limit.title
+    if limit.is_margin:
+        return f"{limit.title} >= {exactly(limit.read_as(limit.at_most))}"
+    return f"{limit.title} <= {exactly(limit.at_most)}"
 
 
 def _passed_degree(plant: UncertainPlant, law: Law | None) -> tuple[int, Domain]:

@@ -20,6 +20,7 @@ from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
+from polefence.requirements.disk_margin import DiskMargin
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
@@ -38,7 +39,7 @@ from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
     str(kind.kind): kind
-    for kind in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, GainNorm)
+    for kind in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, DiskMargin, GainNorm)
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 NOTHING: Mapping[str, float] = MappingProxyType({})
@@ -187,7 +188,7 @@ def parse_specification(
     """
     table = dict[str, Any]()
     rest = _without_ends(text, text, table)
-    what, less, limit = rest.partition("<=")
+    what, less, limit = rest.partition(">=" if ">=" in rest else "<=")
     if less:  # a title has its ends before its limit
         what = _without_ends(what, text, table)
     if not less and (ending := _LIMIT_ELSE.search(what)):
@@ -204,6 +205,10 @@ def parse_specification(
         signal, table["disturbances"] = match["rest"], _acting(match["items"], text)
     signal = signal.strip()
     table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal}
+    asked = KINDS.get(table["kind"])
+    if less and asked is not None and (less == ">=") != asked.is_margin:
+        sign = ">=" if asked.is_margin else "<="
+        raise InputError(f"{text!r}: a limit of a {asked.kind} is written {sign} NUMBER")
     if signal.startswith("[") and signal.endswith("]"):
         names = _items(signal[1:-1], text)
         weighted = any(scale is not None for _, scale in names)
@@ -214,8 +219,11 @@ def parse_specification(
         table["at_most"] = value = _value(limit.strip())
         if isinstance(value, str):
             raise InputError(
-                f"{text!r}: {value!r} behind <=; a limit is a number alone, in the signal's unit"
+                f"{text!r}: {value!r} behind {less}; a limit is a number alone, in the signal's "
+                "unit"
             )
+        if asked is not None and asked.is_margin:
+            table["at_most"] = _margin(value, repr(text))
     return _specification(table, repr(text), road, known)
 
 
@@ -320,6 +328,7 @@ def _read(
     table: Mapping[str, Any], where: str, road: RoadSpectrum | None
 ) -> tuple[Specification, bool]:
     """Return a table's specification, and whether it is to be minimised."""
+    table = _turned(table, where)
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
         raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
@@ -331,6 +340,35 @@ def _read(
             f"{where}, {specification.title}: give at_most = LIMIT or minimise = true, one of them"
         )
     return specification, minimised
+
+
+def _turned(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """Return a table of a margin with its keys as those of a bound on 1 over it."""
+    asked = KINDS.get(table["kind"]) if isinstance(table.get("kind"), str) else None
+    if asked is None or not asked.is_margin:
+        return table
+    turned = dict(table)
+    for key, instead in (("signal", "loops"), ("at_most", "at_least"), ("minimise", "maximise")):
+        if key in table:
+            raise SpecError(f"{where}: {key} is for other kinds; a {asked.kind} has {instead}")
+        if instead in table:
+            turned[key] = turned.pop(instead)
+    if "signal" not in turned:
+        raise SpecError(
+            f'{where}: loops is missing; write loops = ["NAME"], an input or a measured signal'
+        )
+    if "at_most" in turned:
+        turned["at_most"] = _margin(turned["at_most"], f"{where}: at_least")
+    elif turned.get("minimise") is not True:
+        raise SpecError(f"{where}: give at_least = MARGIN or maximise = true, one of them")
+    return turned
+
+
+def _margin(value: Any, where: str) -> Fraction:
+    """Return 1 over a margin."""
+    if number(value, where) <= 0:
+        raise SpecError(f"{where} = {shown(value)} must be a positive number")
+    return 1 / Fraction(value)
 
 
 def _specification(

@@ -1,6 +1,7 @@
 """Claims that files make, one kind a file."""
 
 from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.disk_margin import DiskMargin, Loops
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
@@ -22,6 +23,7 @@ __all__ = [
     "Baseline",
     "BoundClaim",
     "Claim",
+    "DiskMargin",
     "EachGain",
     "EnergyPeak",
     "Estimate",
@@ -29,6 +31,7 @@ __all__ = [
     "GainError",
     "GainNorm",
     "InitialPeak",
+    "Loops",
     "Output",
     "Poles",
     "Rate",

@@ -164,14 +164,17 @@ class Points:
             spend(len(K) * IN_ANY_ORDER * (1 + len(channel.beside)) * channel.A.shape[-1] ** 4)
         if channel.length != 1:  # of a clock that is not perfect
             modes = Modes(channel.A + channel.B @ K, modes.step)
-        passing = self.unknowns.passing(inner)
+        C, F = self.unknowns.seen(channel.reads)
+        passing = None if F is None else inner @ F
         measure = self.task.requirements[k].slopes(channel.closed(K, modes, passing))
-        if passing is None or channel.S is None:
+        if F is None or channel.S is None:
             return Found(measure.values, measure.points, lambda: channel.slopes(measure))
+        rows = np.concatenate([C, F], axis=2)
 
         def turned() -> Array:
-            C, F = (np.swapaxes(M[measure.points], 1, 2) for M in self.unknowns.seen)
-            return np.asarray(channel.slopes(measure) @ C + channel.passing_slopes(measure) @ F)
+            of_C, of_F = np.split(np.swapaxes(rows[measure.points], 1, 2), [C.shape[2]], axis=1)
+            slopes = channel.slopes(measure) @ of_C + channel.passing_slopes(measure) @ of_F
+            return np.asarray(slopes)
 
         return Found(measure.values, measure.points, turned, inner=True)
 

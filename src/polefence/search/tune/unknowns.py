@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
@@ -127,14 +129,25 @@ class At:
         F = None if self.F is None else self.F[some]
         return At(self.unknowns, self.terms[some], self.C[some], F)
 
-    @property
-    def seen(self) -> tuple[Array, Array]:
-        """C and F of what is measured, of F no columns where no disturbance passes."""
-        return self.C, self.C[:, :, :0] if self.F is None else self.F
+    def seen(self, reads: Sequence[str | None] = ()) -> tuple[Array, Array | None]:
+        """Return C and F of what is measured; F is None where no disturbance passes.
 
-    def passing(self, K: Array) -> Array | None:
-        """Return what passes from disturbances to inputs under gains of what is measured."""
-        return None if self.F is None else K @ self.F
+        Parameters
+        ----------
+        reads : sequence of str or None, optional
+            Names of the signals that each disturbance adds to, in place of the plant's own.
+        """
+        if not reads:
+            return self.C, self.F
+        names = [signal.name for signal in self.unknowns.structure.outputs(self.unknowns.plant)]
+        for name in reads:
+            if name is not None and name not in names:
+                raise InputError(
+                    f"no loop at {name!r}: it is no input, and the law does not measure it; "
+                    f"{suggest(name, names)}"
+                )
+        F = np.array([[float(name == read) for read in reads] for name in names])
+        return self.C, np.broadcast_to(F, (len(self.C), *F.shape))
 
     def gains(self, theta: Array) -> Array:
         """Return K of what is measured, (count, m, r)."""

@@ -1,0 +1,226 @@
+"""Disk margins of loops: gain and phase of several loops may vary at once, each in a disk.
+
+A loop is opened at an input u_i, or at a signal y_j that the law measures: what arrives there is f
+times what was sent, f = (1 + (1 - s) d / 2) / (1 - (1 + s) d / 2) with a skew s and |d| < alpha.
+With w = (f - 1) u_i and the sensitivity S from what is added at the loops to what arrives there, d
+acts on M = S + (s - 1) / 2. The loops stay stable for all such d, also for ones that vary in time
+or with frequency, if the gain of D M D^-1 is at most 1 / alpha for a diagonal D > 0 (Seiler,
+Packard & Gahinet, IEEE Control Systems 40(5), 2020).
+
+So this is a gain: of the plant whose disturbances are those at the loops, B's columns or a column
+of what the law reads, and whose outputs are what arrives there, less (1 - s) / 2 of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+from polefence.proof.claims.base import Claim, require_law
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.signal import MAX_ENTRIES, read_subject, write_evidence
+from polefence.proof.late import Late
+from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
+from polefence.proof.matrices import ONE, ZERO, Rationals, identity
+from polefence.proof.plant import Node, Output, Plant, split
+from polefence.proof.reading import Table, plain
+from polefence.proof.remainder import Remainder, Rows
+from polefence.proof.short import Short
+from polefence.proof.text import digits_down, number_text, quoted
+from polefence.proof.work import FormatError
+
+
+@dataclass(frozen=True)
+class Loops(Short):
+    """Where loops are opened, and how what is added there is weighed.
+
+    Attributes
+    ----------
+    inputs : tuple of int
+        Numbers of inputs, from 0.
+    measured : tuple of int
+        Numbers of what the law measures, from 0; their loops come after those of the inputs.
+    skew : Fraction
+        s: 0 of a disk that is balanced, 1 of S alone, -1 of T = S - 1.
+    weights : tuple of Fraction
+        The diagonal of D, one a loop.
+    """
+
+    inputs: tuple[int, ...]
+    measured: tuple[int, ...] = ()
+    skew: Fraction = ZERO
+    weights: tuple[Fraction, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """How many loops there are."""
+        return len(self.inputs) + len(self.measured)
+
+    @property
+    def scales(self) -> tuple[Fraction, ...]:
+        """How many times each disturbance acts."""
+        return tuple(1 / weight for weight in self.weights)
+
+    def require(self, m: int, r: int) -> None:
+        """Refuse loops that a plant of m inputs, and a law of r signals, has not.
+
+        Raises
+        ------
+        FormatError
+        """
+        for key, numbers, most in (("inputs", self.inputs, m), ("measured", self.measured, r)):
+            if len(set(numbers)) < len(numbers) or not all(0 <= k < most for k in numbers):
+                raise FormatError(f"{key} must be different numbers from 1 to {most}")
+        if not 1 <= self.count <= MAX_ENTRIES:
+            raise FormatError(f"inputs, measured: a margin is of 1 to {MAX_ENTRIES} loops")
+        if len(self.weights) != self.count or min(self.weights) <= 0:
+            raise FormatError(f"weights must be {self.count} positive numbers, one a loop")
+
+    def entering(self, B: Rationals) -> Rationals:
+        """Return E of the disturbances at the loops."""
+        none = [ZERO] * len(self.measured)
+        return [[*(row[i] for i in self.inputs), *none] for row in B]
+
+    def columns(self, n: int, m: int) -> tuple[int | None, ...]:
+        """Return which column of [A, B, .] each disturbance at a loop enters by; None: by none."""
+        return (*range(n + m), *(n + i for i in self.inputs), *(None for _ in self.measured))
+
+    def remainder(self, known: Remainder | None, n: int, m: int) -> Remainder | None:
+        """Return a remainder of [A, B, E] as that of these disturbances."""
+        columns = self.columns(n, m)
+
+        def changed(M: Rows) -> Rows:
+            return tuple(tuple(ZERO if k is None else row[k] for k in columns) for row in M)
+
+        return known and known.mapped(changed)
+
+    def plant(self, plant: Plant) -> Plant:
+        """Return the plant with the disturbances at the loops in place of its own."""
+        n, m = plant.n, plant.m
+        nodes = tuple(Node(v.at, v.A, v.B, self.entering(v.B)) for v in plant.nodes)
+        return replace(
+            plant,
+            E=[self.entering(B) for B in plant.B],
+            disturbances=(),
+            outputs=(),
+            noise=(),
+            remainder=self.remainder(plant.remainder, n, m),
+            nodes=nodes,
+        )
+
+    def law(self, law: Law, plant: Plant) -> Law:
+        """Return a law into whose signals the disturbances at the loops pass, and no others."""
+        if not self.measured:
+            return replace(law, F=())
+        if law.K is None:
+            raise FormatError("measured: a law Z W^-1 measures all states; open it at inputs")
+        if not law.powers:
+            if len(law.K) > 1:
+                raise FormatError("measured: a law of a gain at each corner is opened at inputs")
+            names = tuple(split(label)[0] for label in plant.states)
+            names = names or tuple(f"x{i + 1}" for i in range(plant.n))
+            powers = ((0,) * (len(plant.ranges) or len(plant.A)),)
+            law = replace(law, powers=powers, measured=names)
+        C = law.C or (identity(plant.n),) * len(plant.A)
+        first = len(self.inputs)
+        F = [[ZERO] * self.count for _ in C[0]]
+        for k, j in enumerate(self.measured):
+            F[j][first + k] = ONE
+        return replace(law, C=C, F=(F,) * len(plant.A))
+
+    def outputs(self, law: Law, n: int, m: int, count: int) -> tuple[Output, ...]:
+        """Return D (S + (s - 1) / 2) as outputs, of a law as `law` returns it."""
+        outputs, passed = list[Output](), (1 + self.skew) / 2
+        none_C, none_D = [[ZERO] * n], [[ZERO] * m]
+        for k, weight in enumerate(self.weights):
+            F = [[weight * passed if j == k else ZERO for j in range(self.count)]]
+            if k < len(self.inputs):
+                D = [[weight if j == self.inputs[k] else ZERO for j in range(m)]]
+                outputs.append(Output([none_C] * count, [D] * count, "", (F,) * count))
+                continue
+            j = self.measured[k - len(self.inputs)]
+            C = [[[weight * x for x in rows[j]]] for rows in law.C]
+            outputs.append(Output(C, [none_D] * count, "", (F,) * count))
+        return tuple(outputs)
+
+
+@dataclass(frozen=True)
+class DiskMargin(Gain):
+    """The gain of D (S + (s - 1) / 2) D^-1 at some loops is less than ``level``: 1 / alpha."""
+
+    kind: ClassVar[str] = "disk margin"
+    letters: ClassVar[str] = "AB"
+
+    loops: Loops = field(kw_only=True)
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read loops, skew, weights, level and evidence."""
+        law = require_law(law, cls.kind)
+        inputs, measured = (
+            tuple(k - 1 for k in table.wholes(key, MAX_MEASURED)) if key in table else ()
+            for key in ("inputs", "measured")
+        )
+        loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
+        n, m, count = plant.n, plant.m, len(plant.A)
+        loops.require(m, len(law.C[0]) if law.C else n)
+        evidence, opened = table.table("evidence"), loops.law(law, plant)
+        if law.fixed and not opened.fixed:
+            on = evidence.word("on", DOMAINS)
+        law = opened
+        subject = read_subject(evidence, loops.plant(plant), law, on)
+        level, outputs = table.number("level"), loops.outputs(law, n, m, count)
+        return cls(subject, outputs, level, scales=loops.scales, loops=loops)
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        loops = self.loops
+        table: dict[str, Any] = {"kind": self.kind}
+        for key, numbers in (("inputs", loops.inputs), ("measured", loops.measured)):
+            table |= {key: [k + 1 for k in numbers]} if numbers else {}
+        table |= {"skew": plain(loops.skew)} if loops.skew else {}
+        table |= {"weights": plain(loops.weights), "level": plain(self.level)}
+        on = {"on": self.subject.on} if loops.measured else {}
+        return table | {"evidence": write_evidence(self.subject) | on}
+
+    def require_extra(self) -> None:
+        """Refuse loops that the plant and the law have not."""
+        super().require_extra()
+        subject = self.subject
+        self.loops.require(subject.m, len(subject.law.C[0]) if subject.law.C else subject.n)
+        if not self.level:
+            raise FormatError("level must be positive")
+
+    def require_late(self, late: Late) -> None:
+        """Refuse what does not hold for a dead time: what is added at an input is late as it is."""
+        n, m = self.subject.n, self.subject.m
+        columns = self.loops.columns(n, m)
+        entering = tuple(
+            tuple(ZERO if k is None else row[k] for k in columns) for row in late.entering
+        )
+        super().require_late(replace(late, entering=entering))
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
+        """Nothing: no name is of the claim's own."""
+        return ""
+
+    def statement(self, plant: Plant) -> str:
+        """Say what margin of which loops is proved, rounded down."""
+        where, known = list[str](), plant.inputs
+        for i in self.loops.inputs:
+            name = f"{quoted(split(known[i])[0])} = " if i < len(known) else ""
+            where.append(f"{name}u{i + 1}")
+        names = self.subject.law.measured
+        for j in self.loops.measured:
+            name = f"{quoted(names[j])} = " if j < len(names) else ""
+            where.append(f"{name}y{j + 1}, as the law reads it")
+        skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
+        at = ", ".join(where)
+        loop, several = "loop", ""
+        if self.loops.count > 1:
+            loop, several = "loops", ", all at once,"
+        margin = digits_down(1 / self.level)
+        on = f"{self.time_text}, on the {self.subject.on}"
+        return f"{self.kind}{skew} of the {loop} at {at}{several} >= {margin}{on}"

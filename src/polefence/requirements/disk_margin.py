@@ -1,0 +1,395 @@
+"""Disk margins: how far gain and phase of loops may be off, all at once, before one is unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from scipy.optimize import minimize
+
+from polefence.base.errors import InputError, suggest
+from polefence.base.explained import explained_fields
+from polefence.law.laws import FixedGain, Law, PolynomialGain, law_or_table
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.delta import delta_form
+from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import DEMAND
+from polefence.plant.outputs import Output, inputs, states
+from polefence.plant.points import seeded
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array, System
+from polefence.proof import claims as proof
+from polefence.proof.claims.disk_margin import Loops
+from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.requirements.gain import SAMPLES, Gain
+from polefence.requirements.slopes import Channel, Slopes
+from polefence.requirements.slopes import Loops as ClosedLoops
+from polefence.requirements.specification import Row, Specification, is_number
+from polefence.response.closed import close
+from polefence.response.modes import Modes
+from polefence.response.peaks import peaks, response
+from polefence.response.stationary import growth
+
+FEW = 20  # samples beside the vertices for which loops are weighed
+BITS = 12  # of the weight of a loop; half a unit costs less than 1e-3 of a margin
+MOST_STEPS = 60  # of the search for weights of known peaks
+ROUNDS = 8  # of peaks
+ENOUGH = 1e-4  # by what a round lowers the highest, or it is the last
+FARTHEST = 15.0  # logarithm of the ratio of two weights
+
+
+@dataclass(frozen=True)
+class DiskMargin(Specification):
+    """The disk margin of a loop, or of several at once.
+
+    At each loop the signal may be multiplied by any f = (1 + (1 - sigma) d / 2) /
+    (1 - (1 + sigma) d / 2) with |d| below the margin, alike or not, constant or not, and the closed
+    loop stays stable: a gain of (2 + a) / (2 - a) for a balanced margin a (sigma = 0), and a phase
+    of 2 atan(a / 2). With sigma 1 it is that of the sensitivity, with -1 that of its complement.
+
+    Attributes
+    ----------
+    signal : str or sequence of str
+        The loops: inputs, and signals that the law measures, by their names.
+    at_most : float, optional
+        Of 1 over the margin; `at_least` of a limit is in its place.
+    sigma : float
+        The skew of the disk.
+    """
+
+    sigma: float = 0.0
+    kind = "disk margin"
+    keys = ("sigma",)
+    vector = True
+    direct = True
+    power = 1
+    late_as = proof.DiskMargin.late_as
+    is_margin: ClassVar[bool] = True
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.disturbances is not None:
+            raise InputError(f"a {self.kind} takes no disturbances; leave them out")
+        if not is_number(self.sigma) or abs(self.sigma) > 100:
+            raise InputError(f"sigma = {self.sigma!r} of a {self.kind} must be from -100 to 100")
+
+    @classmethod
+    def least(
+        cls, loops: str | Sequence[str], at_least: float | None = None, sigma: float = 0.0
+    ) -> Self:
+        """Return the requirement that a margin is at least so large; None: as large as can be."""
+        if at_least is not None and not (is_number(at_least) and at_least > 0):
+            raise InputError(f"at_least = {at_least!r} must be a positive number")
+        return cls(loops, None if at_least is None else 1 / at_least, sigma)
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        given = row.given(*(key for key in cls.keys if key in row.table))
+        return cls(row.table["signal"], **given)
+
+    @property
+    def title(self) -> str:
+        """Kind, loops and skew, as a line has them."""
+        skew = f" with sigma {exactly(self.sigma)}" if self.sigma else ""
+        return f"{super().title}{skew}"
+
+    def read_as(self, level: float) -> float:
+        """Return the margin."""
+        return 1 / level if level else np.inf
+
+    def proved_text(self, level: float) -> str:
+        """Return a proved margin, rounded down."""
+        return digits_down(1 / Fraction(level)) if level else "inf"
+
+    def sampled_text(self, level: float) -> str:
+        """Return a sampled margin, rounded up."""
+        return digits_up(1 / Fraction(level)) if level else "inf"
+
+    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Return none."""
+        return ""
+
+    def scales(self, plant: UncertainPlant) -> tuple[float, ...]:  # noqa: ARG002
+        """Return nothing: no disturbance of the plant acts."""
+        return ()
+
+    def passed(self, plant: UncertainPlant, F: Array) -> Array:  # noqa: ARG002
+        """Return zero: no disturbance of the plant acts."""
+        return np.zeros_like(F)
+
+    def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
+        """Nothing: no disturbance of the plant acts."""
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant without a loop of that name."""
+        for name in self.names:
+            _place(plant, name, None)
+        self.require_late(plant)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The loops' names."""
+        return tuple(entry if isinstance(entry, str) else entry.name for entry in self.entries)
+
+    def signals(self, plant: UncertainPlant) -> tuple[Output, ...]:
+        """Return the loops' signals."""
+        return tuple(_signal(plant, name) for name in self.names)
+
+    def posed(self, plant: UncertainPlant, law: Any) -> Posed:
+        """Return the plant with its loops opened, the law beside it, and the gain to be bounded.
+
+        Raises
+        ------
+        InputError
+            If the law measures no signal of that name.
+        """
+        loops = self._loops(plant, law)
+        opened, beside = open_loops(plant, loops), _reading(plant, law, loops)
+        if loops.count > 1:
+            gain = _gain(self, opened, loops, beside)
+            loops = replace(loops, weights=_weights(opened, beside, gain))
+        return opened, beside, _gain(self, opened, loops, beside)
+
+    def _loops(self, plant: UncertainPlant, law: Any) -> Loops:
+        places = [_place(plant, name, law) for name in self.names]
+        inputs, measured = (
+            tuple(k for kind, k in places if kind == key) for key in ("input", "measured")
+        )
+        weights = (Fraction(1),) * len(places)
+        return Loops(inputs, measured, Fraction(repr(float(self.sigma))), weights)
+
+    def condition(
+        self,
+        plant: UncertainPlant,
+        domain: Domain,
+        unit: float | None = None,
+        law: Law | None = None,
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Return the gain as an LMI has it; of loops at inputs alone."""
+        if any(_place(plant, name, law)[0] != "input" for name in self.names):
+            raise InputError(
+                f"{self.title}: an LMI takes loops at inputs alone; ask for a law of an order, or "
+                "of measured signals, which is tuned"
+            )
+        loops = self._loops(plant, law)
+        opened = open_loops(plant, loops)
+        gain = replace(_gain(self, opened, loops), at_most=self.at_most)
+        return gain.condition(opened, domain, unit, law)
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return 1 over the margin at points alpha."""
+        law = law.as_law() if hasattr(law, "as_law") else law
+        opened, beside, gain = self.posed(plant, law_or_table(plant, law))
+        return gain.values(opened, beside, alpha)
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return the loops as a channel at points alpha."""
+        places = [_place(plant, name, None) for name in self.names]
+        A, B = plant.at(alpha)
+        n, count, size = A.shape[-1], len(alpha), len(places)
+        E, F = np.zeros((count, n, size)), np.zeros((count, size, size))
+        C, D = np.zeros((count, size, n)), np.zeros((count, size, B.shape[-1]))
+        reads = list[str | None]()
+        for k, (kind, i) in enumerate(places):
+            F[:, k, k] = (1 + self.sigma) / 2
+            if kind == "input":
+                E[:, :, k], D[:, k, i] = B[:, :, i], 1.0
+                reads.append(None)
+            else:
+                rows = _signal(plant, self.names[k]).arrays(plant)[0]
+                C[:, k] = np.tensordot(alpha, rows, 1)
+                reads.append(self.names[k])
+        S = np.eye(size) if any(reads) else None
+        return Channel(A, B, E, C, D, F, S, reads=tuple(reads) if any(reads) else ())
+
+    def slopes(self, loops: ClosedLoops) -> Slopes:
+        """Return peaks of the largest singular value with their slopes."""
+        return Gain(self.names[0]).slopes(loops)
+
+
+Posed = tuple[UncertainPlant, Law, Specification]
+
+
+@dataclass(frozen=True)
+class LoopGain(Gain):
+    """The gain at opened loops, whose claim is that of a disk margin."""
+
+    loops: Loops = field(default_factory=lambda: Loops(()))
+    margin: str = ""
+
+    @property
+    def title(self) -> str:
+        """That of the margin."""
+        return self.margin
+
+    def claim(
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+    ) -> proof.BoundClaim:
+        """Return the claim about the margin."""
+        loops, size = self.loops, len(plant.vertices)
+        outputs = loops.outputs(subject.law, *plant.shape, size)
+        return proof.DiskMargin(subject, outputs, level, scales=loops.scales, loops=loops)
+
+
+def open_loops(plant: UncertainPlant, loops: Loops) -> UncertainPlant:
+    """Return a plant with the disturbances at loops in place of its own, and no outputs."""
+    n, m = plant.shape
+    vertices = tuple(
+        System(
+            v.exact_A,
+            v.exact_B,
+            tuple(map(tuple, loops.entering(list(map(list, v.exact_B))))),
+            v.name,
+        )
+        for v in plant.vertices
+    )
+    return replace(
+        plant,
+        vertices=vertices,
+        disturbances=tuple(f"loop {k + 1}" for k in range(loops.count)),
+        outputs=(),
+        noise=(),
+        vehicle=None,
+        remainder=loops.remainder(plant.remainder, n, m),
+        opened=(*loops.inputs, *(None for _ in loops.measured)),
+    )
+
+
+def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = None) -> LoopGain:
+    """Return the gain from opened loops to what arrives there."""
+    outputs = list[Output]()
+    size, m = loops.count, opened.shape[1]
+    passed = (1 + loops.skew) / 2
+    rows = list(law.measured) if isinstance(law, PolynomialGain) and loops.measured else []
+    for k, weight in enumerate(loops.weights):
+        F = [weight * passed * (j == k) for j in range(size)]
+        if k < len(loops.inputs):
+            D = [weight * (i == loops.inputs[k]) for i in range(m)]
+            outputs.append(Output(f"loop {k + 1}", "", D=D, F=F))
+            continue
+        if not rows:  # of a law that is not known yet
+            continue
+        y = rows[loops.measured[k - len(loops.inputs)]]
+        C = [[weight * x for x in row] for row in y.C]
+        outputs.append(Output(f"loop {k + 1}", "", C=C, F=F))
+    scales = {f"loop {k + 1}": float(x) for k, x in enumerate(loops.scales)}
+    chosen = None if set(scales.values()) == {1.0} else scales
+    return LoopGain(
+        outputs if len(outputs) > 1 else outputs[0],
+        asked.at_most,
+        at=SAMPLES,
+        disturbances=chosen,
+        loops=loops,
+        margin=asked.title,
+    )
+
+
+def _reading(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
+    """Return the law into whose signals the disturbances at loops pass, and no others."""
+    if not isinstance(law, Law):
+        if loops.measured:
+            raise InputError("a table of gains has loops at inputs; name one")
+        return law
+    if isinstance(law, FixedGain) and loops.measured:
+        count = len(plant.parameters) or len(plant.vertices)
+        law = PolynomialGain(((0,) * count,), law.K[None], states(plant), plant.parameters)
+    if not isinstance(law, PolynomialGain) or not (loops.measured or law.passes):
+        return law
+    first, size = len(loops.inputs), loops.count
+    place = {j: first + k for k, j in enumerate(loops.measured)}
+    measured = tuple(
+        replace(y, F=[[int(k == place.get(j)) for k in range(size)]] if j in place else ())
+        for j, y in enumerate(law.measured or states(plant))
+    )
+    return replace(law, measured=measured)
+
+
+def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
+    """Return whether a loop is at an input or at what a law measures, and its number there."""
+    known = [signal.name for signal in inputs(plant)]
+    for alias in (name, f"{DEMAND}{name}"):
+        if alias in known:
+            return "input", known.index(alias)
+    law = law.as_law() if hasattr(law, "as_law") else law
+    if law is None:
+        read = [signal.name for signal in (*states(plant), *plant.every_output)]
+    elif isinstance(law, PolynomialGain) and law.measured:
+        read = [signal.name for signal in law.measured]
+    elif isinstance(law, FixedGain):
+        read = [signal.name for signal in states(plant)]
+    else:
+        read = []
+    if name in read:
+        return "measured", read.index(name)
+    what = "inputs" if law is None else "inputs, nor among what the law measures"
+    raise InputError(
+        f"no loop at {name!r}: it is not among the {what}; {suggest(name, [*known, *read])}"
+    )
+
+
+def _signal(plant: UncertainPlant, name: str) -> Output:
+    kind, i = _place(plant, name, None)
+    return inputs(plant)[i] if kind == "input" else plant.signal(name)
+
+
+def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction, ...]:
+    """Return weights of loops for which the gain of D M D^-1 is about least at a few points.
+
+    It is convex in the logarithms of the weights. Peaks over the frequency are found anew for the
+    weights that are best for those found before, until none is higher.
+    """
+    alpha = seeded(plant, len(plant.vertices) + FEW)
+    closed = close(plant, law, alpha)
+    loops = gain.channel(delta_form(plant), alpha).closed(
+        closed.K, Modes(closed.closed, closed.step), closed.passed
+    )
+    if not np.all(growth(loops.modes.poles, closed.step) < 0):
+        return gain.loops.weights
+    size, known = loops.E.shape[-1], list[Array]()
+    x, best = np.zeros(size), (np.inf, np.zeros(size))
+    for _ in range(ROUNDS):
+        d = np.exp(x)
+        points, w, height = peaks(loops.modes, loops.E / d, loops.C * d[:, None], loops.F)
+        if height.max() >= best[0] * (1 - ENOUGH):
+            break
+        best = float(height.max()), x
+        s = 1j * w / (1 - 0.5j * w * loops.modes.step)
+        A, E, C, F = (M[points] for M in (loops.A, loops.E, loops.C, loops.F))
+        known += list(response(A, E, C, F, s[:, None])[:, 0])
+        x = _balanced(np.array(known), x)
+    d = np.exp(best[1] - best[1][0])
+    return tuple(Fraction(round(Fraction(value) * 2**BITS), 2**BITS) for value in d.tolist())
+
+
+def _last(z: Array) -> float:
+    return float(z[-1])
+
+
+def _balanced(M: Array, x: Array) -> Array:
+    """Return x for which the largest singular value of e^X M_k e^-X is least, the first fixed."""
+
+    def each(free: Array) -> tuple[Array, Array]:
+        d = np.exp(np.concatenate([x[:1], free]))
+        u, values, vt = np.linalg.svd(d[:, None] * M / d)
+        slopes = np.abs(u[:, :, 0]) ** 2 - np.abs(vt[:, 0]) ** 2
+        return np.log(values[:, 0]), slopes[:, 1:]
+
+    start = np.append(x[1:], each(x[1:])[0].max())
+    settings: dict[str, Any] = {
+        "jac": lambda z: np.append(np.zeros(len(z) - 1), 1.0),
+        "method": "SLSQP",
+        "bounds": [(x[0] - FARTHEST, x[0] + FARTHEST)] * (len(x) - 1) + [(None, None)],
+        "constraints": {
+            "type": "ineq",
+            "fun": lambda z: z[-1] - each(z[:-1])[0],
+            "jac": lambda z: np.hstack([-each(z[:-1])[1], np.ones((len(M), 1))]),
+        },
+        "options": {"maxiter": MOST_STEPS, "ftol": 1e-9},
+    }
+    found = minimize(_last, start, **settings)
+    return np.concatenate([x[:1], found.x[:-1]])

@@ -144,9 +144,13 @@ class Bound(Short):
     parameters: tuple[Parameter, ...] = ()
     errors: float | None = None
 
+    @property
+    def number(self) -> float:
+        """What people read of the level."""
+        return self.specification.read_as(self.level)
+
     def __str__(self) -> str:
-        sign = ">=" if self.specification.is_margin else "<="
-        return f"{self.specification.title} {sign} {self.specification.proved_text(self.level)}"
+        return self.specification.bound_text(self.level)
 
     def lyapunov_at(self, alpha: Any = None, /, **values: Any) -> Array:
         """Return the Lyapunov matrix P of the proof at one point, as ``lyapunov_at(m1=300)``.

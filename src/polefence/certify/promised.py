@@ -89,6 +89,11 @@ class VerifiedBound(Short):
     values: dict[str, float] | None = None
 
     @property
+    def limit(self) -> float | None:
+        """The limit as people read it."""
+        return self.specification.limit
+
+    @property
     def proved(self) -> bool:
         """Whether the answer is "proved"."""
         return self.answer == "proved"

@@ -56,6 +56,7 @@ from polefence.proof.claims.cells import Cell
 from polefence.proof.text import exactly, plural
 from polefence.region.regions import Region
 from polefence.region.text import digits_down, digits_up
+from polefence.requirements.specification import limit_text
 from polefence.search.rows import plant_summary
 
 SHOWN = 3  # counterexamples printed
@@ -215,9 +216,9 @@ def _lyapunov_lines(analysis: Analysis) -> list[str]:
 
 
 def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
-    most = verified.specification.at_most
-    limit = verified.specification.title + ("" if most is None else f" <= {exactly(most)}")
-    sampled = f"sampled {digits_down(verified.worst)}{where_text(plant, verified.alpha)}"
+    asked = verified.specification
+    limit = limit_text(asked)
+    sampled = f"sampled {asked.sampled_text(verified.worst)}{where_text(plant, verified.alpha)}"
     if verified.worst == np.inf:  # of a clock
         sampled = "unstable where every period is the longest"
     if verified.answer == "refuted":
@@ -226,8 +227,8 @@ def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
         return f"{verified.answer}: {limit}; no bound is proved, {sampled}"
     level = verified.bound.level
     loose = "; not tight: the worst case lies between" * is_loose(level, verified.worst)
-    taken = errors_text(verified.bound)
-    return f"{verified.answer}: {limit}; {digits_up(level)} is proved, {sampled}{loose}{taken}"
+    taken, proved = errors_text(verified.bound), asked.proved_text(level)
+    return f"{verified.answer}: {limit}; {proved} is proved, {sampled}{loose}{taken}"
 
 
 def _clock_text(analysis: Analysis) -> list[str]:
@@ -263,11 +264,13 @@ def _summary(analysis: Analysis) -> dict[str, Any]:
         "limits": [
             {
                 "of": verified.specification.title,
-                "limit": verified.specification.at_most,
+                "limit": verified.limit,
                 "answer": verified.answer,
-                "proved": None if verified.bound is None else verified.bound.level,
+                "proved": None if verified.bound is None else verified.bound.number,
                 "errors": None if verified.bound is None else verified.bound.errors,
-                "sampled": None if verified.worst == np.inf else verified.worst,
+                "sampled": None
+                if verified.worst == np.inf
+                else verified.specification.read_as(verified.worst),
                 "lost samples borne": verified.specification.borne(analysis.plant, analysis.law),
                 "alpha": list(verified.alpha),
                 "values": verified.values,

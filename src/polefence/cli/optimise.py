@@ -358,13 +358,14 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     ]
     for row in rows:
         ratio = row.conservatism
-        cells = [digits_up(row.bound.level), digits_down(row.with_law.worst)]
+        asked = row.bound.specification
+        cells = [asked.proved_text(row.bound.level), asked.sampled_text(row.with_law.worst)]
         cells.append("-" if ratio is None else digits_up(ratio, 5))
         if alone:
-            cells.append("-" if row.passive is None else digits_down(row.passive.worst))
+            cells.append("-" if row.passive is None else asked.sampled_text(row.passive.worst))
         if beside:
             cells.append("-" if row.at_samples is None else digits_down(row.at_samples))
-        note = "minimised" if row.minimised else "limit"
+        note = ("maximised" if asked.is_margin else "minimised") if row.minimised else "limit"
         if row.minimised and is_loose(row.bound.level, row.with_law.worst):
             note += ", not tight: the worst case lies between"
         note += errors_text(row.bound)
@@ -502,13 +503,15 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
                 "weight": _weights(row.bound.specification),
                 "disturbances": dict(row.bound.specification.disturbances or ()) or None,
                 "unit": row.unit,
-                "limit": row.bound.specification.at_most,
-                "proved": row.bound.level,
+                "limit": row.bound.specification.limit,
+                "proved": row.bound.number,
                 "degree": row.bound.degree,
-                "worst sampled": row.with_law.worst,
+                "worst sampled": row.bound.specification.read_as(row.with_law.worst),
                 "conservatism": row.conservatism,
                 "errors": row.bound.errors,
-                "passive": None if row.passive is None else row.passive.worst,
+                "passive": None
+                if row.passive is None
+                else row.bound.specification.read_as(row.passive.worst),
                 "at samples": row.at_samples,
             }
             for row in rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -15,6 +16,7 @@ from polefence.base.explained import explained_fields
 from polefence.law.laws import FixedGain, Law, PolynomialGain, law_or_table
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
+from polefence.plant.exact import bare_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import DEMAND
 from polefence.plant.outputs import Output, inputs, states
@@ -22,6 +24,7 @@ from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
+from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.gain import SAMPLES, Gain
@@ -84,7 +87,7 @@ class DiskMargin(Specification):
         """Return the requirement that a margin is at least so large; None: as large as can be."""
         if at_least is not None and not (is_number(at_least) and at_least > 0):
             raise InputError(f"at_least = {at_least!r} must be a positive number")
-        return cls(loops, None if at_least is None else 1 / at_least, sigma)
+        return cls(loops, None if at_least is None else inverse(Fraction(repr(at_least))), sigma)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -97,6 +100,14 @@ class DiskMargin(Specification):
         """Kind, loops and skew, as a line has them."""
         skew = f" with sigma {exactly(self.sigma)}" if self.sigma else ""
         return f"{super().title}{skew}"
+
+    @property
+    def limit(self) -> float | None:
+        """The least margin, in the fewest digits that read back as it is."""
+        if self.at_most is None:
+            return None
+        near = float(f"{1 / self.at_most:.15g}")
+        return near if inverse(Fraction(repr(near))) == self.at_most else 1 / self.at_most
 
     def read_as(self, level: float) -> float:
         """Return the margin."""
@@ -149,7 +160,8 @@ class DiskMargin(Specification):
             If the law measures no signal of that name.
         """
         loops = self._loops(plant, law)
-        opened, beside = open_loops(plant, loops), _reading(plant, law, loops)
+        beside = _reading(plant, law, loops)
+        opened = open_loops(plant, loops, beside)
         if loops.count > 1:
             gain = _gain(self, opened, loops, beside)
             loops = replace(loops, weights=_weights(opened, beside, gain))
@@ -162,6 +174,17 @@ class DiskMargin(Specification):
         )
         weights = (Fraction(1),) * len(places)
         return Loops(inputs, measured, Fraction(repr(float(self.sigma))), weights)
+
+    def claim(
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+    ) -> proof.BoundClaim:
+        """Return the claim about the margin, of loops that weigh alike."""
+        loops = self._loops(plant, subject.law)
+        known = loops.plant(bare_plant(plant))
+        law = loops.law(subject.law, known)
+        nodes = tuple(replace(v, E=loops.entering(v.B)) for v in subject.nodes)
+        opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
+        return proof.DiskMargin.of(opened, loops, level)
 
     def condition(
         self,
@@ -212,6 +235,12 @@ class DiskMargin(Specification):
         return Gain(self.names[0]).slopes(loops)
 
 
+def inverse(margin: Fraction) -> float:
+    """Return the largest double that is no more than 1 over a margin."""
+    level = float(1 / margin)
+    return level if Fraction(level) * margin <= 1 else math.nextafter(level, 0.0)
+
+
 Posed = tuple[UncertainPlant, Law, Specification]
 
 
@@ -228,16 +257,20 @@ class LoopGain(Gain):
         return self.margin
 
     def claim(
-        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
-        loops, size = self.loops, len(plant.vertices)
-        outputs = loops.outputs(subject.law, *plant.shape, size)
-        return proof.DiskMargin(subject, outputs, level, scales=loops.scales, loops=loops)
+        return proof.DiskMargin.of(subject, self.loops, level)
 
 
-def open_loops(plant: UncertainPlant, loops: Loops) -> UncertainPlant:
-    """Return a plant with the disturbances at loops in place of its own, and no outputs."""
+def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
+    """Return a plant with the disturbances at loops in place of its own.
+
+    Its outputs are what a law beside it reads; states have names of their own.
+    """
     n, m = plant.shape
     vertices = tuple(
         System(
@@ -252,7 +285,8 @@ def open_loops(plant: UncertainPlant, loops: Loops) -> UncertainPlant:
         plant,
         vertices=vertices,
         disturbances=tuple(f"loop {k + 1}" for k in range(loops.count)),
-        outputs=(),
+        states=tuple(f"state {i + 1}" for i in range(n)),
+        outputs=law.measured if isinstance(law, PolynomialGain) else (),
         noise=(),
         vehicle=None,
         remainder=loops.remainder(plant.remainder, n, m),
@@ -315,21 +349,26 @@ def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
     for alias in (name, f"{DEMAND}{name}"):
         if alias in known:
             return "input", known.index(alias)
-    law = law.as_law() if hasattr(law, "as_law") else law
-    if law is None:
-        read = [signal.name for signal in (*states(plant), *plant.every_output)]
-    elif isinstance(law, PolynomialGain) and law.measured:
-        read = [signal.name for signal in law.measured]
-    elif isinstance(law, FixedGain):
-        read = [signal.name for signal in states(plant)]
-    else:
-        read = []
+    read = _read(plant, law)
     if name in read:
         return "measured", read.index(name)
     what = "inputs" if law is None else "inputs, nor among what the law measures"
     raise InputError(
         f"no loop at {name!r}: it is not among the {what}; {suggest(name, [*known, *read])}"
     )
+
+
+def _read(plant: UncertainPlant, law: Any) -> list[str]:
+    """Return the names of what a law reads; of any, if it is None."""
+    law = law.as_law() if hasattr(law, "as_law") else law
+    of_states = [signal.name for signal in states(plant)]
+    if law is None:
+        return [*of_states, *(signal.name for signal in plant.every_output)]
+    if isinstance(law, proof_laws.Law):
+        return list(law.measured) or ([] if law.scheduled else of_states)
+    if isinstance(law, PolynomialGain) and law.measured:
+        return [signal.name for signal in law.measured]
+    return of_states if isinstance(law, FixedGain | PolynomialGain) else []
 
 
 def _signal(plant: UncertainPlant, name: str) -> Output:

@@ -193,6 +193,11 @@ class Specification(Short):
         """Return the plant, the law and the bound in which it is proved: themselves, in most."""
         return plant, law, self
 
+    @property
+    def limit(self) -> float | None:
+        """The limit as people read it, None where there is none."""
+        return None if self.at_most is None else self.read_as(self.at_most)
+
     def read_as(self, level: float) -> float:
         """Return the number that people read of a level: itself, in most kinds."""
         return level
@@ -200,6 +205,10 @@ class Specification(Short):
     def proved_text(self, level: float) -> str:
         """Return what is proved, rounded to the weaker side."""
         return digits_up(level)
+
+    def bound_text(self, level: float) -> str:
+        """Return a proved bound as a line."""
+        return f"{self.title} {'>=' if self.is_margin else '<='} {self.proved_text(level)}"
 
     def sampled_text(self, level: float) -> str:
         """Return what is sampled, rounded to the other side."""
@@ -540,7 +549,7 @@ def limit_text(limit: Specification) -> str:
     if limit.at_most is None:
         return limit.title
     if limit.is_margin:
-        return f"{limit.title} >= {exactly(limit.read_as(limit.at_most))}"
+        return f"{limit.title} >= {exactly(limit.limit or 0.0)}"
     return f"{limit.title} <= {exactly(limit.at_most)}"
 
 

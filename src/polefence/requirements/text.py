@@ -20,7 +20,7 @@ from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
-from polefence.requirements.disk_margin import DiskMargin
+from polefence.requirements.disk_margin import DiskMargin, inverse
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
@@ -368,7 +368,7 @@ def _margin(value: Any, where: str) -> Fraction:
     """Return 1 over a margin."""
     if number(value, where) <= 0:
         raise SpecError(f"{where} = {shown(value)} must be a positive number")
-    return 1 / Fraction(value)
+    return Fraction(inverse(Fraction(value)))
 
 
 def _specification(

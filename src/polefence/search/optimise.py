@@ -48,7 +48,6 @@ from polefence.proof.claims.decay import Decay
 from polefence.proof.claims.gain_norm import BoundClaim
 from polefence.proof.short import Short
 from polefence.region.regions import Region, stable
-from polefence.region.text import digits_up
 from polefence.region.z_plane import delta_plane
 from polefence.requirements.named import by_name
 from polefence.requirements.specification import Specification
@@ -411,7 +410,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     with bounded(MOST_WORK * 0.25) as looked:
         for limit, done in _attainable(larger, gain, searches.starts(last)):
             if _level(done) > (limit.at_most or 0.0):
-                near.append(f"{limit.title} <= {digits_up(_level(done))}")
+                near.append(str(done.bounds[0]))
                 continue
             # a law of which all limits are proved after all, if none that makes the least less
             kept = _bounded(larger, candidate(larger, done.law))

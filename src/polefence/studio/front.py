@@ -12,7 +12,6 @@ from bokeh.models import ColumnDataSource, CustomJS
 
 from polefence.base.errors import NotProvedError
 from polefence.certify.bounds import best_bound
-from polefence.region.text import digits_up
 from polefence.requirements.specification import Specification
 from polefence.search.rows import Row
 from polefence.search.tradeoff import TUNED, label_of, tradeoff
@@ -159,7 +158,7 @@ class Front:
             if row["answer"] == "proved" and row["law_of"] == row["value"]:
                 law = front.design(row["value"], TUNED), front.file(row["value"], TUNED)
                 kept = ((subject.wanted.least, row["proved"]), *_bounds(subject, over, row))
-                texts = tuple(f"{limit.title} <= {digits_up(level)}" for limit, level in kept)
+                texts = tuple(limit.bound_text(level) for limit, level in kept)
                 know(replace(asked, limit=row["value"]), Found(*law, texts))
         show(front.rows)
 

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, require_law
 from polefence.proof.claims.gain import Gain
-from polefence.proof.claims.signal import MAX_ENTRIES, read_subject, write_evidence
+from polefence.proof.claims.signal import MAX_ENTRIES, Subject, read_subject, write_evidence
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
 from polefence.proof.matrices import ONE, ZERO, Rationals, identity
@@ -164,15 +164,26 @@ class DiskMargin(Gain):
             for key in ("inputs", "measured")
         )
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
-        n, m, count = plant.n, plant.m, len(plant.A)
-        loops.require(m, len(law.C[0]) if law.C else n)
+        loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
         evidence, opened = table.table("evidence"), loops.law(law, plant)
-        if law.fixed and not opened.fixed:
-            on = evidence.word("on", DOMAINS)
-        law = opened
-        subject = read_subject(evidence, loops.plant(plant), law, on)
-        level, outputs = table.number("level"), loops.outputs(law, n, m, count)
+        if loops.measured:
+            on, known = evidence.word("on", DOMAINS), on
+            if on != known and not law.fixed:
+                raise FormatError(f'{evidence.path("on")} must be "{known}", as that of the law')
+        subject = read_subject(evidence, loops.plant(plant), opened, on)
+        return cls.of(subject, loops, table.number("level"))
+
+    @classmethod
+    def of(cls, subject: Subject, loops: Loops, level: Fraction) -> Self:
+        """Return the claim about a loop whose E and law are those of opened loops."""
+        outputs = loops.outputs(subject.law, subject.n, subject.m, len(subject.A))
         return cls(subject, outputs, level, scales=loops.scales, loops=loops)
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed: weights of loops are a part of what proves it."""
+        alike = replace(self.loops, weights=(ONE,) * self.loops.count)
+        return self.of(super().bare.subject, alike, self.level)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""

@@ -370,8 +370,8 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
     for claim in document.claims[1:]:
         said, what, level, under = claim.said(document.plant), "", "", ""
         if isinstance(claim, SignalClaim) and claim.kind != "decay":  # which is no upper bound
-            what = f"{claim.kind} of {', '.join(claim.names)}"
-            level = f"{digits_up(claim.level)} {_unit(design.plant, claim)}".strip()
+            what, most = claim.named(document.plant), claim.worst_text
+            level = f"{most} {_unit(design.plant, claim)}".strip()
             under = claim.under
             if (
                 isinstance(claim, Rms)
@@ -410,7 +410,7 @@ def _bounds(bounds: Sequence[Bound]) -> Section | None:
     return Section(
         "Bounds on signals, proved",
         ("For the same values of the parameters, in the same arithmetic:",),
-        Table(("", "at most", ""), tuple(rows)),
+        Table(("", "", ""), tuple(rows)),
         notes=("As the proof has them, signals written out:", *exact) if exact else (),
     )
 
@@ -424,9 +424,7 @@ def _summary(design: Design, bounds: Sequence[Bound]) -> str:
     whole = parameters or f"the convex hull of {len(design.plant.vertices)} vertices"
     claims = [f"all poles in {short_text(design.region)}"]
     claims += [
-        f"{bound.what} at most {bound.level} {bound.under}".strip()
-        for bound in bounds
-        if bound.level
+        f"{bound.what} {bound.level} {bound.under}".strip() for bound in bounds if bound.level
     ]
     return f"Proved for every value of {whole}: {'; '.join(claims)}."
 

@@ -217,21 +217,27 @@ class DiskMargin(Gain):
         """Nothing: no name is of the claim's own."""
         return ""
 
-    def statement(self, plant: Plant) -> str:
-        """Say what margin of which loops is proved, rounded down."""
-        where, known = list[str](), plant.inputs
+    def named(self, plant: Plant) -> str:
+        """Say which margin of which loops it is."""
+        skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
+        names, known = list[str](), plant.inputs
         for i in self.loops.inputs:
             name = f"{quoted(split(known[i])[0])} = " if i < len(known) else ""
-            where.append(f"{name}u{i + 1}")
-        names = self.subject.law.measured
+            names.append(f"{name}u{i + 1}")
+        read = self.subject.law.measured
         for j in self.loops.measured:
-            name = f"{quoted(names[j])} = " if j < len(names) else ""
-            where.append(f"{name}y{j + 1}, as the law reads it")
-        skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
-        at = ", ".join(where)
-        loop, several = "loop", ""
-        if self.loops.count > 1:
-            loop, several = "loops", ", all at once,"
-        margin = digits_down(1 / self.level)
+            name = f"{quoted(read[j])} = " if j < len(read) else ""
+            names.append(f"{name}y{j + 1}, as the law reads it")
+        if len(names) == 1:
+            return f"{self.kind}{skew} of the loop at {names[0]}"
+        return f"{self.kind}{skew} of the loops at {', '.join(names)}, all at once,"
+
+    @property
+    def worst_text(self) -> str:
+        """Say how large the margin is at least, rounded down."""
+        return f"at least {digits_down(1 / self.level)}"
+
+    def statement(self, plant: Plant) -> str:
+        """Say what margin of which loops is proved."""
         on = f"{self.time_text}, on the {self.subject.on}"
-        return f"{self.kind}{skew} of the {loop} at {at}{several} >= {margin}{on}"
+        return f"{self.named(plant)} >= {digits_down(1 / self.level)}{on}"

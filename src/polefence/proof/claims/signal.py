@@ -608,6 +608,15 @@ class SignalClaim(Short, Claim):
         level, on = digits_up(self.level), f"{self.time_text}, on the {self.subject.on}"
         return f"{self.kind} of {what} <= {level}{self.under}{acting}{on}"
 
+    def named(self, plant: Plant) -> str:  # noqa: ARG002
+        """Say in a few words what is bounded, by the names that the file has."""
+        return f"{self.kind} of {', '.join(self.names)}"
+
+    @property
+    def worst_text(self) -> str:
+        """Say what it is at worst, without its unit."""
+        return f"at most {digits_up(self.level)}"
+
     @property
     def time_text(self) -> str:
         """At which times the bound holds, where that is not at all of them."""

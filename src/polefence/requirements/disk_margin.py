@@ -18,7 +18,7 @@ from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import bare_plant
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import DEMAND
+from polefence.plant.larger import DEMAND, MEASURED
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
@@ -28,13 +28,15 @@ from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.gain import SAMPLES, Gain
-from polefence.requirements.slopes import Channel, Slopes
+from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.peaks import peaks, response
 from polefence.response.stationary import growth
+
+Posed = tuple[UncertainPlant, Law, Specification]
 
 FEW = 20  # samples beside the vertices for which loops are weighed
 BITS = 12  # of the weight of a loop; half a unit costs less than 1e-3 of a margin
@@ -226,22 +228,37 @@ class DiskMargin(Specification):
             else:
                 rows = _signal(plant, self.names[k]).arrays(plant)[0]
                 C[:, k] = np.tensordot(alpha, rows, 1)
-                reads.append(self.names[k])
+                reads.append(_signal(plant, self.names[k]).name)
         S = np.eye(size) if any(reads) else None
         return Channel(A, B, E, C, D, F, S, reads=tuple(reads) if any(reads) else ())
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
-        """Return peaks of the largest singular value with their slopes."""
-        return Gain(self.names[0]).slopes(loops)
+        """Return peaks of the largest singular value with their slopes, loops weighed anew."""
+        gain = Gain(self.names[0])
+        if loops.E.shape[-1] == 1:
+            return gain.slopes(loops)
+        d = np.exp(_logarithms(loops))
+        weighed = gain.slopes(_weighed(loops, d))
+
+        def turned() -> list[Turned]:  # those of the weights are zero, where they are best
+            (own,) = weighed.turned()
+            E, F = own.E, own.F
+            return [
+                Turned(
+                    own.A,
+                    own.C * d[:, None],
+                    None if E is None else E / d,
+                    None if F is None else d[:, None] * F / d,
+                )
+            ]
+
+        return replace(weighed, turned=turned)
 
 
 def inverse(margin: Fraction) -> float:
     """Return the largest double that is no more than 1 over a margin."""
     level = float(1 / margin)
     return level if Fraction(level) * margin <= 1 else math.nextafter(level, 0.0)
-
-
-Posed = tuple[UncertainPlant, Law, Specification]
 
 
 @dataclass(frozen=True)
@@ -350,8 +367,9 @@ def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
         if alias in known:
             return "input", known.index(alias)
     read = _read(plant, law)
-    if name in read:
-        return "measured", read.index(name)
+    for alias in (name, f"{MEASURED}{name}"):
+        if alias in read:
+            return "measured", read.index(alias)
     what = "inputs" if law is None else "inputs, nor among what the law measures"
     raise InputError(
         f"no loop at {name!r}: it is not among the {what}; {suggest(name, [*known, *read])}"
@@ -373,15 +391,11 @@ def _read(plant: UncertainPlant, law: Any) -> list[str]:
 
 def _signal(plant: UncertainPlant, name: str) -> Output:
     kind, i = _place(plant, name, None)
-    return inputs(plant)[i] if kind == "input" else plant.signal(name)
+    return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 
 def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction, ...]:
-    """Return weights of loops for which the gain of D M D^-1 is about least at a few points.
-
-    It is convex in the logarithms of the weights. Peaks over the frequency are found anew for the
-    weights that are best for those found before, until none is higher.
-    """
+    """Return weights of loops for which the gain of D M D^-1 is about least at a few points."""
     alpha = seeded(plant, len(plant.vertices) + FEW)
     closed = close(plant, law, alpha)
     loops = gain.channel(delta_form(plant), alpha).closed(
@@ -389,20 +403,50 @@ def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction,
     )
     if not np.all(growth(loops.modes.poles, closed.step) < 0):
         return gain.loops.weights
-    size, known = loops.E.shape[-1], list[Array]()
-    x, best = np.zeros(size), (np.inf, np.zeros(size))
-    for _ in range(ROUNDS):
-        d = np.exp(x)
-        points, w, height = peaks(loops.modes, loops.E / d, loops.C * d[:, None], loops.F)
-        if height.max() >= best[0] * (1 - ENOUGH):
+    d = np.exp(_logarithms(loops))
+    return tuple(Fraction(round(Fraction(value) * 2**BITS), 2**BITS) for value in d.tolist())
+
+
+def _weighed(loops: ClosedLoops, d: Array) -> ClosedLoops:
+    """Return loops whose response is D M D^-1."""
+    return replace(loops, E=loops.E / d, C=loops.C * d[:, None], F=d[:, None] * loops.F / d)
+
+
+def _logarithms(loops: ClosedLoops) -> Array:
+    """Return the logarithms of the weights for which the highest peak of D M D^-1 is about least.
+
+    It is convex in them. Peaks over the frequency are found anew for the weights that are best for
+    those found before, until none is higher.
+    """
+    known = list[Array]()
+    x = np.zeros(loops.E.shape[-1])
+    least, best = np.inf, x
+    for k in range(ROUNDS):
+        weighed = _weighed(loops, np.exp(x))
+        points, w, height = peaks(weighed.modes, weighed.E, weighed.C, weighed.F)
+        if k and height.max() >= least * (1 - ENOUGH):
             break
-        best = float(height.max()), x
+        if not np.all(np.isfinite(height)):
+            break
+        least, best = float(height.max()), x
         s = 1j * w / (1 - 0.5j * w * loops.modes.step)
         A, E, C, F = (M[points] for M in (loops.A, loops.E, loops.C, loops.F))
         known += list(response(A, E, C, F, s[:, None])[:, 0])
-        x = _balanced(np.array(known), x)
-    d = np.exp(best[1] - best[1][0])
-    return tuple(Fraction(round(Fraction(value) * 2**BITS), 2**BITS) for value in d.tolist())
+        x = _balanced(np.array(known), x if k else _osborne(np.array(known)))
+    return np.asarray(best - best[0])
+
+
+def _osborne(M: Array) -> Array:
+    """Return logarithms of weights that even out rows and columns of |M|, largest of all."""
+    size = np.abs(M).max(axis=0)
+    size -= np.diag(np.diag(size))
+    x = np.zeros(len(size))
+    for _ in range(MOST_STEPS):
+        for i in range(len(size)):
+            row, column = size[i] @ np.exp(-x), np.exp(x) @ size[:, i]
+            if row > 0 and column > 0:
+                x[i] = (np.log(column) - np.log(row)) / 2
+    return np.clip(x - x[0], -FARTHEST, FARTHEST)
 
 
 def _last(z: Array) -> float:
@@ -431,4 +475,4 @@ def _balanced(M: Array, x: Array) -> Array:
         "options": {"maxiter": MOST_STEPS, "ftol": 1e-9},
     }
     found = minimize(_last, start, **settings)
-    return np.concatenate([x[:1], found.x[:-1]])
+    return np.asarray(np.concatenate([x[:1], found.x[:-1]]))

@@ -213,7 +213,7 @@ class DiskMargin(Specification):
         return gain.values(opened, beside, alpha)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return the loops as a channel at points alpha."""
+        """Return the loops as a channel at points alpha, but for what a law reads there."""
         places = [_place(plant, name, None) for name in self.names]
         A, B = plant.at(alpha)
         n, count, size = A.shape[-1], len(alpha), len(places)
@@ -226,9 +226,7 @@ class DiskMargin(Specification):
                 E[:, :, k], D[:, k, i] = B[:, :, i], 1.0
                 reads.append(None)
             else:
-                rows = _signal(plant, self.names[k]).arrays(plant)[0]
-                C[:, k] = np.tensordot(alpha, rows, 1)
-                reads.append(_signal(plant, self.names[k]).name)
+                reads.append(self.names[k])
         S = np.eye(size) if any(reads) else None
         return Channel(A, B, E, C, D, F, S, reads=tuple(reads) if any(reads) else ())
 
@@ -367,7 +365,7 @@ def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
         if alias in known:
             return "input", known.index(alias)
     read = _read(plant, law)
-    for alias in (name, f"{MEASURED}{name}"):
+    for alias in (name, f"{MEASURED}{name}", name.removeprefix(MEASURED)):
         if alias in read:
             return "measured", read.index(alias)
     what = "inputs" if law is None else "inputs, nor among what the law measures"
@@ -446,7 +444,7 @@ def _osborne(M: Array) -> Array:
             row, column = size[i] @ np.exp(-x), np.exp(x) @ size[:, i]
             if row > 0 and column > 0:
                 x[i] = (np.log(column) - np.log(row)) / 2
-    return np.clip(x - x[0], -FARTHEST, FARTHEST)
+    return np.asarray(np.clip(x - x[0], -FARTHEST, FARTHEST))
 
 
 def _last(z: Array) -> float:

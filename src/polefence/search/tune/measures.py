@@ -165,6 +165,7 @@ class Points:
         if channel.length != 1:  # of a clock that is not perfect
             modes = Modes(channel.A + channel.B @ K, modes.step)
         C, F = self.unknowns.seen(channel.reads)
+        channel = self.unknowns.opened(channel) if channel.reads else channel
         passing = None if F is None else inner @ F
         measure = self.task.requirements[k].slopes(channel.closed(K, modes, passing))
         if F is None or channel.S is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,9 @@ from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import MEASURED
 from polefence.plant.system import Array
+from polefence.requirements.slopes import Channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,23 @@ class Unknowns:
     def passing_rows(self) -> Array | None:
         """F of what is measured, as rows of C; None where no disturbance passes into it."""
         return self.structure.passing_rows(self.plant)
+
+    def read(self, name: str) -> int:
+        """Return the number of what is measured by that name, behind its sensor or not.
+
+        Raises
+        ------
+        InputError
+            If it is not measured.
+        """
+        names = [signal.name for signal in self.structure.outputs(self.plant)]
+        for alias in (name, f"{MEASURED}{name}", name.removeprefix(MEASURED)):
+            if alias in names:
+                return names.index(alias)
+        raise InputError(
+            f"no loop at {name!r}: it is no input, and the law does not measure it; "
+            f"{suggest(name, names)}"
+        )
 
     @cached_property
     def signals(self) -> Array:
@@ -139,15 +158,19 @@ class At:
         """
         if not reads:
             return self.C, self.F
-        names = [signal.name for signal in self.unknowns.structure.outputs(self.unknowns.plant)]
-        for name in reads:
-            if name is not None and name not in names:
-                raise InputError(
-                    f"no loop at {name!r}: it is no input, and the law does not measure it; "
-                    f"{suggest(name, names)}"
-                )
-        F = np.array([[float(name == read) for read in reads] for name in names])
+        F = np.zeros((self.C.shape[1], len(reads)))
+        for k, name in enumerate(reads):
+            if name is not None:
+                F[self.unknowns.read(name), k] = 1.0
         return self.C, np.broadcast_to(F, (len(self.C), *F.shape))
+
+    def opened(self, channel: Channel) -> Channel:
+        """Return a channel of loops with what the law reads there among what is shown."""
+        C = channel.C.copy()
+        for k, name in enumerate(channel.reads):
+            if name is not None:
+                C[:, k] = self.C[:, self.unknowns.read(name)]
+        return replace(channel, C=C)
 
     def gains(self, theta: Array) -> Array:
         """Return K of what is measured, (count, m, r)."""

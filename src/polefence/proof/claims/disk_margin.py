@@ -211,7 +211,15 @@ class DiskMargin(Gain):
         entering = tuple(
             tuple(ZERO if k is None else row[k] for k in columns) for row in late.entering
         )
-        super().require_late(replace(late, entering=entering))
+        law = self.subject.law
+        if law.C:  # rows of states that no gain is of are not read
+            gained = [
+                j for j in range(len(law.C[0])) if any(row[j] for K in law.K or [] for row in K)
+            ]
+            C, F = (tuple([M[j] for j in gained] for M in rows) for rows in (law.C, law.F))
+            law = replace(law, C=C, F=F)
+        known = replace(self, subject=replace(self.subject, law=law))
+        super(DiskMargin, known).require_late(replace(late, entering=entering))
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Nothing: no name is of the claim's own."""

@@ -376,8 +376,14 @@ class Interpolation:
         V = self.problem.form(self.problem.domain.nodes(self.total))
         V = cover.columns[: V.shape[1], None] * V
         P = (W + step * N).swapaxes(-1, -2) @ Q
-        loss = (1 + step * cover.kappa) * V.swapaxes(-1, -2) @ V
+        loss = self._times * (1 + step * cover.kappa) * V.swapaxes(-1, -2) @ V
         return both + loss, P * cover.rows[:n]
+
+    @property
+    def _times(self) -> int:
+        """How many times what a remainder takes counts: see `proof.Gain`."""
+        problem = self.problem
+        return 2 if problem.gain and problem.step and problem.law.passes else 1
 
     def _missed(
         self, coefficients: Array, level: float | None, cover: Cover | None = None
@@ -452,7 +458,7 @@ class Interpolation:
         q = E.shape[-1]
         corner = level * np.eye(q) - E.swapaxes(-1, -2) @ QE
         if cover is not None and border is not None:
-            share = 1 + self.problem.step * cover.kappa
+            share = self._times * (1 + self.problem.step * cover.kappa)
             corner = corner - share * np.diag(self.driving(cover) ** 2)
             below = QE.swapaxes(-1, -2) * cover.rows
             whole = np.concatenate([border, below], -2)

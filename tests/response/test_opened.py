@@ -183,11 +183,13 @@ def test_a_dead_time_turns_the_loop_by_its_phase():
     np.testing.assert_allclose(found, plain * np.exp(-0.1 * S), rtol=1e-3)
 
 
-def test_a_family_has_its_vertices_first():
+def test_a_family_has_its_vertices_first_then_its_middle():
     car = family("quarter-car-physical")
     alpha = family_points(car, 30)
-    np.testing.assert_array_equal(alpha[: len(car.vertices)], np.eye(len(car.vertices)))
-    assert len(alpha) == len(car.vertices) + 30
+    N = len(car.vertices)
+    np.testing.assert_array_equal(alpha[:N], np.eye(N))
+    np.testing.assert_array_equal(alpha[N], np.full(N, 1 / N))
+    assert len(alpha) == N + 1 + 30
     law = FixedGain(np.zeros((1, 5)))
     assert len(opened(car, law).alpha) > 100
 

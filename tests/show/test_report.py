@@ -29,8 +29,10 @@ from polefence.cli.main import main
 from polefence.cli.report import today
 from polefence.examples import family
 from polefence.plant.outputs import states
+from polefence.response import family_points, margins, opened, places
 from polefence.response.linear import step
 from polefence.response.stationary import stationary, velocity_density, velocity_psd
+from polefence.show.loops import margins_row
 from polefence.show.report import Report, _drawn, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
 from support.commands import refused
@@ -84,6 +86,7 @@ def claims_alone(undrawn, monkeypatch):
     """Leave out what is simulated and sampled too."""
     for name in ("responses", "comfort"):
         monkeypatch.setattr(f"polefence.show.report.{name}", lambda *_: None)
+    monkeypatch.setattr("polefence.show.report.loops", lambda _: [])
 
 
 def test_all_that_was_asked_for_is_there(car):
@@ -95,13 +98,27 @@ def test_all_that_was_asked_for_is_there(car):
         "Closed-loop poles",
         "How far the methods go",
         "Responses",
+        "Loops",
+        "The loop at actuator force",
+        "The loop at tyre deflection",
         "Comfort, grip and force on a road",
         "The gain",
         "Check it, use it",
     ]
-    assert sum(tag == "img" for tag, _ in page.tags) == 3
+    assert sum(tag == "img" for tag, _ in page.tags) == 5
     assert "proved: 20 inequalities" in page.parts["What is claimed, and proved"]
     assert "29.0755" in page.parts["How far the methods go"]
+
+
+def test_margins_of_loops_are_those_of_the_design(car):
+    _, design, text = car
+    own = [cell for cell in Page(text).parts["Loops"].split("|") if cell.strip()]
+    known = places(design.plant, design)
+    assert len(known) == 6
+    for here in known:
+        found = margins(opened(design.plant, design, here.name, family_points(design.plant, 100)))
+        row = own.index(f"{here.label}, {here.kind}".replace("m/s2", "m/s\u00b2"))
+        assert own[row : row + 6] == list(margins_row(found))
 
 
 def test_nothing_outside_is_asked_for(car):
@@ -250,7 +267,7 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     place = own.index("rms of 'force'")  # this is no car, and has no road
     assert own[place + 1 : place + 3] == ["3 N", "at density 2"]
     assert "rms of 'force' at most 3 N at density 2." in page.parts[""]
-    assert sum(tag == "img" for tag, _ in page.tags) == 3
+    assert sum(tag == "img" for tag, _ in page.tags) == 5
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     with rewritten(folder / "design.json") as document:
         document["claims"][-1]["level"] = 1.0  # newton, of 3

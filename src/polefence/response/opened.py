@@ -144,7 +144,7 @@ def places(plant: UncertainPlant, law: Any) -> tuple[Place, ...]:
 
 @explained
 def family_points(plant: UncertainPlant, count: int = POINTS) -> Array:
-    """Return the vertices of a family and seeded points of it, as alpha (points, N).
+    """Return the vertices of a family, its middle and seeded points of it, as alpha (points, N).
 
     What the states of a dead time leave out of it, the parameter "delta", is zero there: the loop
     is that of the approximation alone, not of all that it stands for.
@@ -152,9 +152,12 @@ def family_points(plant: UncertainPlant, count: int = POINTS) -> Array:
     Parameters
     ----------
     count : int
-        Of points beside the vertices.
+        Of points beside the vertices and the middle.
     """
-    alpha = seeded(plant, count + len(plant.vertices))
+    N = len(plant.vertices)
+    alpha = seeded(plant, count + N)
+    if N > 1:
+        alpha = np.insert(alpha, N, 1 / N, axis=0)
     if plant.dead_time is None:
         return alpha
     f, q = plant.dead_time[0], len(plant.parameters)

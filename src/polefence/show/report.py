@@ -34,8 +34,11 @@ from polefence.proof.ranges import ANY
 from polefence.proof.text import rate_text, visible
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import slowest_seen, step
+from polefence.response.loop_margins import margins
+from polefence.response.opened import family_points, opened, places
 from polefence.response.stationary import velocity_density
 from polefence.search.limits import Limit, limits
+from polefence.show.loops import HEAD, loop_figure, margins_row
 from polefence.show.plots import (
     limits_figure,
     poles_figure,
@@ -55,6 +58,7 @@ if TYPE_CHECKING:
 
 OURS = "this design"
 MOST_SIGNALS = 24  # of which responses are drawn
+MOST_LOOPS, MOST_DRAWN, LOOP_POINTS = 12, 3, 100
 MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
@@ -195,7 +199,8 @@ def sections(
         If the road or the speed cannot be used.
     """
     parts = [_claim(design, answer, bounds), _plant(design.plant), _poles(design), _limits(design)]
-    parts += [_bounds(bounds), responses(design), comfort(design, road, speed), _front(front)]
+    parts += [_bounds(bounds), responses(design), *loops(design)]
+    parts += [comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
         _how_to_check(design),
@@ -564,6 +569,44 @@ def _drawn(
 
 def _seconds(value: float) -> str:
     return f"{value:.3g}" if np.isfinite(value) else "-"
+
+
+@stage("loops")
+def loops(design: Design) -> list[Section]:
+    """Return the margins of the loop, opened at each place in turn, and what it looks like there.
+
+    Drawn are the loops at the inputs, and of the others the one with the least disk margin.
+    """
+    plant, known = design.plant, places(design.plant, design)
+    some = known[:MOST_LOOPS]
+    alpha = family_points(plant, LOOP_POINTS)
+    every = [margins(opened(plant, design, place.name, alpha)) for place in some]
+    fewer = f" Of {len(known)} loops these are the first {MOST_LOOPS}." * (len(some) < len(known))
+    inside = [found for found in every if found.opened.place.kind != "input"]
+    drawn = [found for found in every if found.opened.place.kind == "input"][:MOST_DRAWN]
+    if inside and len(drawn) < MOST_DRAWN:
+        drawn.append(min(inside, key=lambda found: found.least[-1].value))
+    table = Section(
+        "Loops",
+        (
+            "The loop is opened at one place, between the law and an input or between a sensor "
+            "and the law, all others closed: by which factors its gain may be multiplied there, "
+            "and how much its phase may turn or it may be late besides, before it is unstable. A "
+            "disk margin is of gain and phase at once (skew 0).",
+            f"The least over {len(alpha)} points of the family, sampled and not proved.{fewer}",
+        ),
+        Table(HEAD, tuple(map(margins_row, every))),
+    )
+    return [table] + [
+        Section(
+            f"The loop at {found.opened.place.name}",
+            figure=loop_figure(found),
+            caption="Nyquist, Bode and Nichols plots of what goes once round the loop, of negative "
+            "feedback, for positive frequencies. A curve through the cross is one on the verge of "
+            "instability; through the shaded disk, one of a smaller disk margin.",
+        )
+        for found in drawn
+    ]
 
 
 @stage("comfort")

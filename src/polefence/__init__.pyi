@@ -49,6 +49,12 @@ from polefence.certify.promised import (
 )
 from polefence.certify.progress import progress as progress
 from polefence.certify.refutation import Refutation as Refutation, refute_limits as refute_limits
+from polefence.certify.robust import (
+    Attained as Attained,
+    Reach as Reach,
+    Robustness as Robustness,
+    robust as robust,
+)
 from polefence.certify.running import Running as Running, running as running
 from polefence.certify.table import TableAnalysis as TableAnalysis
 from polefence.data.fit import identify as identify

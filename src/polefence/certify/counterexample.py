@@ -29,6 +29,7 @@ Measure = Callable[[Any], Array]
 
 CHUNK = 2000
 STARTS = 4
+FEW = 8  # states, of which a characteristic polynomial takes 1 ms
 TIE = 1e-9  # share by which measures differ that rounding does not explain
 
 
@@ -213,14 +214,18 @@ def leaves(
     Entries of N may be ``off`` by so much.
 
     By a matrix P that floats find (`roots.Outside`), in more work where the loop is large; where
-    that fails, as for a pole on the boundary, by the characteristic polynomial. A W that is
-    singular keeps no pole.
+    that fails, as for a pole on the boundary, and of few states, by the characteristic polynomial.
+    A W that is singular keeps no pole.
 
     Raises
     ------
     FormatError
         If that is more work than is done here.
     """
+    if len(loop[0]) <= FEW and not off:
+        with suppress(work.FormatError), work.counted():
+            closed = matrices.right_divide(*loop)
+            return closed is None or not roots.all_inside(closed, region)
     large = len(loop[0]) > work.LARGE
     with work.counted(work.MAX_IN_PARTS if large else None):
         if shown(loop, region, off) is not None:

@@ -292,13 +292,18 @@ def analysed(
     region: Region,
     deadline: Deadline,
     like: Certificate | None = None,
+    begin: tuple[int, int] | None = None,
 ) -> Analysis:
     """Return what is proved of one law.
 
     With ``like``, a certificate of the law, as little is tried as proved that one: no higher form,
-    at most twice the parts of the box.
+    at most twice the parts of the box. With ``begin`` that form is tried first.
     """
     ladder = list(forms(plant, law, len(region.parts)))
+    if begin in ladder[1:]:  # of the lower ones only the very first may do where it does not
+        first, *rest = ladder
+        above = (form for form in rest if not (form[0] <= begin[0] and form[1] <= begin[1]))
+        ladder = [begin, first, *above]
     most = MOST_BENT
     if like is not None:
         proofs = [proof for _, proof in lyapunovs(like)]
@@ -330,16 +335,24 @@ def analysed(
     return Analysis(plant, law, region, "proved", verdict.reason, certificate)
 
 
-def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fraction]) -> Analysis:
+def pole_at(
+    plant: UncertainPlant, law: Law, region: Region, alpha: Sequence[Fraction]
+) -> tuple[complex | None, str]:
+    """Return the pole farthest outside a region at alpha, and a sentence; None where none is."""
     point = np.array([float(a) for a in alpha])
     A, B = plant.at(point)
     try:
         poles = np.linalg.eigvals(A + B @ law.gain(point))
-        pole = complex(poles[np.argmax(region.distance(poles))])
-        shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
-        what = f"the pole {shown}{_of_weight(plant, pole)} is not in {region}"
     except np.linalg.LinAlgError:
-        pole, what = None, "the law has no value"
+        return None, "the law has no value"
+    pole = complex(poles[np.argmax(region.distance(poles))])
+    shown = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
+    return pole, f"the pole {shown}{_of_weight(plant, pole)} is not in {region}"
+
+
+def _refuted(plant: UncertainPlant, law: Law, region: Region, alpha: list[Fraction]) -> Analysis:
+    pole, what = pole_at(plant, law, region, alpha)
+    point = [float(a) for a in alpha]
     weights = f"alpha = ({', '.join(f'{a:.6g}' for a in point)})"
     values = values_at(plant, alpha)
     if values is not None:

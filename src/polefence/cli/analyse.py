@@ -20,7 +20,15 @@ from polefence.certify.given import Analysis, WorstCase, analyse, worst_case
 from polefence.certify.promised import VerifiedBound
 from polefence.certify.table import FILE_NAME as TABLE_NAME
 from polefence.certify.table import TableAnalysis, analyse_table
-from polefence.cli.given import NONE, SPEC, Given, is_written, read_given
+from polefence.cli.given import (
+    NONE,
+    SPEC,
+    Given,
+    is_written,
+    law_arguments,
+    lyapunov_argument,
+    read_given,
+)
 from polefence.cli.lines import (
     decay_lines,
     decay_of,
@@ -65,44 +73,8 @@ CUT = "note: cut by --budget; a faster machine, or more time, may prove more"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `analyse`, which are those of `verify`."""
-    parser.add_argument(
-        "spec",
-        metavar="PLANT",
-        help="a TOML spec, or a file with A and B, one each or one "
-        "per vertex (.mat, .npz, .json, a "
-        "folder of .csv)",
-    )
-    parser.add_argument(
-        "--gain",
-        metavar="WHAT",
-        help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design, a table "
-        "or a compensator; .mat, .npz, .npy or .csv with a K, or Ac, Bc, Cc, Dc; or u = K y: "
-        "'(s + 50)/(s + 500)', rows of these, or of formulas in the parameters; none: u = 0; "
-        "default: that of PLANT",
-    )
-    parser.add_argument(
-        "--measured",
-        metavar="NAMES",
-        help="'A, B': what a gain or a compensator measures, in its order; default: the "
-        "spec's [law], else all states or all outputs, whichever are as many",
-    )
-    parser.add_argument(
-        "--minus",
-        action="store_true",
-        help="the law is u = -K x or -K y: negative feedback, as lqr, place and most tools have",
-    )
-    parser.add_argument(
-        "--lyapunov",
-        metavar="FILE",
-        help="Lyapunov matrices P, one or one per vertex; default: the P of PLANT, if it has one",
-    )
-    parser.add_argument(
-        "--name",
-        action="append",
-        default=[],
-        metavar="NEW=OLD",
-        help="the file calls it OLD what is called NEW here: --name P=Xopt; repeat for more",
-    )
+    law_arguments(parser)
+    lyapunov_argument(parser)
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--region",

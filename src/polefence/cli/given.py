@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.certify.certificate import Certificate, plant_of
 from polefence.certify.design import FILE_NAME, read_document, require_kind
-from polefence.cli.options import at_samples, note_sensors
+from polefence.cli.options import at_samples, note_sensors, region_of
 from polefence.cli.subjects import claims_file, with_law_of
 from polefence.law.arrays import compensator_from, law_from
 from polefence.law.compensator import Compensator, has_text, written
@@ -27,7 +28,6 @@ from polefence.proof import reading, work
 from polefence.proof.document import FORMAT
 from polefence.proof.text import milliseconds_text
 from polefence.region.regions import Disk, HalfPlane, Region
-from polefence.region.text import load_region, parse_region
 from polefence.requirements.asked import promised
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import parse_names, parse_specification
@@ -66,9 +66,8 @@ class Given:
 
     def region(self, options: Any) -> Region:
         """Return the region of the options, else the spec's, else stability."""
-        if options.region is not None:
-            return parse_region(options.region)
-        region = load_region(options.spec) if self.arrays is None else None
+        asked = options.region is not None or getattr(options, "disk", None) is not None
+        region = region_of(options) if asked or self.arrays is None else None
         return region or (HalfPlane(0) if self.plant.sample_time is None else Disk(0, 1))
 
     def limits(self, asked: Sequence[str], options: Any) -> list[Specification]:
@@ -105,6 +104,53 @@ class Given:
         rest += f"; left out, no outputs: {strange}" if strange else ""
         listed = ", ".join(self.arrays.listed(names))
         return [*said, f"read: {listed} from {self.arrays.place}{sign}{rest}"]
+
+
+def law_arguments(parser: argparse.ArgumentParser, names: Sequence[str] = ("--gain",)) -> None:
+    """Declare PLANT and how its law is named, by an option of these names."""
+    parser.add_argument(
+        "spec",
+        metavar="PLANT",
+        help="a TOML spec, or a file with A and B, one each or one "
+        "per vertex (.mat, .npz, .json, a "
+        "folder of .csv)",
+    )
+    parser.add_argument(
+        *names,
+        dest="gain",
+        metavar="WHAT",
+        help="u = K x: '[[...]]', '[1 2; 3 4]', or a file: JSON with a matrix, a design, a table "
+        "or a compensator; .mat, .npz, .npy or .csv with a K, or Ac, Bc, Cc, Dc; or u = K y: "
+        "'(s + 50)/(s + 500)', rows of these, or of formulas in the parameters; none: u = 0; "
+        "default: that of PLANT",
+    )
+    parser.add_argument(
+        "--measured",
+        metavar="NAMES",
+        help="'A, B': what a gain or a compensator measures, in its order; default: the "
+        "spec's [law], else all states or all outputs, whichever are as many",
+    )
+    parser.add_argument(
+        "--minus",
+        action="store_true",
+        help="the law is u = -K x or -K y: negative feedback, as lqr, place and most tools have",
+    )
+    parser.add_argument(
+        "--name",
+        action="append",
+        default=[],
+        metavar="NEW=OLD",
+        help="the file calls it OLD what is called NEW here: --name P=Xopt; repeat for more",
+    )
+
+
+def lyapunov_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare --lyapunov."""
+    parser.add_argument(
+        "--lyapunov",
+        metavar="FILE",
+        help="Lyapunov matrices P, one or one per vertex; default: the P of PLANT, if it has one",
+    )
 
 
 def read_given(options: Any) -> Given:

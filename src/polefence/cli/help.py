@@ -15,7 +15,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "design a law": (
         "design", "tightest", "limits", "optimise", "tradeoff", "observe", "semi-active",
     ),
-    "verify one": ("analyse", "verify", "service", "check"),
+    "verify one": ("analyse", "verify", "robust", "service", "check"),
     "see how it rides": ("simulate", "compare", "concepts", "report"),
     "many variants": ("study",),
     "put it to use": ("export",),
@@ -54,6 +54,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
     "verify": (
         "polefence verify mine.mat --minus --region 'half_plane(1)'",
         "polefence verify car.toml --gain theirs.mat --limit 'gain of suspension deflection <= 1'",
+    ),
+    "robust": (
+        "polefence robust car.toml --law car",
+        "polefence robust car.toml --gain none --limit 'gain of suspension deflection <= 1'",
     ),
     "simulate": (
         "polefence simulate car --road C --speed 20 --plot drive.png",

@@ -1,0 +1,5 @@
+"""How far the ranges of a plant's parameters may grow before a law loses what it keeps."""
+
+from polefence.certify.robust.reach import Attained, Reach, Robustness, robust
+
+__all__ = ["Attained", "Reach", "Robustness", "robust"]

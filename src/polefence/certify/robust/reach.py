@@ -1,0 +1,498 @@
+"""How far ranges may grow: a factor that is proved below one at which a plant of the box fails.
+
+Where something is lost first is found in floats, and confirmed at rational values of the
+parameters. The proofs begin just below it, so that one is enough where the evidence is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from polefence.base.errors import InputError, NotProvedError, require_type
+from polefence.base.explained import explained
+from polefence.base.processors import small_matrices
+from polefence.base.progress import stage
+from polefence.certify.bounds import Bound, best_bound, kept_bound
+from polefence.certify.candidates import Deadline
+from polefence.certify.checks import in_time_of, require_region
+from polefence.certify.counterexample import refutes
+from polefence.certify.decays import proved_decay
+from polefence.certify.design import Design
+from polefence.certify.evidence import MOST_IN_PART, certificate_of, placeholder, work_of
+from polefence.certify.given import analysed, pole_at
+from polefence.certify.robust.attained import attained, climbed, root_down
+from polefence.certify.robust.edge import Lost, Rays, exceeded
+from polefence.certify.robust.family import (
+    NEAR_END,
+    Family,
+    Growth,
+    centre_of,
+    loops_of,
+    short,
+)
+from polefence.law.compensator import beside
+from polefence.law.laws import GainTable, Law
+from polefence.plant.card import card
+from polefence.plant.family import UncertainPlant
+from polefence.plant.points import exact_alpha, joint, seeded, values_at
+from polefence.plant.system import Array
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError
+from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.requirements.specification import Specification, limit_text
+
+CLOSE = 1e-5  # of a factor, between what is proved and what fails
+# Below a factor that fails, shares of it by which a proof is tried; then halved between.
+SHARES = (7e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2, 0.5, 0.8, 0.95)
+HALVINGS = 8
+# The same where bounds are proved on parts of the box, the more of them the nearer: of a van at
+# 2 ms the first of the others take 50 s.
+COARSE = (2e-3, *SHARES[3:])
+FEW = 2
+EDGE = (1, 1)  # degree and elevation that prove most boxes near the edge
+BEYOND = (0.0, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # what is lost in floats, by which it fails
+FINE = 2**30  # parts of a share that are told apart
+SAMPLES = 2000  # points at which a signal is looked at
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reach(Short):
+    """How far some ranges may grow about their centres, in factors on their half-widths.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters whose ranges grow; those of others stay.
+    proved : Fraction or None
+        The largest factor that is proved; None where none is.
+    refuted : Fraction or None
+        The smallest one at which a plant of the box was found that fails; None where none was.
+    values : dict of str to Fraction, or None
+        That plant.
+    reason : str
+        What fails there.
+    exact : bool
+        Whether that is decided in exact arithmetic, and not in floats.
+    top : Fraction
+        Up to where was looked.
+    end : str
+        Why no farther, where the plant ends there.
+    design : Design or None
+        The proof at the largest factor, of the law on the box that it is of.
+    """
+
+    names: tuple[str, ...]
+    proved: Fraction | None
+    refuted: Fraction | None
+    values: Mapping[str, Fraction] | None
+    reason: str
+    exact: bool
+    top: Fraction
+    end: str
+    design: Design | None
+
+    def __repr__(self) -> str:
+        shown = ["none" if x is None else f"{float(x):.7g}" for x in (self.proved, self.refuted)]
+        return f"<Reach of {', '.join(self.names)}: {shown[0]} proved, {shown[1]} refuted>"
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is proved up to where was looked: the factor is at least that."""
+        return self.proved is not None and self.proved >= self.top
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attained(Short):
+    """The worst case of a signal on the plant's own ranges: proved, beside what one plant has.
+
+    Attributes
+    ----------
+    specification : Specification
+    bound : Bound or None
+        The least that is proved; None where none is.
+    attained : float or None
+        What the signal is, or more, at one plant; None where loops are unstable.
+    values : dict of str to float, or None
+        The parameters' values there.
+    exact : bool
+        Whether it is at least that in exact arithmetic; else it is sampled, in floats.
+    """
+
+    specification: Specification
+    bound: Bound | None
+    attained: float | None
+    values: Mapping[str, float] | None
+    exact: bool
+
+    def __repr__(self) -> str:
+        level = "none" if self.bound is None else f"{self.bound.level:.6g}"
+        reached = "none" if self.attained is None else f"{self.attained:.6g}"
+        how = "attained" if self.exact else "sampled"
+        return f"<Attained: {self.specification.title}, {level} proved, {reached} {how}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness(Short):
+    """How far the ranges may grow before a region or a limit is lost.
+
+    Attributes
+    ----------
+    plant, law, region, limits
+        The question.
+    largest : Reach
+        Of all ranges together.
+    alone : dict of str to Reach
+        Of each parameter, while the others keep their ranges.
+    worst : tuple of Attained
+        Of each signal that is asked about.
+    refuted : str
+        Why the law fails at the centre of the box; empty where it does not.
+    """
+
+    plant: UncertainPlant
+    law: Law
+    region: Region
+    limits: tuple[Specification, ...]
+    largest: Reach
+    alone: Mapping[str, Reach]
+    worst: tuple[Attained, ...]
+    refuted: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Robustness of {self.plant.name!r}: {self.largest!r}>"
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        rows = [("all ranges", repr(self.largest)), *((k, repr(r)) for k, r in self.alone.items())]
+        return card(
+            self.plant.name, [*rows, *((w.specification.title, repr(w)) for w in self.worst)]
+        )
+
+    @property
+    def proved(self) -> bool:
+        """Whether all is proved on the plant's own ranges."""
+        return self.largest.proved is not None and self.largest.proved >= 1
+
+    def save(self, directory: Any) -> Any:
+        """Write ``design.json`` of the largest box that is proved into a folder; return its path.
+
+        Raises
+        ------
+        InputError
+            If nothing is proved.
+        OutputError
+            If the folder cannot be written.
+        """
+        if self.largest.design is None:
+            raise InputError("no factor is proved; there is nothing to save")
+        return self.largest.design.save(directory)
+
+
+@explained
+@small_matrices()
+def robust(
+    plant: UncertainPlant,
+    law: Any,
+    region: Region | None = None,
+    limits: Sequence[Specification] = (),
+) -> Robustness:
+    """Return how far the ranges of parameters may grow before a region or a limit is lost.
+
+    Ranges grow about their centres, those of all parameters together, then that of each alone. The
+    law keeps its formula: one that is scheduled on a parameter is the same polynomial beyond.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        With parameters.
+    law
+        As `analyse` takes it, but no table.
+    region : Region, optional
+        For the poles; stability by default.
+    limits : sequence of Specification
+        Those with a limit, ``at_most``, are to be kept; of all the worst case is bounded.
+
+    Raises
+    ------
+    InputError
+        If law, region or limits do not fit the plant, or its ranges cannot grow.
+    """
+    require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    plant, given = beside(plant, law)
+    if region is None:
+        region = HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
+    require_type(region, Region, "region", "for example polefence.Disk(-40, 31)")
+    region = in_time_of(plant, region)
+    require_region(plant, region)
+    for limit in limits:
+        limit.require_fit(plant)
+    if isinstance(given, GainTable):
+        raise InputError(
+            "a table of gains ends at its outer knots, and ranges cannot grow beyond them; give "
+            "the gain, or the polynomial, that the table stands for"
+        )
+    growth = Growth(plant, given)
+    kept = tuple(limit for limit in limits if limit.at_most is not None)
+    question = _Question(growth, region, kept)
+    failed = question.at_centre()
+    if failed:
+        none = Reach(growth.names, None, Fraction(0), None, failed, True, Fraction(0), "", None)
+        return Robustness(plant, given, region, kept, none, {}, (), failed)
+    with stage("all ranges"):
+        largest = question.reach(growth.names)
+    alone = {growth.names[0]: largest} if len(growth.names) == 1 and not _others(growth) else {}
+    for name in growth.names if not alone else ():
+        with stage(f"range of {name} alone"):
+            alone[name] = question.reach((name,), largest)
+    worst = tuple(_worst(plant, given, limit) for limit in limits)
+    return Robustness(plant, given, region, kept, largest, alone, worst)
+
+
+def _others(growth: Growth) -> bool:
+    return len(growth.plant.parameters) > len(growth.names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Failed:
+    """A plant at which something is lost, with the factor of the box that it is in."""
+
+    factor: Fraction
+    values: dict[str, Fraction]
+    reason: str
+    exact: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """What is to be kept, of what grows."""
+
+    growth: Growth
+    region: Region
+    limits: tuple[Specification, ...]
+
+    def at_centre(self) -> str:
+        """Say what is lost at the centre of the box already; nothing where nothing is."""
+        shares = dict.fromkeys((p.name for p in self.growth.plant.parameters), Fraction(0))
+        values = self.growth.values({}, shares)
+        failed = self._fails(self.growth.at({}), values, Fraction(1))
+        return "" if failed is None else failed.reason
+
+    def reach(self, names: tuple[str, ...], known: Reach | None = None) -> Reach:
+        """Return how far some ranges may grow.
+
+        Parameters
+        ----------
+        known : Reach, optional
+            Of more ranges, which says something of these where they are proved to grow.
+        """
+        end, said = self.growth.end(names)
+        top = short(end * (1 - NEAR_END), up=False) if said else end
+        rays = Rays(self.growth, names, self.region, self.limits)
+        lost, most, why = rays.first(top)
+        if most < top:
+            top, said = most, f"until there: {why}"
+        failed = None if lost is None else self._confirmed(rays, lost)
+        low, design = Fraction(0), None if known is None else known.design
+        if known is not None and known.proved is not None and known.proved >= 1:
+            low = min(known.proved, top)
+        low, design, failed = self._proved(rays, low, design, failed, top)
+        return Reach(
+            names,
+            low or None,
+            None if failed is None else failed.factor,
+            None if failed is None else failed.values,
+            "" if failed is None else failed.reason,
+            failed is None or failed.exact,
+            top,
+            said,
+            design,
+        )
+
+    def _proved(
+        self,
+        rays: Rays,
+        low: Fraction,
+        design: Design | None,
+        failed: _Failed | None,
+        top: Fraction,
+    ) -> tuple[Fraction, Design | None, _Failed | None]:
+        """Return the largest factor that is proved, with its proof, and what fails first."""
+        high = top if failed is None else failed.factor
+        if failed is None and low < top:  # up to where the plant ends
+            proof = self._proof(rays, top, design)
+            if isinstance(proof, Design):
+                return top, proof, None
+            failed = proof
+            high = top if failed is None else failed.factor
+        coarse = self.growth.plant.bent and bool(self.limits)
+        for share in COARSE if coarse else SHARES:
+            factor = short(high * (1 - Fraction(share)), up=False)
+            if factor <= low:
+                break
+            proof = self._proof(rays, factor, design)
+            if isinstance(proof, Design):
+                low, design = factor, proof
+                break
+            high = factor
+            if proof is not None:
+                failed, high = proof, proof.factor
+        halvings = FEW if coarse else HALVINGS
+        for _ in range(halvings if low and failed is not None else 0):
+            if high - low <= (COARSE[0] if coarse else CLOSE) * high:
+                break
+            factor = short((low + high) / 2, up=False)
+            proof = self._proof(rays, factor, design)
+            if isinstance(proof, Design):
+                low, design = factor, proof
+                continue
+            high = factor
+            if proof is not None:
+                failed, high = proof, proof.factor
+        return low, design, failed
+
+    def _proof(self, rays: Rays, factor: Fraction, like: Design | None) -> Design | _Failed | None:
+        """Return the proof at a factor, or a plant of that box that fails; None of neither.
+
+        Parameters
+        ----------
+        like : Design, optional
+            The proof of another box, of which the degrees are tried first.
+        """
+        with stage(f"proof at {float(factor):.7g}"):
+            try:
+                family = self.growth.at(rays.factors(factor))
+                form = _form(family, like)
+                found = analysed(family.plant, family.law, self.region, Deadline(None), begin=form)
+            except (InputError, FormatError):
+                return None
+            if found.alpha is not None:
+                return self._failed_at(rays, family, factor, found.alpha)
+            if found.certificate is None:
+                return None
+            bounds = list[Bound]()
+            for limit in self.limits:
+                bound = kept_bound(family.plant, family.law, limit)
+                if bound is None:
+                    return None
+                bounds.append(bound)
+            decay = proved_decay(family.plant, family.law, bounds)
+            claims = [bound.claim for bound in bounds]
+            design = Design(found.certificate, more=(*claims, *(() if decay is None else (decay,))))
+            try:
+                found.certificate.require_checkable(design.more)
+            except NotProvedError:
+                return None
+            return design
+
+    def _failed_at(
+        self, rays: Rays, family: Family, factor: Fraction, alpha: Sequence[Fraction]
+    ) -> _Failed | None:
+        """Return what the search for a proof refuted, with the smallest box that holds it."""
+        values = _values(family.plant, alpha)
+        if values is None:
+            return None
+        least = Fraction(0)
+        for name in rays.names:
+            centre, half = centre_of(self.growth.parameter(name))
+            least = max(least, abs(values[name] - centre) / half)
+        _, what = pole_at(family.plant, family.law, self.region, alpha)
+        return _Failed(min(factor, short(least, up=True)), values, what, True)
+
+    def _confirmed(self, rays: Rays, lost: Lost) -> _Failed | None:
+        """Return the plant that is lost in floats as one with rational values, a little beyond."""
+        parameters = self.growth.plant.parameters
+        shares = [Fraction(round(x * FINE), FINE) for x in lost.shares.tolist()]
+        named = {p.name: share for p, share in zip(parameters, shares, strict=True)}
+        inexact: _Failed | None = None
+        for step in BEYOND:
+            factor = short(Fraction(lost.factor * (1 + step)), up=True)
+            factors = rays.factors(factor)
+            with suppress(InputError):
+                values = self.growth.values(factors, named)
+                failed = self._fails(self.growth.at(factors), values, factor)
+                if failed is not None and failed.exact:
+                    return failed
+                inexact = inexact or failed
+        return inexact
+
+    def _fails(
+        self, family: Family, values: dict[str, Fraction], factor: Fraction
+    ) -> _Failed | None:
+        """Return what is lost at values of the parameters, None where nothing is seen to be."""
+        plant, law = family.plant, family.law
+        alpha = joint([p.weights(values[p.name]) for p in plant.parameters])
+        point = np.array([[float(a) for a in alpha]])
+        if self._near_the_edge(family, point):
+            blank = [placeholder(plant, law)] * len(self.region.parts)
+            with suppress(FormatError):
+                if refutes(certificate_of(plant, law, self.region, blank).claim(), alpha):
+                    what = pole_at(plant, law, self.region, alpha)[1]
+                    return _Failed(factor, values, what, True)
+        for limit in self.limits:
+            level = Fraction(limit.at_most or 0.0)
+            if not exceeded(family, limit, point)[0]:
+                continue
+            square = attained(plant, law, replace(limit, at_most=None), alpha)
+            exact = square is not None and square > level**2
+            return _Failed(factor, values, f"{limit_text(limit)} is exceeded", exact)
+        return None
+
+    def _near_the_edge(self, family: Family, alpha: Array) -> bool:
+        """Whether a pole may not lie in the region, as far as floats tell."""
+        with suppress(np.linalg.LinAlgError):
+            poles = np.linalg.eigvals(loops_of(family.plant, family.law, alpha))
+            return bool(self.region.distance(poles).max() > -1e-6 * self.region.size)
+        return True
+
+
+def _form(family: Family, like: Design | None) -> tuple[int, int] | None:
+    """Return degree and elevation with which a search for a proof begins; None: with the lowest.
+
+    Near the edge that proves little: those of another box, else some that are cheap.
+    """
+    if like is None or like.certificate.in_parts:
+        return EDGE if work_of(family.plant, family.law, EDGE) <= MOST_IN_PART else None
+    parts = like.certificate.evidence["parts"]
+    return max((part["degree"], part["elevation"]) for part in parts)
+
+
+def _values(plant: UncertainPlant, alpha: Sequence[Fraction]) -> dict[str, Fraction] | None:
+    """Return the parameters' values at alpha, exactly; None where none have this alpha."""
+    if values_at(plant, alpha) is None:
+        return None
+    count, found = len(plant.parameters), dict[str, Fraction]()
+    for k, p in enumerate(plant.parameters):
+        bit = count - 1 - k
+        upper = sum((a for j, a in enumerate(alpha) if j >> bit & 1), Fraction(0))
+        low, high = p.scheduling(p.low), p.scheduling(p.high)
+        found[p.name] = p.scheduling(low + upper * (high - low))
+    return found
+
+
+def _worst(plant: UncertainPlant, law: Law, limit: Specification) -> Attained:
+    """Return the worst case of a signal on the plant's own ranges."""
+    free = replace(limit, at_most=None)
+    alpha = seeded(plant, SAMPLES)
+    try:
+        values = free.values(plant, law, alpha)
+    except (InputError, np.linalg.LinAlgError):
+        return Attained(limit, None, None, None, False)
+    k = int(values.argmax())
+    point, worst = climbed(plant, law, free, alpha[k], float(values[k]))
+    sizes = plant.domain.sizes
+    exact_point = exact_alpha(plant.domain.coordinates(point), sizes, _fine)
+    square = attained(plant, law, free, exact_point)
+    bound = best_bound(plant, law, free)
+    reached = worst if square is None else root_down(square)
+    where = values_at(plant, exact_point)
+    return Attained(limit, bound, reached, where, square is not None)
+
+
+def _fine(value: float) -> Fraction:
+    return Fraction(round(value * FINE), FINE)

@@ -1,0 +1,157 @@
+"""``polefence robust``: how far the parameters' ranges may grow before a law fails."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from polefence.certify.certificate import Certificate
+from polefence.certify.design import FILE_NAME, read_document
+from polefence.certify.robust import Attained, Reach, Robustness, robust
+from polefence.cli.given import NONE, SPEC, Given, law_arguments, read_given
+from polefence.cli.lines import image_text, samples_text
+from polefence.cli.options import (
+    limit_argument,
+    region_arguments,
+    region_of,
+    result_arguments,
+    sampling_arguments,
+)
+from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write_json
+from polefence.cli.subjects import claims_file
+from polefence.cli.terminal import say
+from polefence.plant.points import values_text
+from polefence.proof.text import digits_down, digits_up
+from polefence.region.regions import Region
+from polefence.requirements.specification import limit_text
+from polefence.search.rows import plant_summary
+
+DIGITS = 7  # of a factor: all that it has
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `robust`."""
+    law_arguments(parser, ("--gain", "--law"))
+    parser.set_defaults(lyapunov=None)
+    region_arguments(parser, "disk(-40, 31) & sector(0.3)")
+    limit_argument(
+        parser,
+        "a bound that is to be kept: 'gain of y1 <= 2', or 'gain of y1' for its worst case alone; "
+        "repeat for more; none: the poles alone; default: all that the spec asks for",
+    )
+    sampling_arguments(parser, "ask about the loop of a", clock=True)
+    result_arguments(parser, "write DIR/design.json, the proof of the largest box")
+
+
+def robust_command(options: Any) -> int:
+    """Find how far the parameters' ranges may grow before a region or a limit is lost."""
+    given = read_given(options)
+    check_results(options, FILE_NAME)
+    region = _region(given, options)
+    limits = given.limits(options.limit or [SPEC], options)
+    if options.limit == [NONE]:
+        limits = []
+    found = robust(given.plant, given.law, region, limits)
+    say(*_lines(found), verdict="refuted" if found.refuted else "")
+    proved = found.largest.proved is not None
+    say(*image_text(given.plant, region, proved), *samples_text(given.plant, limits))
+    say(*given.text(options))
+    if options.output is not None:
+        if found.largest.design is None:
+            say("not saved: nothing was proved")
+        else:
+            saved(found.save(options.output))
+    if options.json is not None:
+        write_json(options.json, _summary(found))
+    return PROVED if found.proved else NOT_PROVED
+
+
+def _region(given: Given, options: Any) -> Region:
+    """Return the region of the options, of the spec, else of the design, else stability."""
+    known = given.region(options)
+    if options.gain is None or given.arrays is not None or region_of(options) is not None:
+        return known
+    path = claims_file(Path(options.gain))
+    return known if path is None else Certificate.of(read_document(path)).region
+
+
+def _lines(found: Robustness) -> Iterator[str]:
+    plant = found.plant
+    asked = ", ".join([str(found.region), *map(limit_text, found.limits)])
+    if found.refuted:
+        yield f"refuted: at the centre of all ranges {found.refuted}"
+        return
+    yield f"{plant.name}: {asked}, for ranges so many times as wide about their centres"
+    width = max(len(name) for name in ("all ranges", *(f"{k} alone" for k in found.alone)))
+    yield f"{'':<{width}}  {'proved':>18}  {'fails at':>10}"
+    yield _line(found, "all ranges", found.largest, width)
+    for name, reach in found.alone.items():
+        yield _line(found, f"{name} alone", reach, width)
+    if found.worst:
+        yield "worst cases on the ranges as they are:"
+    for worst in found.worst:
+        yield f"  {_worst_text(found, worst)}"
+
+
+def _line(found: Robustness, name: str, reach: Reach, width: int) -> str:
+    proved = "none" if reach.proved is None else digits_down(reach.proved, DIGITS)
+    if reach.whole:
+        proved = f"at least {proved}"
+    fails = "-" if reach.refuted is None else digits_up(reach.refuted, DIGITS)
+    line = f"{name:<{width}}  {proved:>18}  {fails:>10}"
+    if reach.values is not None:
+        where = values_text(found.plant, {k: float(v) for k, v in reach.values.items()})
+        line += f"  at {where}: {reach.reason}" + ", computed in floats" * (not reach.exact)
+    elif reach.whole:
+        line += f"  {reach.end}"
+    else:
+        upto = reach.end or f"up to {digits_down(reach.top)}"
+        line += f"  no plant that fails was found {upto}"
+    return line.rstrip()
+
+
+def _worst_text(found: Robustness, worst: Attained) -> str:
+    bound, reached = worst.bound, worst.attained
+    proved = "no bound is proved" if bound is None else f"{digits_up(bound.level)} is proved"
+    if reached is None or worst.values is None:
+        return f"{worst.specification.title}: {proved}; the loop is not stable on all of the box"
+    how = "attained" if worst.exact else "sampled"
+    where = values_text(found.plant, dict(worst.values))
+    return f"{worst.specification.title}: {proved}, {digits_down(reached)} {how} at {where}"
+
+
+def _summary(found: Robustness) -> dict[str, Any]:
+    return {
+        "plant": plant_summary(found.plant),
+        "region": found.region.document(),
+        "limits": [limit_text(limit) for limit in found.limits],
+        "answer": "refuted" if found.refuted else "proved" if found.proved else "not proved",
+        "reason": found.refuted,
+        "largest": _reach(found.largest),
+        "alone": {name: _reach(reach) for name, reach in found.alone.items()},
+        "worst": [_worst(worst) for worst in found.worst],
+    }
+
+
+def _reach(reach: Reach) -> dict[str, Any]:
+    return {
+        "proved": None if reach.proved is None else float(reach.proved),
+        "refuted": None if reach.refuted is None else float(reach.refuted),
+        "at least": reach.whole,
+        "at": None if reach.values is None else {k: float(v) for k, v in reach.values.items()},
+        "reason": reach.reason,
+        "exact": reach.exact,
+        "end": reach.end,
+    }
+
+
+def _worst(worst: Attained) -> dict[str, Any]:
+    return {
+        "signal": worst.specification.title,
+        "proved": None if worst.bound is None else worst.bound.level,
+        "attained": worst.attained,
+        "exact": worst.exact,
+        "at": None if worst.values is None else dict(worst.values),
+    }

@@ -26,6 +26,10 @@ STUDIES = re.findall(
 INTEGRATORS = re.search(
     r"```python\n# (\S+\.py)\n(.*?)```", (DOCS / "verify.md").read_text(), re.DOTALL
 )
+MASSES = (
+    "masses.toml",
+    re.search(r"```toml\n# masses.toml\n(.*?)```", (DOCS / "robust.md").read_text(), re.DOTALL)[1],
+)
 MOVING = (
     "moving.toml",
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
@@ -43,6 +47,7 @@ PAGES = {  # with what a reader has before the first command
     "observers": [],
     "proof": [STAGE],
     "reproduction": [],
+    "robust": [MASSES],
     "sample-time": [CAR],
     "semi-active": [],
     "service": [CAR],

@@ -10,7 +10,7 @@ from typing import Any
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME, read_document
 from polefence.certify.robust import Attained, Reach, Robustness, robust
-from polefence.cli.given import NONE, SPEC, Given, law_arguments, read_given
+from polefence.cli.given import SPEC, Given, law_arguments, read_given
 from polefence.cli.lines import image_text, samples_text
 from polefence.cli.options import (
     limit_argument,
@@ -51,8 +51,6 @@ def robust_command(options: Any) -> int:
     check_results(options, FILE_NAME)
     region = _region(given, options)
     limits = given.limits(options.limit or [SPEC], options)
-    if options.limit == [NONE]:
-        limits = []
     found = robust(given.plant, given.law, region, limits)
     say(*_lines(found), verdict="refuted" if found.refuted else "")
     proved = found.largest.proved is not None
@@ -84,10 +82,11 @@ def _lines(found: Robustness) -> Iterator[str]:
         yield f"refuted: at the centre of all ranges {found.refuted}"
         return
     yield f"{plant.name}: {asked}, for ranges so many times as wide about their centres"
-    width = max(len(name) for name in ("all ranges", *(f"{k} alone" for k in found.alone)))
+    names = ["all ranges", *(f"{name} alone" for name in found.alone)]
+    width = max(map(len, names))
     yield f"{'':<{width}}  {'proved':>18}  {'fails at':>10}"
     yield _line(found, "all ranges", found.largest, width)
-    for name, reach in found.alone.items():
+    for name, reach in found.alone.items() if len(found.alone) > 1 else ():
         yield _line(found, f"{name} alone", reach, width)
     if found.worst:
         yield "worst cases on the ranges as they are:"

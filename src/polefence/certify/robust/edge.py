@@ -28,6 +28,7 @@ WIDER = 1.02  # a box in which a point that was found is looked at again
 CLOSE = 1e-9  # of a factor, to which it is halved
 NEARER = 1e-7  # a nearer point is nearer by this share
 ROUNDS, TRIED = 40, 16  # of a climb, and points of each
+BEYOND = Fraction(10001, 10000)  # times a factor, where the plant has ended
 HALVINGS = 20  # between a factor at which the plant exists and one at which it does not
 
 
@@ -80,7 +81,8 @@ class Rays:
             top = min(top, float(most))
             family, ended = self._family(Fraction(top))
             if family is None:
-                most, why = self._last(Fraction(last), Fraction(top)), ended
+                most = self._last(Fraction(last), Fraction(top))
+                why = self._family(most * BEYOND)[1] or ended
                 if most <= last:
                     return None, most, why
                 continue

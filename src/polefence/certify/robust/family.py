@@ -73,7 +73,7 @@ class Growth:
         if not of_box:
             raise InputError(
                 "the law is one in the weights of the vertices, which says nothing beyond the "
-                "ranges; design it with --on box, or --schedule"
+                "ranges; give one that is a polynomial of the parameters on their box"
             )
 
     @cached_property

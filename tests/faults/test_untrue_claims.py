@@ -55,6 +55,8 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("damper/law.json", ("limit", "level"), 0.1),
         ("damper/limit.json", ("factor",), 1e5),
         ("late/design.json", ("level",), 1e-2),
+        ("margins/design.json", ("level",), 0.3),
+        ("margins/design.json", ("skew",), 9),
         ("late/design.json", ("region", "radius"), 0.3),
         ("discrete/design.json", ("level",), 1e-3),
         ("moving/design.json", ("level",), 1e-2),

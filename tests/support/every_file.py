@@ -18,6 +18,7 @@ from polefence.cli.main import main
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
+from polefence.requirements.disk_margin import DiskMargin
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
@@ -113,7 +114,7 @@ FILES = (
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
-    "passing/design.json",
+    "passing/design.json", "margins/design.json",
 )  # fmt: skip
 PASSING = (
     SPEC
@@ -236,6 +237,12 @@ def quiet(words):
     return status, out.getvalue(), err.getvalue()
 
 
+MARGINS = (
+    "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
+    "--limit", "disk margin of u >= 1", "--limit", "disk margin of [u, x, v] with sigma 0.5",
+)  # fmt: skip
+
+
 def write_every_file(made: Path) -> None:
     """Write the files into the working folder, each of them proved."""
     (made / "plain.toml").write_text(SPEC)
@@ -258,6 +265,7 @@ def write_every_file(made: Path) -> None:
         ["analyse", "plain.toml", "--gain", "[[-3, -3]]", *half, "-o", "lyapunov"],
         ["analyse", "plain.toml", "--gain", "gains.json", *half, "-o", "table"],
         ["service", "scheduled", "-o", "service"],
+        [*MARGINS, "-o", "margins"],
         ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
@@ -310,7 +318,7 @@ def _write_passing(made: Path) -> None:
     certificate = analyse(plant, law, HalfPlane(0.3)).design.certificate
     kinds = (
         Rms("x", density=1), Gain(["x", "u"]), RelativeRms("v"), EnergyPeak("v", norm=1),
-        InitialPeak("x", impulse=1),
+        InitialPeak("x", impulse=1), DiskMargin("u"), DiskMargin(["u", "slip"]),
     )  # fmt: skip
     proved = [bounds.best_bound(plant, law, own) for own in kinds]
     dual = bounds._Question.of(plant, law, kinds[0])

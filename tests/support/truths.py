@@ -729,6 +729,29 @@ def false_gain(plant, law, claim, gain=None):
     return False
 
 
+def false_disk_margin(plant, law, claim):
+    """Whether complex factors of the disks, on its edge, make a loop unstable."""
+    inputs, read = claim.get("inputs", []), claim.get("measured", [])
+    skew, margin = number(claim.get("skew", 0)), 1 / number(claim["level"])
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        for A, B, _ in plant.near(alpha):
+            own = law.own(alpha) if law.polynomial else law.gain(alpha)
+            C = getattr(law, "C", None)
+            C = np.eye(len(A)) if C is None else np.tensordot(alpha, C, 1)
+            for _ in range(40):
+                turned = np.exp(2j * np.pi * plant.random.random(len(inputs) + len(read)))
+                d = margin * turned
+                f = (1 + (1 - skew) / 2 * d) / (1 - (1 + skew) / 2 * d)
+                at_u, at_y = np.ones(B.shape[1], complex), np.ones(len(C), complex)
+                at_u[[k - 1 for k in inputs]] = f[: len(inputs)]
+                at_y[[k - 1 for k in read]] = f[len(inputs) :]
+                poles = np.linalg.eigvals(A + B * at_u @ own * at_y @ C)
+                size = max(1.0, np.abs(poles).max())
+                if (np.abs(poles).max() - 1 if plant.T else poles.real.max() / size) > SLACK:
+                    return True
+    return False
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -954,6 +977,7 @@ FALSE = {
     "estimate": false_estimate,
     "gain error": false_gain,
     "error of each gain": false_each_gain,
+    "disk margin": false_disk_margin,
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

@@ -1,0 +1,334 @@
+"""Disk margins: against factors in their disks, published ones, and of every kind of plant."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import polefence as pf
+from polefence.base.errors import InputError, SpecError
+from polefence.certify.bounds import best_bound, sampled
+from polefence.cli.main import main
+from polefence.law.laws import FixedGain, PolynomialGain, given_law
+from polefence.plant.outputs import states
+from polefence.plant.points import seeded
+from polefence.plant.spec import loads
+from polefence.proof.document import check, from_plain
+from polefence.proof.work import FormatError
+from polefence.requirements import disk_margin
+from polefence.requirements.disk_margin import DiskMargin
+from polefence.requirements.text import load_specifications, parse_specification
+from polefence.response.modes import Modes
+
+THIRD_ORDER = """
+states = ["a", "b", "c"]
+inputs = ["u"]
+[matrices]
+A = [[0, 1, 0], [0, 0, 1], [-10, -10, -10]]
+B = [[0], [0], [1]]
+"""
+SATELLITE = """
+states = ["a", "b"]
+inputs = ["u1", "u2"]
+[matrices]
+A = [[0, 10], [-10, 0]]
+B = [[1, 0], [0, 1]]
+[outputs]
+y1 = {C = [1, 10]}
+y2 = {C = [-10, 1]}
+"""
+SPRING = """
+name = "spring"
+states = ["position [m]", "velocity [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["push [N]"]
+[parameter.k]
+range = [80, 120]
+[matrices]
+A = [[0, 1], ["-k", -2]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""
+FUNCTIONS = SPRING.replace("range = [80, 120]", "range = [0, 1]").replace('"-k"', '"-90*cos(k)"')
+GAIN = np.array([[-20.0, -4.0]])
+
+
+def factor(d, sigma):
+    return (1 + (1 - sigma) / 2 * d) / (1 - (1 + sigma) / 2 * d)
+
+
+def proved(plant, law, *named, sigma=0.0):
+    """The margin that is proved, and what samples show."""
+    law = given_law(plant, law)
+    asked = DiskMargin.least(named if len(named) > 1 else named[0], sigma=sigma)
+    bound = best_bound(plant, law, asked)
+    return bound.number, 1 / sampled(plant, law, asked, seeded(plant, 200)).worst
+
+
+@pytest.mark.parametrize(("sigma", "margin"), [(0, 0.458093), (1, 0.402146), (-1, 0.486367)])
+def test_published_margins_of_a_third_order_loop(sigma, margin):
+    """Seiler, Packard and Gahinet 2020: 25 / (s^3 + 10 s^2 + 10 s + 10)."""
+    found, _ = proved(loads(THIRD_ORDER), [[-25, 0, 0]], "u", sigma=sigma)
+    assert margin * (1 - 2e-5) < found < margin * (1 + 2e-6)
+
+
+def test_published_margins_of_a_satellite():
+    """The same: 2 of each loop, 0.0998 of both inputs, 0.0499 of inputs and outputs at once."""
+    plant = loads(SATELLITE)
+    law = PolynomialGain(
+        ((0,),), -np.eye(2)[None], tuple(map(plant.signal, ("y1", "y2"))), plant.parameters
+    )
+    assert proved(plant, law, "u1")[0] == pytest.approx(2, rel=1e-5)
+    assert proved(plant, law, "u1", "u2")[0] == pytest.approx(0.09975, rel=1e-4)
+    both, _ = proved(plant, law, "u1", "u2", "y1", "y2")
+    assert 0.0498 < both < 0.04995
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("sigma", [-1.0, 0.0, 0.7])
+def test_just_above_the_margin_a_factor_makes_a_loop_unstable(seed, sigma):
+    random = np.random.default_rng(seed)
+    n = 4
+    A = random.normal(size=(n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(n)
+    B, K = random.normal(size=(n, 2)), 0.3 * random.normal(size=(2, n))
+    while np.linalg.eigvals(A + B @ K).real.max() > -0.1:
+        K /= 2
+    plant = pf.UncertainPlant.from_vertices([A], [B])
+    margin, _ = proved(plant, K, "u1", sigma=sigma)
+    turns = np.exp(2j * np.pi * np.linspace(0, 1, 20_000))
+
+    def worst(size):
+        f = factor(size * turns, sigma)
+        at = np.stack([f, np.ones_like(f)], axis=1)
+        return np.linalg.eigvals(A + (B * at[:, None]) @ K).real.max()
+
+    assert worst(0.999 * margin) < 0 < worst(1.001 * margin)
+
+
+@pytest.mark.parametrize("named", [("u1", "u2"), ("u1", "x2"), ("u2", "x1", "x3")])
+def test_several_loops_bear_factors_of_any_size_below_the_margin(named):
+    random = np.random.default_rng(7)
+    A = np.array([[0, 1.0, 0], [-4, -1, 1], [0, 0, -2]])
+    B = np.array([[0, 0.1], [1, 0], [0, 1]])
+    K = np.array([[-2.0, -1, 0.3], [0.5, -1, -3]])
+    plant = pf.UncertainPlant.from_vertices([A], [B])
+    margin, _ = proved(plant, K, *named)
+    least = np.inf
+    for _ in range(20_000):
+        d = margin * np.exp(2j * np.pi * random.random(len(named)))
+        at_u, at_x = np.ones(2, complex), np.ones(3, complex)
+        for name, f in zip(named, factor(d, 0), strict=True):
+            (at_u if name[0] == "u" else at_x)[int(name[1]) - 1] = f
+        least = min(least, -np.linalg.eigvals(A + B * at_u @ K * at_x).real.max())
+    assert least > 0
+    # the same units of inputs and states change nothing
+    scaled = pf.UncertainPlant.from_vertices([A], [B / 1000])
+    assert proved(scaled, 1000 * K, *named)[0] == pytest.approx(margin, rel=2e-3)
+
+
+def test_a_loop_of_one_input_and_one_signal_is_the_same_at_both_ends():
+    plant = loads(THIRD_ORDER)
+    at_input, _ = proved(plant, [[-25, 0, 0]], "u")
+    assert proved(plant, [[-25, 0, 0]], "a")[0] == pytest.approx(at_input, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "sample_time", "delay", "loose"),
+    [
+        (SPRING, None, 0, 1e-4),
+        (SPRING.replace("120]", "120]\nrate = [-5, 5]"), None, 0, 5e-3),
+        (FUNCTIONS, None, 0, 2e-3),
+        (SPRING, 0.02, 0, 2e-3),
+        (SPRING, 0.02, "0.5", 2e-3),
+        (FUNCTIONS, 0.02, 1, 2e-2),
+        (SPRING + "[dead_time.force]\ntime = 0.01\n", None, 0, 1.5),
+    ],
+)
+@pytest.mark.parametrize("named", [("force",), ("force", "position")])
+def test_margins_of_every_kind_of_plant(text, sample_time, delay, loose, named):
+    plant = loads(text)
+    if sample_time:
+        plant = pf.at_sample_time(plant, sample_time, delay)
+    K = np.zeros(plant.shape[::-1])
+    K[0, :2] = GAIN
+    margin, seen = proved(plant, K, *named)
+    assert seen / (1 + loose) < margin < seen * (1 + 1e-9)
+
+
+def test_a_margin_at_samples_is_that_of_the_digital_loop():
+    """Against factors of the command between the computer and the hold, k = 80, one sample late."""
+    plant = pf.at_sample_time(loads(SPRING.replace("[80, 120]", "[80, 80.001]")), 0.02, 1)
+    margin, _ = proved(plant, [[*GAIN[0], 0]], "force")
+    F = expm(0.02 * np.array([[0, 1, 0], [-80, -2, 1], [0, 0, 0]]))
+    turns = np.exp(2j * np.pi * np.linspace(0, 1, 5000))
+
+    def worst(size):
+        f = factor(size * turns, 0)
+        loops = np.zeros((len(f), 3, 3), complex)
+        loops[:, :2, :2], loops[:, :2, 2] = F[:2, :2], F[:2, 2]
+        loops[:, 2, :2] = f[:, None] * GAIN
+        return np.abs(np.linalg.eigvals(loops)).max()
+
+    assert worst(0.999 * margin) < 1 < worst(1.002 * margin)
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_slopes_are_those_of_central_differences(size, monkeypatch):
+    random = np.random.default_rng(3)
+    A, B = random.normal(size=(4, 4)), random.normal(size=(4, 2))
+    A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(4)
+    plant = pf.UncertainPlant.from_vertices([A], [B])
+    own = DiskMargin(["u1", "u2"][:size] if size > 1 else "u1", sigma=-0.5)
+    channel = own.channel(plant, np.ones((1, 1)))
+
+    def found(K):
+        return own.slopes(channel.closed(K[None], Modes(channel.A + channel.B @ K)))
+
+    K = random.normal(size=(2, 4))
+    while np.linalg.eigvals(A + B @ K).real.max() > -0.3:
+        K /= 1.5
+    first = found(K)
+    d = disk_margin._logarithms(channel.closed(K[None], Modes(channel.A + channel.B @ K)))
+    monkeypatch.setattr(disk_margin, "_logarithms", lambda *_: d)  # best is best to 1e-4
+    top = int(first.values.argmax())
+    slopes = channel.slopes(first)[top]
+    for _ in range(4):
+        step = random.normal(size=K.shape)
+        ahead, back = (found(K + s * 1e-4 * step).values.max() for s in (1, -1))
+        along = (slopes * step).sum()
+        assert (ahead - back) / 2e-4 == pytest.approx(along, abs=2e-3 * np.abs(slopes).max())
+
+
+def test_a_law_is_tuned_for_a_margin_and_its_file_says_so(tmp_path, capsys):
+    spec = tmp_path / "spring.toml"
+    asked = """
+[road]
+class = "C"
+speed = 20
+[[specification]]
+kind = "rms"
+signal = "position"
+density = 1
+minimise = true
+[[specification]]
+kind = "rms"
+signal = "force"
+density = 1
+at_most = 3
+"""
+    margin = '[[specification]]\nkind = "disk margin"\nloops = ["force"]\nat_least = 1.9\n'
+    spec.write_text(SPRING + asked + margin)
+    summary = tmp_path / "said.json"
+    command = ["optimise", str(spec), "--json", str(summary), "-o", str(tmp_path / "out")]
+    assert main(command) == 0
+    row = json.loads(summary.read_text())["bounds"][2]
+    assert (row["kind"], row["signal"], row["limit"]) == ("disk margin", "force", 1.9)
+    assert row["proved"] == pytest.approx(1.9, rel=1e-12)
+    assert row["worst sampled"] >= 1.9
+    assert main(["check", str(tmp_path / "out"), "--spec", str(spec)]) == 0
+    assert "disk margin of the loop at 'force' = u1 >= 1.90000, on" in capsys.readouterr().out
+    free = tmp_path / "free.toml"
+    free.write_text(SPRING + asked)
+    limit = ["--limit", "rms of force <= 3", "--limit", "disk margin of force >= 1.9"]
+    assert main(["optimise", str(free), *limit[:2], "-o", str(tmp_path / "less")]) == 0
+    design = pf.Design.load(tmp_path / "less")
+    assert proved(design.plant, design.law, "force")[0] < 1.9  # it does bind
+
+
+def test_a_margin_is_made_as_large_as_it_can_be(tmp_path, capsys):
+    spec = tmp_path / "satellite.toml"
+    spec.write_text(
+        SATELLITE
+        + '[law]\nmeasured = ["y1", "y2"]\nschedule = []\n[[specification]]\nkind = "disk margin"\n'
+        + 'loops = ["u1", "y2"]\nmaximise = true\n'
+        + '[[specification]]\nkind = "gain norm"\nat_most = 20\n'
+    )
+    assert main(["optimise", str(spec), "-o", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    found = float(said.partition("disk margin of [u1, y2]")[2].split()[0])
+    assert found > 1.99  # of two loops that share nothing, 2
+    assert "maximised" in said
+
+
+def is_proved(document):
+    try:
+        return check(from_plain(document)).proved
+    except FormatError:
+        return False
+
+
+def files(tmp_path):
+    plant = loads(SPRING)
+    law = FixedGain(GAIN)
+    asked = DiskMargin.least(["force", "position"], sigma=0.5)
+    analysis = pf.analyse(plant, law, pf.parse_region("half_plane(0)"), limits=[asked])
+    analysis.design.save(tmp_path)
+    return json.loads((tmp_path / "design.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("level", lambda x: x * 0.999),
+        ("skew", lambda _: "3/2"),
+        ("weights", lambda x: [x[0], "1/3"]),
+        ("inputs", lambda _: [2]),
+        ("inputs", lambda _: []),
+        ("measured", lambda _: [2]),
+        ("measured", lambda _: [1, 1]),
+        ("measured", lambda _: [3]),
+        ("weights", lambda x: x[:1]),
+        ("weights", lambda x: [x[0], 0]),
+    ],
+)
+def test_one_fault_in_a_file_and_it_is_not_proved(tmp_path, key, change):
+    document = files(tmp_path)
+    assert is_proved(document)
+    claim = next(own for own in document["claims"] if own["kind"] == "disk margin")
+    claim[key] = change(claim[key])
+    assert not is_proved(document)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ('loops = ["force"]', "give at_least = MARGIN or maximise = true"),
+        ("at_least = 1", r'loops is missing; write loops = \["NAME"\]'),
+        ('signal = "force"\nat_least = 1', "signal is for other kinds; a disk margin has loops"),
+        ('loops = ["force"]\nat_most = 1', "at_most is for other kinds; .* has at_least"),
+        ('loops = ["force"]\nminimise = true', "minimise is for other kinds; .* has maximise"),
+        ('loops = ["force"]\nat_least = 0', "at_least = 0 must be a positive number"),
+        ('loops = ["force"]\nat_least = "a"', "must be a finite number"),
+        ("loops = []\nat_least = 1", "an empty list"),
+        ('loops = ["force"]\nat_least = 1\nsigma = 1e9', "must be from -100 to 100"),
+        ('loops = ["force"]\nat_least = 1\ndisturbances = ["push"]', "unknown key disturbances"),
+    ],
+)
+def test_bad_margins_are_refused_in_a_line(tmp_path, table, said):
+    path = tmp_path / "bad.toml"
+    path.write_text(SPRING + f'[[specification]]\nkind = "disk margin"\n{table}\n')
+    with pytest.raises(SpecError, match=said) as error:
+        load_specifications(path)
+    assert "\n" not in str(error.value)
+
+
+def test_lines_of_margins_read_back():
+    for text in ("disk margin of force >= 1.9", "disk margin of [force, a b] >= 0.3 with sigma 1"):
+        one = parse_specification(text)
+        assert parse_specification(pf.requirements.specification.limit_text(one)) == one
+    with pytest.raises(InputError, match=">= NUMBER"):
+        parse_specification("disk margin of force <= 1")
+    with pytest.raises(InputError, match="<= NUMBER"):
+        parse_specification("rms of force >= 1")
+
+
+def test_a_loop_that_is_none_is_refused():
+    plant = loads(SPRING)
+    with pytest.raises(InputError, match="no loop at 'forse'.*did you mean 'force'"):
+        best_bound(plant, given_law(plant, GAIN), DiskMargin("forse"))
+    scheduled = pf.place(plant, pf.HalfPlane(1), "scheduled").law
+    with pytest.raises(InputError, match="nor among what the law measures"):
+        best_bound(plant, scheduled, DiskMargin("position"))
+    assert states(plant)[0].name == "position"

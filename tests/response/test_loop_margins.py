@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polefence import Compensator, InputError, UncertainPlant, at_sample_time
+from polefence.requirements.disk_margin import DiskMargin
 from polefence.response import (
     Output,
     disk_margin,
@@ -293,6 +294,31 @@ def test_a_sampled_loop_tends_to_that_in_continuous_time():
         a, b = getattr(fine, name), getattr(slow, name)
         assert a.value[0] == pytest.approx(b.value[0], rel=1e-3)
         assert a.frequency[0] == pytest.approx(b.frequency[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("T", [None, 0.02])
+def test_disk_margins_are_those_of_the_requirement_which_is_written_otherwise(T):
+    random = np.random.default_rng(8)
+    As = [[[0, 1, 0], [-k, -0.8, 1], [0, 0, -5]] for k in (1.0, 3.0)]
+    plant = UncertainPlant.from_vertices(As, [np.array([[0, 0], [1, 0.3], [0.2, 5]])] * 2)
+    plant = plant if T is None else at_sample_time(plant, T)
+    law = Compensator(
+        random.normal(size=(2, 2)) - 3 * np.eye(2) if T is None else 0.3 * np.eye(2),
+        *(
+            random.normal(size=(2, 2)) * x
+            for x in ((1, 0.4, 0.3) if T is None else (0.1, 0.2, 0.1))
+        ),
+        measured=("x1", "x3"),
+        sample_time=T,
+    )
+    larger, gain = law.beside(plant)
+    alpha = family_points(larger, 6)
+    for here in places(plant, law):
+        for sigma in (0, 1, -1):
+            found = disk_margin(plant, law, here.name, sigma, alpha)
+            other = 1 / DiskMargin(here.name, sigma=float(sigma)).values(larger, gain, alpha)
+            np.testing.assert_allclose(found.value, other, rtol=1e-6)
+            assert found.value.min() > 0
 
 
 @pytest.mark.parametrize("sigma", [math.nan, math.inf, "S"])

@@ -15,7 +15,9 @@ from polefence import (
     at_sample_time,
     observe,
     place,
+    with_actuator,
     with_dead_time,
+    with_sensor,
 )
 from polefence.examples import family
 from polefence.law.laws import FixedGain
@@ -192,6 +194,17 @@ def test_a_family_has_its_vertices_first_then_its_middle():
     assert len(alpha) == N + 1 + 30
     law = FixedGain(np.zeros((1, 5)))
     assert len(opened(car, law).alpha) > 100
+
+
+def test_signals_with_hardware_answer_to_their_own_names():
+    larger = with_sensor(with_actuator(family("servo"), "armature voltage", 80), "motor angle", 50)
+    law = Compensator(D=[[-2.0]], measured=("measured motor angle",))
+    for name, known in (
+        ("armature voltage", "demand of armature voltage"),
+        ("motor angle [rad]", "measured motor angle"),
+        ("measured motor angle", "measured motor angle"),
+    ):
+        assert opened(larger, law, name).place.name == known
 
 
 @pytest.mark.parametrize("name", ["u3", "y", ""])

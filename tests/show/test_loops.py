@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from polefence import Parameter, UncertainPlant
+from polefence.region.text import digits_down
 from polefence.response import family_points, margins, opened, places
 from polefence.show.loops import (
     bode_figure,
@@ -96,7 +97,7 @@ def test_the_disk_is_that_of_the_margin_and_the_loop_touches_it(single, sigma):
     np.testing.assert_allclose(np.abs(S + (sigma - 1) / 2), 5, rtol=5e-3)
     said = [text.get_text() for text in smaller.legends[0].get_texts()]
     assert "disk of margin 0.2, proved" in said
-    assert f"disk of margin {margin:.3g}, sampled" not in said
+    assert f"disk of margin {digits_down(margin, 4)}, sampled" not in said
 
 
 def test_margins_are_marked_with_their_units_where_the_loop_is(single):

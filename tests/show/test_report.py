@@ -86,7 +86,7 @@ def claims_alone(undrawn, monkeypatch):
     """Leave out what is simulated and sampled too."""
     for name in ("responses", "comfort"):
         monkeypatch.setattr(f"polefence.show.report.{name}", lambda *_: None)
-    monkeypatch.setattr("polefence.show.report.loops", lambda _: [])
+    monkeypatch.setattr("polefence.show.report.loops", lambda *_: [])
 
 
 def test_all_that_was_asked_for_is_there(car):
@@ -265,7 +265,7 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     own = cells(page)
     assert any("rms of 'force' = u1 <= 3" in cell for cell in own)
     place = own.index("rms of 'force'")  # this is no car, and has no road
-    assert own[place + 1 : place + 3] == ["3 N", "at density 2"]
+    assert own[place + 1 : place + 3] == ["at most 3 N", "at density 2"]
     assert "rms of 'force' at most 3 N at density 2." in page.parts[""]
     assert sum(tag == "img" for tag, _ in page.tags) == 5
     assert main(["report", str(folder), "--front", str(spec)]) == 2
@@ -314,14 +314,37 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_al
         shown = cells(own)
         rms = shown.index("rms of 'sprung-mass acceleration'")
         gain = shown.index("gain of 'tyre deflection'")
-        assert re.fullmatch(r"[\d.]+ m/s²", shown[rms + 1])
+        assert re.fullmatch(r"at most [\d.]+ m/s²", shown[rms + 1])
         assert shown[rms + 2].startswith(said)
-        assert f"at most {shown[rms + 1]} {shown[rms + 2]}" in own.parts[""]
-        assert re.fullmatch(r"[\d.]+ m per m/s", shown[gain + 1])
+        assert f"{shown[rms + 1]} {shown[rms + 2]}" in own.parts[""]
+        assert re.fullmatch(r"at most [\d.]+ m per m/s", shown[gain + 1])
 
 
 def cells(page):
     return [own for own in page.parts["Bounds on signals, proved"].split("|") if own.strip()]
+
+
+def test_a_proved_disk_margin_is_said_beside_its_loop(tmp_path, undrawn, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "polefence.show.report.loop_figure", lambda found, *proved: drawn.append((found, *proved))
+    )
+    spec = tmp_path / "plant.toml"
+    table = '[[specification]]\nkind = "rms"\nsignal = "x"\ndensity = 2\nminimise = true\n'
+    table += '[[specification]]\nkind = "disk margin"\nloops = "force"\nat_least = 1.5\n'
+    table += '[[specification]]\nkind = "rms"\nsignal = "force"\ndensity = 2\nat_most = 3\n'
+    spec.write_text(ONE_STATE + table)
+    folder = tmp_path / "law"
+    assert main(["optimise", str(spec), "--method", "quadratic", "-o", str(folder)]) == 0
+    assert main(["report", str(folder)]) == 0
+    text = Page((folder / "report.html").read_text()).parts["Loops"]
+    (found, proved), *others = drawn
+    assert found.opened.place.name == "force"
+    assert proved == pytest.approx(1.5, rel=1e-3)
+    assert found.least[-1].value >= proved
+    assert f"{found.least[-1].value:.3g}; 1.5 proved" in text
+    assert text.count("proved") == 2  # and that the others are not
+    assert all(len(one) == 1 for one in others)
 
 
 def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):

@@ -22,7 +22,7 @@ from polefence.law.compensator import beside
 from polefence.law.laws import check_alpha
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import DERIVATIVE, FILTER, INTEGRAL, own_states
+from polefence.plant.larger import DEMAND, DERIVATIVE, FILTER, INTEGRAL, MEASURED, own_states
 from polefence.plant.outputs import Output, Signal, inputs, rows_at, split, states
 from polefence.plant.points import seeded
 from polefence.plant.system import Array, floats
@@ -176,7 +176,8 @@ def opened(plant: UncertainPlant, law: Any, loop: str | None = None, alpha: Any 
         With states of its own too, in continuous or in discrete time, as the plant is.
     loop : str, optional
         Name of an input, which the loop is opened before, or of a measured signal, which the law
-        reads; the first input by default. See `places`.
+        reads; the first input by default. See `places`. Of a signal with an actuator or a sensor
+        its own name will do.
     alpha : (count, N) or (N,) array, optional
         Points of the family; by default its vertices and others, see `family_points`.
 
@@ -202,9 +203,10 @@ def _chosen(plant: UncertainPlant, known: Sequence[Place], loop: str | None) -> 
     if loop is None:
         return known[0]
     name = split(str(loop))[0]
-    for place in known:
-        if place.name == name:
-            return place
+    for alias in (name, f"{DEMAND}{name}", f"{MEASURED}{name}"):
+        for place in known:
+            if place.name == alias:
+                return place
     hint = suggest(name, [place.name for place in known])
     raise InputError(
         f"no loop {name!r} of {plant.name}: give an input, or what is measured; {hint}"

@@ -13,6 +13,7 @@ import numpy as np
 from polefence.base.explained import explained
 from polefence.plant.system import Array
 from polefence.proof.text import visible
+from polefence.region.text import digits_down
 from polefence.response.loop_margins import LeastMargin, LoopMargins
 from polefence.show.plots import MANY, VERTEX, new_figure, new_grid, typeset
 
@@ -93,8 +94,8 @@ def loop_figure(found: LoopMargins, proved: float | None = None) -> Figure:
 HEAD = ("loop", "gain", "phase", "delay", "disk margin", "the disk margin is least at")
 
 
-def margins_row(found: LoopMargins) -> tuple[str, ...]:
-    """Return the least margins of a loop in words, under `HEAD`: sampled."""
+def margins_row(found: LoopMargins, proved: float | None = None) -> tuple[str, ...]:
+    """Return the least margins of a loop in words, under `HEAD`: sampled but for what is proved."""
     place = found.opened.place
     lower, upper, phase, delay, disk = found.least
     name = f"{place.label}, {'input' if place.kind == 'input' else 'measured'}"
@@ -103,7 +104,9 @@ def margins_row(found: LoopMargins) -> tuple[str, ...]:
     gain = f"{lower.value:.3g} to {'any' if math.isinf(upper.value) else f'{upper.value:.3g}'}"
     late = "any" if math.isinf(delay.value) else f"{_text(delay)}{_hertz(delay)}"
     where = f"{_hertz(disk)}{_at(found, disk)}".lstrip(", ") or "any frequency"
-    return name, gain, f"{_text(phase)}{_hertz(phase)}", late, f"{disk.value:.3g}", where
+    least = f"{disk.value:.3g}" + (f", skew {found.sigma:g}" if found.sigma else "")
+    least += "" if proved is None else f"; {digits_down(proved, 4)} proved"
+    return name, gain, f"{_text(phase)}{_hertz(phase)}", late, least, where
 
 
 def _at(found: LoopMargins, least: LeastMargin) -> str:
@@ -362,7 +365,7 @@ BESIDE = (((6, 5), "left"), ((6, -11), "left"), ((6, -3), "left"))
 def _said(ax: Axes, text: str, x: float, y: float, where: tuple[tuple[int, int], str]) -> None:
     offset, side = where
     across = ax.transAxes.inverted().transform(ax.transData.transform((x, y)))[0]
-    if where in BESIDE and across > 0.8:  # room for the text
+    if side == "left" and across > 0.8:  # room for the text
         offset, side = (-offset[0], offset[1]), "right"
     ax.annotate(text, (x, y), offset, textcoords="offset points", ha=side, bbox=BOX, **LABEL)
 
@@ -392,7 +395,9 @@ def _finished(figure: Figure, curves: _Curves, columns: int, disk: bool = True) 
     handles: list[Any] = [Line2D([], [], label=text, **look) for look, text in named]
     how = "sampled" if curves.proved is None else "proved"
     if disk and curves.margin > 0:
-        handles.append(Patch(label=f"disk of margin {curves.margin:.3g}, {how}", **DISK))
+        handles.append(
+            Patch(label=f"disk of margin {digits_down(curves.margin, 4)}, {how}", **DISK)
+        )
     handles.append(Line2D([], [], ls="", label="least margins, sampled", **MARK))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8.5)
     where = "at the input" if place.kind == "input" else "at the measured"

@@ -24,6 +24,7 @@ from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
+from polefence.proof.claims.disk_margin import DiskMargin
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
@@ -34,7 +35,7 @@ from polefence.proof.ranges import ANY
 from polefence.proof.text import rate_text, visible
 from polefence.region.text import digits_down, digits_up, short_text
 from polefence.response.linear import slowest_seen, step
-from polefence.response.loop_margins import margins
+from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.opened import family_points, opened, places
 from polefence.response.stationary import velocity_density
 from polefence.search.limits import Limit, limits
@@ -199,7 +200,7 @@ def sections(
         If the road or the speed cannot be used.
     """
     parts = [_claim(design, answer, bounds), _plant(design.plant), _poles(design), _limits(design)]
-    parts += [_bounds(bounds), responses(design), *loops(design)]
+    parts += [_bounds(bounds), responses(design), *loops(design, bounds)]
     parts += [comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
@@ -358,6 +359,7 @@ class Bound:
     under: str
     statement: str
     kind: str = ""
+    margin: tuple[str, float, float] | None = None  # of one loop: where, its skew, how much
 
 
 def _named(design: Design, document: Document | None, road: tuple[str, float]) -> tuple[Bound, ...]:
@@ -385,8 +387,24 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
             under += acting_text(claim.scales, document.plant, claim.scale_text)
-        bounds.append(Bound(what or said, level, under.strip(), said if what else "", claim.kind))
+        own = (what or said, level, under.strip(), said if what else "", claim.kind)
+        bounds.append(Bound(*own, _margin(design, claim)))
     return tuple(bounds)
+
+
+def _margin(design: Design, claim: Any) -> tuple[str, float, float] | None:
+    """Return where a proved disk margin of one loop is, its skew, and how much it is.
+
+    In discrete time the claim lets the law read its own demands as they arrive, which the loop of
+    `polefence.response.opened` does not.
+    """
+    if not isinstance(claim, DiskMargin) or claim.loops.count > 1:
+        return None
+    if design.plant.sample_time is not None:
+        return None
+    known = inputs(design.plant) if claim.loops.inputs else design.law.measured
+    (k,) = (*claim.loops.inputs, *claim.loops.measured)
+    return known[k].name, float(claim.loops.skew), float(1 / claim.level)
 
 
 def _unit(plant: UncertainPlant, claim: SignalClaim) -> str:
@@ -572,15 +590,18 @@ def _seconds(value: float) -> str:
 
 
 @stage("loops")
-def loops(design: Design) -> list[Section]:
+def loops(design: Design, bounds: Sequence[Bound] = ()) -> list[Section]:
     """Return the margins of the loop, opened at each place in turn, and what it looks like there.
 
-    Drawn are the loops at the inputs, and of the others the one with the least disk margin.
+    Drawn are the loops at the inputs, and of the others the one with the least disk margin. Of a
+    loop with a margin that is proved the disk is that, with its skew.
     """
     plant, known = design.plant, places(design.plant, design)
     some = known[:MOST_LOOPS]
     alpha = family_points(plant, LOOP_POINTS)
-    every = [margins(opened(plant, design, place.name, alpha)) for place in some]
+    proved = {bound.margin[0]: bound.margin[1:] for bound in bounds if bound.margin}
+    loops = [opened(plant, design, place.name, alpha) for place in some]
+    every = [margins(loop, proved.get(loop.place.name, (0.0,))[0]) for loop in loops]
     fewer = f" Of {len(known)} loops these are the first {MOST_LOOPS}." * (len(some) < len(known))
     inside = [found for found in every if found.opened.place.kind != "input"]
     drawn = [found for found in every if found.opened.place.kind == "input"][:MOST_DRAWN]
@@ -592,21 +613,25 @@ def loops(design: Design) -> list[Section]:
             "The loop is opened at one place, between the law and an input or between a sensor "
             "and the law, all others closed: by which factors its gain may be multiplied there, "
             "and how much its phase may turn or it may be late besides, before it is unstable. A "
-            "disk margin is of gain and phase at once (skew 0).",
+            "disk margin is of gain and phase at once.",
             f"The least over {len(alpha)} points of the family, sampled and not proved.{fewer}",
         ),
-        Table(HEAD, tuple(map(margins_row, every))),
+        Table(HEAD, tuple(margins_row(one, *proved.get(_name(one), ())[1:]) for one in every)),
     )
     return [table] + [
         Section(
             f"The loop at {found.opened.place.name}",
-            figure=loop_figure(found),
+            figure=loop_figure(found, *proved.get(_name(found), ())[1:]),
             caption="Nyquist, Bode and Nichols plots of what goes once round the loop, of negative "
             "feedback, for positive frequencies. A curve through the cross is one on the verge of "
             "instability; through the shaded disk, one of a smaller disk margin.",
         )
         for found in drawn
     ]
+
+
+def _name(found: LoopMargins) -> str:
+    return found.opened.place.name
 
 
 @stage("comfort")

@@ -42,6 +42,7 @@ PAGES = {  # with what a reader has before the first command
     "from-data": MEASURED,
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],
+    "loops": [],
     "moving": [MOVING],
     "not-proved": [],
     "observers": [],

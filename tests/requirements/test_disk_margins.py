@@ -11,6 +11,7 @@ from polefence.base.errors import InputError, SpecError
 from polefence.certify.bounds import best_bound, sampled
 from polefence.cli.main import main
 from polefence.law.laws import FixedGain, PolynomialGain, given_law
+from polefence.law.structure import Structure
 from polefence.plant.outputs import states
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
@@ -332,3 +333,37 @@ def test_a_loop_that_is_none_is_refused():
     with pytest.raises(InputError, match="nor among what the law measures"):
         best_bound(plant, scheduled, DiskMargin("position"))
     assert states(plant)[0].name == "position"
+
+
+ACCELEROMETER = (
+    SPRING
+    + """
+[outputs]
+acceleration = {C = ["-k", -2], D = [1], F = [0.3]}
+"""
+)
+
+
+@pytest.mark.parametrize("named", [("force",), ("acceleration",), ("force", "acceleration")])
+def test_a_factor_at_an_input_passes_into_what_is_measured_of_it(named):
+    """Code takes off what it sent: f u - u of an actuator that is off is left in the signal."""
+    plant = loads(ACCELEROMETER.replace("[80, 120]", "[80, 80.0001]"))
+    structure = Structure(measured=("acceleration without inputs", "position"), schedule=())
+    law = structure.law(plant, np.array([[[-0.5, -10.0]]]))
+    margin, _ = proved(plant, law, *named)
+    A, B = np.array([[0, 1.0], [-80, -2]]), np.array([0, 1.0])
+
+    def worst(size):
+        largest = -np.inf
+        for angles in np.random.default_rng(1).random((6000, 2)):
+            f = factor(size * np.exp(2j * np.pi * angles), 0)
+            at_u, at_y = (f[0] if name in named else 1 for name in ("force", "acceleration"))
+            at_y = f[1] if len(named) == 2 else at_y
+            # u = -0.5 (at_y (c x + at_u u) - u) - 10 x1
+            gain = np.array([-0.5 * at_y * -80 - 10, -0.5 * at_y * -2]) / (
+                1 + 0.5 * at_y * at_u - 0.5
+            )
+            largest = max(largest, np.linalg.eigvals(A + at_u * np.outer(B, gain)).real.max())
+        return largest
+
+    assert worst(0.999 * margin) < 0 < worst(1.01 * margin)

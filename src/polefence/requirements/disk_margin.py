@@ -16,7 +16,7 @@ from polefence.base.explained import explained_fields
 from polefence.law.laws import FixedGain, Law, PolynomialGain, law_or_table
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
-from polefence.plant.exact import bare_plant
+from polefence.plant.exact import bare_plant, file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import DEMAND, MEASURED
 from polefence.plant.outputs import Output, inputs, states
@@ -25,7 +25,8 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
 from polefence.proof import laws as proof_laws
-from polefence.proof.claims.disk_margin import Loops
+from polefence.proof.claims.disk_margin import Loops, through
+from polefence.proof.plant import WITHOUT
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.slopes import Channel, Slopes, Turned
@@ -176,7 +177,8 @@ class DiskMargin(Specification):
             tuple(k for kind, k in places if kind == key) for key in ("input", "measured")
         )
         weights = (Fraction(1),) * len(places)
-        return Loops(inputs, measured, Fraction(repr(float(self.sigma))), weights)
+        straight = through(file_plant(plant), _read(plant, law))
+        return Loops(inputs, measured, Fraction(repr(float(self.sigma))), weights, straight)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -220,16 +222,13 @@ class DiskMargin(Specification):
         n, count, size = A.shape[-1], len(alpha), len(places)
         E, F = np.zeros((count, n, size)), np.zeros((count, size, size))
         C, D = np.zeros((count, size, n)), np.zeros((count, size, B.shape[-1]))
-        reads = list[str | None]()
+        reads = list[str | int]()
         for k, (kind, i) in enumerate(places):
             F[:, k, k] = (1 + self.sigma) / 2
             if kind == "input":
                 E[:, :, k], D[:, k, i] = B[:, :, i], 1.0
-                reads.append(None)
-            else:
-                reads.append(self.names[k])
-        S = np.eye(size) if any(reads) else None
-        return Channel(A, B, E, C, D, F, S, reads=tuple(reads) if any(reads) else ())
+            reads.append(i if kind == "input" else self.names[k])
+        return Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
         """Return peaks of the largest singular value with their slopes, loops weighed anew."""
@@ -324,9 +323,12 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
             continue
         if not rows:  # of a law that is not known yet
             continue
-        y = rows[loops.measured[k - len(loops.inputs)]]
-        C = [[weight * x for x in row] for row in y.C]
-        outputs.append(Output(f"loop {k + 1}", "", C=C, F=F))
+        j = loops.measured[k - len(loops.inputs)]
+        C, own = [[weight * x for x in row] for row in rows[j].C], F[len(loops.inputs) :]
+        straight = [[weight * x for x in M[j]] for M in loops.through]
+        at_inputs = [[row[i] for i in loops.inputs] for row in straight]
+        every = [[*row, *own] for row in at_inputs or [F[: len(loops.inputs)]]]
+        outputs.append(Output(f"loop {k + 1}", "", C=C, D=straight, F=every))
     scales = {f"loop {k + 1}": float(x) for k, x in enumerate(loops.scales)}
     chosen = None if set(scales.values()) == {1.0} else scales
     return LoopGain(
@@ -348,15 +350,13 @@ def _reading(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
     if isinstance(law, FixedGain) and loops.measured:
         count = len(plant.parameters) or len(plant.vertices)
         law = PolynomialGain(((0,) * count,), law.K[None], states(plant), plant.parameters)
-    if not isinstance(law, PolynomialGain) or not (loops.measured or law.passes):
+    if not isinstance(law, PolynomialGain) or not (loops.measured or loops.through or law.passes):
         return law
-    first, size = len(loops.inputs), loops.count
-    place = {j: first + k for k, j in enumerate(loops.measured)}
-    measured = tuple(
-        replace(y, F=[[int(k == place.get(j)) for k in range(size)]] if j in place else ())
-        for j, y in enumerate(law.measured or states(plant))
+    known = law.measured or states(plant)
+    F = [loops.passing(j, len(known)) for j in range(len(plant.vertices))]
+    return replace(
+        law, measured=tuple(replace(y, F=[M[j] for M in F]) for j, y in enumerate(known))
     )
-    return replace(law, measured=measured)
 
 
 def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
@@ -366,7 +366,7 @@ def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
         if alias in known:
             return "input", known.index(alias)
     read = _read(plant, law)
-    for alias in (name, f"{MEASURED}{name}", name.removeprefix(MEASURED)):
+    for alias in (name, f"{name}{WITHOUT}", f"{MEASURED}{name}", name.removeprefix(MEASURED)):
         if alias in read:
             return "measured", read.index(alias)
     what = "inputs" if law is None else "inputs, nor among what the law measures"

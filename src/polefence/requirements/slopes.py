@@ -37,8 +37,8 @@ class Channel:
         Of a period, in sample times: A and B are then of samples so far apart.
     beside : tuple of Channel
         The same for periods of other lengths, where they may follow one another in any order.
-    reads : tuple of str or None
-        The signal of a law that each of w adds to, None of none, in place of what the plant's do.
+    reads : tuple of str or int
+        Of opened loops: the signal of a law, or the number of the input, that each of w adds to.
     """
 
     A: Array
@@ -52,7 +52,7 @@ class Channel:
     more: Any = 0.0
     length: float = 1.0
     beside: tuple[Channel, ...] = ()
-    reads: tuple[str | None, ...] = ()
+    reads: tuple[str | int, ...] = ()
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more

@@ -24,7 +24,7 @@ from polefence.proof.claims.signal import MAX_ENTRIES, Subject, read_subject, wr
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
 from polefence.proof.matrices import ONE, ZERO, Rationals, identity
-from polefence.proof.plant import Node, Output, Plant, split
+from polefence.proof.plant import WITHOUT, Node, Output, Plant, split
 from polefence.proof.reading import Table, plain
 from polefence.proof.remainder import Remainder, Rows
 from polefence.proof.short import Short
@@ -46,12 +46,16 @@ class Loops(Short):
         s: 0 of a disk that is balanced, 1 of S alone, -1 of T = S - 1.
     weights : tuple of Fraction
         The diagonal of D, one a loop.
+    through : tuple
+        At each vertex, by how much inputs pass into each signal that the law measures (r x m), and
+        that the code takes off again by what it sent; empty where none does.
     """
 
     inputs: tuple[int, ...]
     measured: tuple[int, ...] = ()
     skew: Fraction = ZERO
     weights: tuple[Fraction, ...] = ()
+    through: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
 
     @property
     def count(self) -> int:
@@ -111,8 +115,11 @@ class Loops(Short):
         )
 
     def law(self, law: Law, plant: Plant) -> Law:
-        """Return a law into whose signals the disturbances at the loops pass, and no others."""
-        if not self.measured:
+        """Return a law into whose signals the disturbances at the loops pass, and no others.
+
+        What is added at an input passes into a signal of which the code takes off what it sent.
+        """
+        if not (self.measured or self.through):
             return replace(law, F=())
         if law.K is None:
             raise FormatError("measured: a law Z W^-1 measures all states; open it at inputs")
@@ -124,25 +131,33 @@ class Loops(Short):
             powers = ((0,) * (len(plant.ranges) or len(plant.A)),)
             law = replace(law, powers=powers, measured=names)
         C = law.C or (identity(plant.n),) * len(plant.A)
-        first = len(self.inputs)
-        F = [[ZERO] * self.count for _ in C[0]]
+        F = tuple(self.passing(j, len(C[0])) for j in range(len(plant.A)))
+        return replace(law, C=C, F=F)
+
+    def passing(self, vertex: int, r: int) -> Rationals:
+        """Return what passes from the disturbances at the loops into r measured signals."""
+        F, first = [[ZERO] * self.count for _ in range(r)], len(self.inputs)
         for k, j in enumerate(self.measured):
             F[j][first + k] = ONE
-        return replace(law, C=C, F=(F,) * len(plant.A))
+        for row, D in zip(F, self.through[vertex] if self.through else (), strict=False):
+            row[:first] = [D[i] for i in self.inputs]
+        return F
 
     def outputs(self, law: Law, n: int, m: int, count: int) -> tuple[Output, ...]:
         """Return D (S + (s - 1) / 2) as outputs, of a law as `law` returns it."""
-        outputs, passed = list[Output](), (1 + self.skew) / 2
-        none_C, none_D = [[ZERO] * n], [[ZERO] * m]
+        outputs, passed, first = list[Output](), (1 + self.skew) / 2, len(self.inputs)
         for k, weight in enumerate(self.weights):
-            F = [[weight * passed if j == k else ZERO for j in range(self.count)]]
-            if k < len(self.inputs):
+            alone = [weight * passed if j == k else ZERO for j in range(self.count)]
+            if k < first:
                 D = [[weight if j == self.inputs[k] else ZERO for j in range(m)]]
-                outputs.append(Output([none_C] * count, [D] * count, "", (F,) * count))
+                outputs.append(Output([[[ZERO] * n]] * count, [D] * count, "", ([alone],) * count))
                 continue
-            j = self.measured[k - len(self.inputs)]
+            j = self.measured[k - first]
             C = [[[weight * x for x in rows[j]]] for rows in law.C]
-            outputs.append(Output(C, [none_D] * count, "", (F,) * count))
+            straight = [rows[j] for rows in self.through] or [(ZERO,) * m] * count
+            Ds = [[[weight * x for x in row]] for row in straight]
+            F = [[[*(D[0][i] for i in self.inputs), *alone[first:]]] for D in Ds]
+            outputs.append(Output(C, Ds, "", tuple(F)))
         return tuple(outputs)
 
 
@@ -165,6 +180,7 @@ class DiskMargin(Gain):
         )
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
+        loops = replace(loops, through=through(plant, law.measured))
         evidence, opened = table.table("evidence"), loops.law(law, plant)
         if loops.measured:
             on, known = evidence.word("on", DOMAINS), on
@@ -249,3 +265,21 @@ class DiskMargin(Gain):
         """Say what margin of which loops is proved."""
         on = f"{self.time_text}, on the {self.subject.on}"
         return f"{self.named(plant)} >= {digits_down(1 / self.level)}{on}"
+
+
+def through(plant: Plant, measured: Sequence[str]) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:
+    """Return D of what is measured "without inputs", (r x m) at each vertex; () without any.
+
+    Raises
+    ------
+    FormatError
+        If there is no such signal.
+    """
+    if not any(name.endswith(WITHOUT) for name in measured):
+        return ()
+    none = [[[ZERO] * plant.m]] * len(plant.A)
+    columns = []
+    for name in measured:
+        whole = plant.signal(name.removesuffix(WITHOUT)) if name.endswith(WITHOUT) else None
+        columns.append(none if whole is None else whole.D)
+    return tuple(tuple(tuple(M[0]) for M in row) for row in zip(*columns, strict=True))

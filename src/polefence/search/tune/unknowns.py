@@ -15,6 +15,7 @@ from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import MEASURED
 from polefence.plant.system import Array
+from polefence.proof.plant import WITHOUT
 from polefence.requirements.slopes import Channel
 
 
@@ -45,6 +46,15 @@ class Unknowns:
         """F of what is measured, as rows of C; None where no disturbance passes into it."""
         return self.structure.passing_rows(self.plant)
 
+    @cached_property
+    def through(self) -> Array | None:
+        """D of what is measured without inputs, as rows of C; None where there is none such."""
+        measured = [signal.name for signal in self.structure.outputs(self.plant)]
+        if not any(name.endswith(WITHOUT) for name in measured):
+            return None
+        wholes = [self.plant.signal(name.removesuffix(WITHOUT)) for name in measured]
+        return np.stack([whole.arrays(self.plant)[1] for whole in wholes], axis=1)
+
     def read(self, name: str) -> int:
         """Return the number of what is measured by that name, behind its sensor or not.
 
@@ -54,7 +64,7 @@ class Unknowns:
             If it is not measured.
         """
         names = [signal.name for signal in self.structure.outputs(self.plant)]
-        for alias in (name, f"{MEASURED}{name}", name.removeprefix(MEASURED)):
+        for alias in (name, f"{name}{WITHOUT}", f"{MEASURED}{name}", name.removeprefix(MEASURED)):
             if alias in names:
                 return names.index(alias)
         raise InputError(
@@ -121,8 +131,10 @@ class Unknowns:
             weights = alpha if len(rows) > 1 else np.ones((len(alpha), 1))
             return np.tensordot(weights, rows, 1)
 
-        F = None if self.passing_rows is None else rows_at(self.passing_rows)
-        return At(self, self.blank.terms(alpha), rows_at(self.rows), F)
+        F, D = (
+            None if rows is None else rows_at(rows) for rows in (self.passing_rows, self.through)
+        )
+        return At(self, self.blank.terms(alpha), rows_at(self.rows), F, D)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,40 +149,51 @@ class At:
         Of states in their sizes.
     F : (count, r, q) array, optional
         Where disturbances pass into what is measured.
+    through : (count, r, m) array, optional
+        What inputs pass into signals that are measured without them.
     """
 
     unknowns: Unknowns
     terms: Array
     C: Array
     F: Array | None = None
+    through: Array | None = None
 
     def __getitem__(self, some: Any) -> At:
-        F = None if self.F is None else self.F[some]
-        return At(self.unknowns, self.terms[some], self.C[some], F)
+        F, D = (None if M is None else M[some] for M in (self.F, self.through))
+        return At(self.unknowns, self.terms[some], self.C[some], F, D)
 
-    def seen(self, reads: Sequence[str | None] = ()) -> tuple[Array, Array | None]:
+    def seen(self, reads: Sequence[str | int] = ()) -> tuple[Array, Array | None]:
         """Return C and F of what is measured; F is None where no disturbance passes.
 
         Parameters
         ----------
-        reads : sequence of str or None, optional
-            Names of the signals that each disturbance adds to, in place of the plant's own.
+        reads : sequence of str or int, optional
+            Of opened loops: what disturbances are, in place of the plant's own.
         """
         if not reads:
             return self.C, self.F
-        F = np.zeros((self.C.shape[1], len(reads)))
+        F = np.zeros((*self.C.shape[:2], len(reads)))
         for k, name in enumerate(reads):
-            if name is not None:
-                F[self.unknowns.read(name), k] = 1.0
-        return self.C, np.broadcast_to(F, (len(self.C), *F.shape))
+            if isinstance(name, str):
+                F[:, self.unknowns.read(name), k] = 1.0
+            elif self.through is not None:
+                F[:, :, k] = self.through[:, :, name]
+        return self.C, F if np.any(F) else None
 
     def opened(self, channel: Channel) -> Channel:
-        """Return a channel of loops with what the law reads there among what is shown."""
-        C = channel.C.copy()
+        """Return a channel of loops with what the law's signals are there among what is shown."""
+        C, D, F = (getattr(channel, key).copy() for key in "CDF")
         for k, name in enumerate(channel.reads):
-            if name is not None:
-                C[:, k] = self.C[:, self.unknowns.read(name)]
-        return replace(channel, C=C)
+            if isinstance(name, str):
+                j = self.unknowns.read(name)
+                C[:, k] = self.C[:, j]
+                if self.through is not None:
+                    D[:, k] = self.through[:, j]
+                    for i, other in enumerate(channel.reads):
+                        if isinstance(other, int):
+                            F[:, k, i] = self.through[:, j, other]
+        return replace(channel, C=C, D=D, F=F)
 
     def gains(self, theta: Array) -> Array:
         """Return K of what is measured, (count, m, r)."""

@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
@@ -182,6 +181,12 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
     plant = asked.plant
     if not values or len(values) > MAX_VALUES or not methods:
         raise InputError(f"give 1 to {MAX_VALUES} values, and at least one method")
+    for swept in (asked.minimise, asked.over):
+        if swept.is_margin:
+            raise InputError(
+                f"{swept.title}: a margin is neither swept nor made as large as can be in a "
+                "trade-off; give it a limit, and name signals"
+            )
     for value in values:
         replace(asked.over, at_most=value)
     for method in methods:
@@ -555,16 +560,15 @@ def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[Bound
         return False
     limits = [row["value"], *(limit.at_most for limit in asked.subject_to)]
     levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
-    if any(proved > limit for proved, limit in zip(levels[1:], limits, strict=True)):
+    if any(claim.level > limit for claim, limit in zip(claims[1:], limits, strict=True)):
         return False
     wanted = (asked.minimise, asked.over, *asked.subject_to)
     law = certificate.law.exact
     for claim, specification, level in zip(claims, wanted, levels, strict=True):
-        subject = claim.subject
-        same = claim_of(
-            asked.plant, law, subject.on, specification, subject.evidence, Fraction(level)
-        )
-        if claim != same or not prove(claim).proved:
+        on, evidence = claim.subject.on, claim.subject.evidence
+        same = claim_of(asked.plant, law, on, specification, evidence, claim.level)
+        told = specification.read_as(float(claim.level)) == level
+        if not told or claim.bare != same.bare or not prove(claim).proved:
             return False
     return certificate.prove().proved
 
@@ -604,9 +608,9 @@ def proved_row(
         "bounds": [
             {
                 "specification": specification.title,
-                "at_most": specification.at_most,
-                "proved": level,
-                "sampled": seen,
+                "at_most": specification.limit,
+                "proved": specification.read_as(level),
+                "sampled": None if seen is None else specification.read_as(seen),
             }
             for specification, level, seen in bounds
         ],

@@ -523,6 +523,11 @@ class Optimise(Question):
         try:
             with _as_file(text) as spec:
                 least, limits = self._wanted(plant, spec)
+                if least is not None and least.is_margin:
+                    raise InputError(
+                        f"{least.title}: a study asks for the least of a signal; give the margin a "
+                        "limit"
+                    )
                 region = self._region(spec)
                 structure = self._structure(spec, plant)
             done = optimise(plant, least, limits, region, self.method, structure=structure)

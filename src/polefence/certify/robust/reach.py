@@ -51,10 +51,11 @@ CLOSE = 1e-5  # of a factor, between what is proved and what fails
 # Below a factor that fails, shares of it by which a proof is tried; then halved between.
 SHARES = (7e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2, 0.5, 0.8, 0.95)
 HALVINGS = 8
-# The same where bounds are proved on parts of the box, the more of them the nearer: of a van at
-# 2 ms, at 2e-3 of the factor, one takes 30 s.
+# The same of limits that take long near their edge: of samples, of functions of the parameters,
+# with a dead time, along motions. Of a van at 2 ms a proof takes 30 s at 2e-3 of the factor, of a
+# loop of six states at 50 ms 1 minute at 7e-6.
 COARSE = (5e-3, 0.02, 0.1, *SHARES[5:])
-FEW = 2
+FEW = 1
 EDGE = (1, 1)  # degree and elevation that prove most boxes near the edge
 BEYOND = (0.0, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # what is lost in floats, by which it fails
 FINE = 2**30  # parts of a share that are told apart
@@ -263,12 +264,16 @@ def _others(growth: Growth) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Failed:
-    """A plant at which something is lost, with the factor of the box that it is in."""
+    """A plant at which something is lost, with the factor of the box that it is in.
+
+    ``decidable`` is whether another plant, farther out, may be decided in exact arithmetic.
+    """
 
     factor: Fraction
     values: dict[str, Fraction]
     reason: str
     exact: bool
+    decidable: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,6 +309,8 @@ class _Question:
         low, design = Fraction(0), None if known is None else known.design
         if known is not None and known.proved is not None and known.proved >= 1:
             low = min(known.proved, top)
+        if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
+            failed = None
         low, design, failed = self._proved(rays, low, design, failed, top)
         return Reach(
             names,
@@ -316,6 +323,13 @@ class _Question:
             said,
             design,
         )
+
+    @property
+    def _coarse(self) -> bool:
+        """Whether limits take long to prove near their edge."""
+        plant = self.growth.plant
+        plain = plant.remainder is None and plant.dead_time is None and not plant.moving
+        return bool(self.limits) and not plain
 
     def _proved(
         self,
@@ -333,7 +347,7 @@ class _Question:
                 return top, proof, None
             failed = proof
             high = top if failed is None else failed.factor
-        coarse = self.growth.plant.bent and bool(self.limits)
+        coarse = self._coarse
         shares = SHARES if not coarse else COARSE if low < 1 else COARSE[1:]
         for share in shares:
             factor = short(high * (1 - Fraction(share)), up=False)
@@ -348,7 +362,7 @@ class _Question:
                 failed, high = proof, proof.factor
         halvings = FEW if coarse else HALVINGS
         for _ in range(halvings if low and failed is not None else 0):
-            if high - low <= (COARSE[0] if coarse else CLOSE) * high:
+            if high - low <= (2 * COARSE[0] if coarse else CLOSE) * high:
                 break
             factor = short((low + high) / 2, up=False)
             proof = self._proof(rays, factor, design)
@@ -420,7 +434,7 @@ class _Question:
             with suppress(InputError):
                 values = self.growth.values(factors, named)
                 failed = self._fails(self.growth.at(factors), values, factor)
-                if failed is not None and failed.exact:
+                if failed is not None and (failed.exact or not failed.decidable):
                     return failed
                 inexact = inexact or failed
         return inexact
@@ -444,7 +458,8 @@ class _Question:
                 continue
             square = attained(plant, law, replace(limit, at_most=None), alpha)
             exact = square is not None and square > level**2
-            return _Failed(factor, values, f"{limit_text(limit)} is exceeded", exact)
+            said = f"{limit_text(limit)} is exceeded"
+            return _Failed(factor, values, said, exact, square is not None)
         return None
 
     def _near_the_edge(self, family: Family, alpha: Array) -> bool:

@@ -138,7 +138,7 @@ def test_a_row_says_what_the_margins_are(several):
     row = margins_row(several)
     least = dict(zip(("lower", "upper", "phase", "delay", "disk"), several.least, strict=True))
     assert row[0] == "force [N], input"
-    assert row[1] == f"0 to {least['upper'].value:.3g}"
+    assert row[1] == f"0 to {least['upper'].value:.4g}"
     assert row[2].startswith(f"{least['phase'].value:.3g}\u00b0, ")
     assert row[4] == f"{least['disk'].value:.3g}"
     assert row[5].endswith(f" Hz, k = {worst_spring()} N/m")

@@ -15,7 +15,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "design a law": (
         "design", "tightest", "limits", "optimise", "tradeoff", "observe", "semi-active",
     ),
-    "verify one": ("analyse", "verify", "robust", "service", "check"),
+    "verify one": ("analyse", "verify", "robust", "service", "loops", "check"),
     "see how it rides": ("simulate", "compare", "concepts", "report"),
     "many variants": ("study",),
     "put it to use": ("export",),
@@ -47,6 +47,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
     ),
     "semi-active": ("polefence semi-active semi-active.toml -o dampers",),
     "service": ("polefence service car -o margins",),
+    "loops": (
+        "polefence loops car",
+        "polefence loops car --loop 'actuator force' --plot loop.png",
+    ),
     "analyse": (
         "polefence analyse car.toml --gain gain.json --region 'half_plane(1)'",
         "polefence analyse car.toml --gain '[1e4 2e4 0 0 1e5]' --of disk --centre -40",

@@ -14,7 +14,7 @@ from polefence.base.explained import explained
 from polefence.plant.system import Array
 from polefence.proof.text import visible
 from polefence.region.text import digits_down
-from polefence.response.loop_margins import LeastMargin, LoopMargins
+from polefence.response.loop_margins import LeastMargin, LoopMargins, disk_ranges
 from polefence.show.plots import MANY, VERTEX, new_figure, new_grid, typeset
 
 if TYPE_CHECKING:  # imported where used
@@ -101,7 +101,7 @@ def margins_row(found: LoopMargins, proved: float | None = None) -> tuple[str, .
     name = f"{place.label}, {'input' if place.kind == 'input' else 'measured'}"
     if not found.stable.all():
         return (name, *("none",) * 4, f"not stable{_at(found, disk)}")
-    gain = f"{lower.value:.3g} to {'any' if math.isinf(upper.value) else f'{upper.value:.3g}'}"
+    gain = f"{lower.value:.4g} to {'any' if math.isinf(upper.value) else f'{upper.value:.4g}'}"
     late = "any" if math.isinf(delay.value) else f"{_text(delay)}{_hertz(delay)}"
     where = f"{_hertz(disk)}{_at(found, disk)}".lstrip(", ") or "any frequency"
     least = f"{disk.value:.3g}" + (f", skew {found.sigma:g}" if found.sigma else "")
@@ -226,7 +226,8 @@ def _phases(L: Any, middle: int) -> Array:
 
 def _nyquist(ax: Axes, curves: _Curves) -> None:
     L = curves.L[np.abs(curves.L) < 2.4]
-    left = min(-1.7, float(L.real.min(initial=0)) - 0.2)
+    edge = disk_ranges(curves.margin, curves.found.sigma).lower  # the disk's is at -1 over it
+    left = min(-1.7, float(L.real.min(initial=0)) - 0.2, -1 / max(edge, 0.3) - 0.2)
     right = max(0.7, float(L.real.max(initial=0)) + 0.2)
     half = max(1.25, float(np.abs(L.imag).max(initial=0)) + 0.2, (right - left) / 2.4)
     middle, half = (left + right) / 2, max(half, (right - left) / 2)
@@ -376,10 +377,16 @@ def _text(least: LeastMargin) -> str:
         if least.value <= 0:
             return "\u00d7 0"
         decibels = 20 * math.log10(least.value)
-        return f"\u00d7 {least.value:.3g} ({decibels:+.{3 if abs(decibels) >= 1 else 2}g} dB)"
+        return f"\u00d7 {least.value:.4g} ({decibels:+.{3 if abs(decibels) >= 1 else 2}g} dB)"
     if least.name == "phase":
         return f"{least.value:.3g}\u00b0"
     return f"{least.value:.3g} s" if least.value >= 1 else f"{1000 * least.value:.3g} ms"
+
+
+def _folded(text: str, width: int = 44) -> str:
+    """Return a text in lines that end between its parts."""
+    parts = ", ".join(part.replace(" ", "\u00a0") for part in text.split(", "))
+    return fill(parts, width).replace("\u00a0", " ")
 
 
 def _finished(figure: Figure, curves: _Curves, columns: int, disk: bool = True) -> None:
@@ -390,8 +397,7 @@ def _finished(figure: Figure, curves: _Curves, columns: int, disk: bool = True) 
     named: list[tuple[dict[str, Any], str]] = [(MIDDLE, "L")]
     if len(curves.rows) > 1:
         named = [(MIDDLE, "middle of the family"), (VERTEX, "vertices"), (MANY, "other points")]
-        text = fill(f"least disk margin{_at(found, curves.disk)}", 44)
-        named.append((LEAST, text))
+        named.append((LEAST, _folded(f"least disk margin{_at(found, curves.disk)}")))
     handles: list[Any] = [Line2D([], [], label=text, **look) for look, text in named]
     how = "sampled" if curves.proved is None else "proved"
     if disk and curves.margin > 0:

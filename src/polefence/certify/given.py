@@ -292,18 +292,13 @@ def analysed(
     region: Region,
     deadline: Deadline,
     like: Certificate | None = None,
-    begin: tuple[int, int] | None = None,
 ) -> Analysis:
     """Return what is proved of one law.
 
     With ``like``, a certificate of the law, as little is tried as proved that one: no higher form,
-    at most twice the parts of the box. With ``begin`` that form is tried first.
+    at most twice the parts of the box.
     """
     ladder = list(forms(plant, law, len(region.parts)))
-    if begin in ladder[1:]:  # of the lower ones only the very first may do where it does not
-        first, *rest = ladder
-        above = (form for form in rest if not (form[0] <= begin[0] and form[1] <= begin[1]))
-        ladder = [begin, first, *above]
     most = MOST_BENT
     if like is not None:
         proofs = [proof for _, proof in lyapunovs(like)]

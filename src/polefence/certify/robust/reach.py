@@ -24,8 +24,16 @@ from polefence.certify.checks import in_time_of, require_region
 from polefence.certify.counterexample import refutes
 from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
-from polefence.certify.evidence import MOST_IN_PART, certificate_of, placeholder, work_of
-from polefence.certify.given import analysed, pole_at
+from polefence.certify.evidence import (
+    MOST_IN_PART,
+    Search,
+    certificate_of,
+    evidence_at,
+    forms,
+    placeholder,
+    work_of,
+)
+from polefence.certify.given import Analysis, analysed, pole_at
 from polefence.certify.robust.attained import attained, climbed, root_down
 from polefence.certify.robust.edge import Lost, Rays, exceeded
 from polefence.certify.robust.family import (
@@ -56,7 +64,9 @@ HALVINGS = 8
 # loop of six states at 50 ms 1 minute at 7e-6.
 COARSE = (5e-3, 0.02, 0.1, *SHARES[5:])
 FEW = 1
-EDGE = (1, 1)  # degree and elevation that prove most boxes near the edge
+# Degree and elevation that prove most boxes near the edge, of one parameter that grows, of several;
+# and how many parts of the box are tried then, before all else is.
+FORM_OF_ONE, FORM, MOST_SOON = (1, 0), (1, 1), 4
 BEYOND = (0.0, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # what is lost in floats, by which it fails
 FINE = 2**30  # parts of a share that are told apart
 SAMPLES = 2000  # points at which a signal is looked at
@@ -306,9 +316,9 @@ class _Question:
         if most < top:
             top, said = most, f"until there: {why}"
         failed = None if lost is None else self._confirmed(rays, lost)
-        low, design = Fraction(0), None if known is None else known.design
+        low, design = Fraction(0), None
         if known is not None and known.proved is not None and known.proved >= 1:
-            low = min(known.proved, top)
+            low, design = min(known.proved, top), known.design
         if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
             failed = None
         low, design, failed = self._proved(rays, low, design, failed, top)
@@ -342,7 +352,7 @@ class _Question:
         """Return the largest factor that is proved, with its proof, and what fails first."""
         high = top if failed is None else failed.factor
         if failed is None and low < top:  # up to where the plant ends
-            proof = self._proof(rays, top, design)
+            proof = self._proof(rays, top)
             if isinstance(proof, Design):
                 return top, proof, None
             failed = proof
@@ -353,7 +363,7 @@ class _Question:
             factor = short(high * (1 - Fraction(share)), up=False)
             if factor <= low:
                 break
-            proof = self._proof(rays, factor, design)
+            proof = self._proof(rays, factor)
             if isinstance(proof, Design):
                 low, design = factor, proof
                 break
@@ -365,7 +375,7 @@ class _Question:
             if high - low <= (2 * COARSE[0] if coarse else CLOSE) * high:
                 break
             factor = short((low + high) / 2, up=False)
-            proof = self._proof(rays, factor, design)
+            proof = self._proof(rays, factor)
             if isinstance(proof, Design):
                 low, design = factor, proof
                 continue
@@ -374,19 +384,42 @@ class _Question:
                 failed, high = proof, proof.factor
         return low, design, failed
 
-    def _proof(self, rays: Rays, factor: Fraction, like: Design | None) -> Design | _Failed | None:
-        """Return the proof at a factor, or a plant of that box that fails; None of neither.
+    def _soon(self, family: Family, count: int) -> Analysis | None:
+        """Return the proof that few forms give, and few parts of the box: most boxes near the edge.
 
         Parameters
         ----------
-        like : Design, optional
-            The proof of another box, of which the degrees are tried first.
+        count : int
+            Of parameters that grow: a box that is wide along one is divided sooner.
         """
+        plant, law, parts = family.plant, family.law, self.region.parts
+        form = FORM_OF_ONE if count == 1 else FORM
+        affordable = form in forms(plant, law, len(parts))
+        if plant.moving or plant.remainder is not None or not affordable:
+            return None
+        if work_of(plant, law, form) > MOST_IN_PART:
+            return None
+        found = list[dict[str, Any]]()
+        for part in parts:
+            search = Search(plant, law, part, Deadline(None), len(parts), MOST_SOON)
+            evidence = evidence_at(plant, law, part, form) or search.in_parts()
+            if evidence is None:
+                return None
+            found.append(evidence)
+        certificate = certificate_of(plant, law, self.region, found)
+        verdict = certificate.prove()
+        if not verdict.proved:
+            return None
+        return Analysis(plant, law, self.region, "proved", verdict.reason, certificate)
+
+    def _proof(self, rays: Rays, factor: Fraction) -> Design | _Failed | None:
+        """Return the proof at a factor, or a plant of that box that fails; None of neither."""
         with stage(f"proof at {float(factor):.7g}"):
             try:
                 family = self.growth.at(rays.factors(factor))
-                form = _form(family, like)
-                found = analysed(family.plant, family.law, self.region, Deadline(None), begin=form)
+                found = self._soon(family, len(rays.names)) or analysed(
+                    family.plant, family.law, self.region, Deadline(None)
+                )
             except (InputError, FormatError):
                 return None
             if found.alpha is not None:
@@ -468,17 +501,6 @@ class _Question:
             poles = np.linalg.eigvals(loops_of(family.plant, family.law, alpha))
             return bool(self.region.distance(poles).max() > -1e-6 * self.region.size)
         return True
-
-
-def _form(family: Family, like: Design | None) -> tuple[int, int] | None:
-    """Return degree and elevation with which a search for a proof begins; None: with the lowest.
-
-    Near the edge that proves little: those of another box, else some that are cheap.
-    """
-    if like is None or like.certificate.in_parts:
-        return EDGE if work_of(family.plant, family.law, EDGE) <= MOST_IN_PART else None
-    parts = like.certificate.evidence["parts"]
-    return max((part["degree"], part["elevation"]) for part in parts)
 
 
 def _values(plant: UncertainPlant, alpha: Sequence[Fraction]) -> dict[str, Fraction] | None:

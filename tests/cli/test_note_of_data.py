@@ -52,6 +52,7 @@ COMMANDS = {
     "analyse": "analyse mass.toml --gain '[-1 -1]'",
     "verify": "verify mass.toml --gain '[-1 -1]'",
     "service": "service made -o margins",
+    "loops": "loops made --samples 3",
     "simulate": "simulate made --impulse-in w=1",
     "report": "report made",
     "export": "export made -o code",
@@ -101,7 +102,7 @@ def test_it_survives_into_the_design_its_code_and_its_page(here, monkeypatch):
     assert NOTE in (here / "page.html").read_text()
 
 
-@pytest.mark.parametrize("words", ["design mass.toml", "service made", "check made"])
+@pytest.mark.parametrize("words", ["design mass.toml", "service made", "loops made", "check made"])
 def test_json_has_it(words, here, monkeypatch):
     assert run(f"{words} --json said.json --quiet", monkeypatch, here) == 0
     said = json.loads((here / "said.json").read_text())

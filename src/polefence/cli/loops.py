@@ -64,8 +64,11 @@ def loops_command(options: Any) -> int:
     if options.plot is not None:
         write_figure(options.plot, loop_figure(found[0]))
     if options.json is not None:
-        document = {"points": len(alpha), "sigma": options.sigma, "answer": "sampled"}
-        write_json(options.json, document | {"loops": [_row(one) for one in found]})
+        document: dict[str, Any] = {"points": len(alpha), "sigma": options.sigma}
+        document |= {"answer": "sampled", "loops": [_row(one) for one in found]}
+        if plant.data is not None:
+            document["unproved"] = plant.data.note
+        write_json(options.json, document)
     return PROVED
 
 

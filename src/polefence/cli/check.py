@@ -270,7 +270,8 @@ def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
     for weighting in claim.filters if isinstance(claim, SignalClaim) else ():
         if weighting is None:
             continue
-        asked = (w for s in _specifications(spec) for w in s.filters if w)
+        every = _specifications(spec)
+        asked = (w for s in every for w in (*s.filters, *getattr(s, "shapes", ())) if w)
         known = {**{w.name: w for w in asked}, **WEIGHTS}
         if weighting.name not in known or weighting != filter_of(known[weighting.name], step):
             return f"its filter {quoted(weighting.name)} is not that of ISO 2631-1, or of the spec"

@@ -7,7 +7,9 @@ disturbance is what goes in. Either way nothing else of the plant is changed.
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -37,6 +39,7 @@ from polefence.plant.transfer import (
     read_quotient,
     realised,
 )
+from polefence.proof.filters import Filter
 from polefence.proof.matrices import LONGEST, ONE, ZERO, common_denominator, whole_numbers
 from polefence.proof.regions import Disk, HalfPlane
 from polefence.proof.remainder import Remainder, Rows, Source
@@ -50,6 +53,8 @@ FORMS = (
     ("zeros", "poles", "gain"),
     ("makeweight",),
 )
+_NUMBER = r"\s*([0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]{1,3})?|\.[0-9]+)\s*"
+_CALL = re.compile(rf"\s*makeweight\({_NUMBER},{_NUMBER},{_NUMBER}\)\s*")
 KEYS = tuple(key for form in FORMS for key in form)
 _WANTED = (
     'transfer = "(s + 50)/(s + 500)", or numerator and denominator, or zeros, poles and gain, or '
@@ -212,6 +217,28 @@ class _Weight:
             f"{where}: the pole {modes_text(outside if len(outside) else poles)} is not stable; "
             f"move it {'into the unit circle' if discrete else 'to the left of the axis'}"
         )
+
+
+def shape_of(weight: Any, what: str) -> Filter:
+    """Return a weight in continuous time as a filter, named by what was written.
+
+    Raises
+    ------
+    InputError
+        If it is none, improper, constant, or not stable.
+    """
+    where = f"weight of {what}"
+    name = weight if isinstance(weight, str) else json.dumps(dict(weight), default=str)
+    call = _CALL.fullmatch(weight) if isinstance(weight, str) else None
+    if call is not None:
+        weight = {"makeweight": [Fraction(x) for x in call.groups()]}
+    plain = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
+    made = _Weight.read(plain, weight, where)
+    made.require_stable(plain, where)
+    if not made.A:
+        raise InputError(f"{where} is constant; ask for a disk margin with sigma = -1")
+    a, b, c = (list(map(list, M)) for M in (made.A, made.B, made.C))
+    return Filter(a, b, c, name, made.D[0][0])
 
 
 def _at(polynomial: list[int], root: int) -> int:

@@ -1,14 +1,15 @@
-"""Filters behind signals: z' = a z + b y, and in the place of y the weighted signal c z.
+"""Filters behind signals: z' = a z + b y, and in the place of y the weighted signal c z + d y.
 
 Nothing in the plant depends on z, and no law knows it. So what is claimed of a signal behind a
-filter is what is claimed of c z in a larger plant, whose law leaves z alone: of the same poles,
-and those of a. In discrete time a and b are those of the filter's delta form.
+filter is what is claimed of c z + d y in a larger plant, whose law leaves z alone: of the same
+poles, and those of a. In discrete time a and b are those of the filter's delta form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from polefence.proof.matrices import ONE, ZERO, Rationals, mix, product
@@ -26,12 +27,13 @@ MAX_STATES = 20  # of one filter
 
 @dataclass(frozen=True)
 class Filter:
-    """Matrices a (k x k), b (k x 1) and c (1 x k), and a name."""
+    """Matrices a (k x k), b (k x 1) and c (1 x k), a name, and a number d."""
 
     a: Rationals
     b: Rationals
     c: Rationals
     name: str = ""
+    d: Fraction = ZERO
 
     @classmethod
     def read(cls, table: Table) -> Filter:
@@ -41,11 +43,12 @@ class Filter:
         if not 1 <= k <= MAX_STATES:
             raise FormatError(f"{table.path('a')} has {k} rows; a filter has 1 to {MAX_STATES}")
         a, b, c = table.matrix("a", k, k), table.matrix("b", k, 1), table.matrix("c", 1, k)
-        return cls(a, b, c, table.text("name", ""))
+        return cls(a, b, c, table.text("name", ""), table.number("d", 0))
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        return {"name": self.name} | {key: plain(getattr(self, key)) for key in "abc"}
+        table = {"name": self.name} | {key: plain(getattr(self, key)) for key in "abc"}
+        return table | ({"d": plain(self.d)} if self.d else {})
 
     @property
     def states(self) -> int:
@@ -98,9 +101,13 @@ def in_series(
             B[j] += product(weighting.b, d)
             if E:
                 E[j] += product(weighting.b, f)
-        C = [[[*(ZERO,) * at, *weighting.c[0], *after]]] * vertices
-        D = [[[ZERO] * subject.m]] * vertices
-        filtered.append(Output(C, D, output.name, (), output.unit))
+        if weighting.d and output.near is not None:
+            raise FormatError("filters: one with a number d is of a signal that is known exactly")
+        own, d = (*before, *weighting.c[0], *after), weighting.d
+        C = [[[*(d * x for x in row), *own]] for (row,) in output.C]
+        D, F = ([[[d * x for x in row]] for (row,) in rows] for rows in (output.D, output.F))
+        passes = any(any(row) for (row,) in F)
+        filtered.append(Output(C, D, output.name, tuple(F) if passes else (), output.unit))
         at += weighting.states
     remainder = subject.remainder and subject.remainder.padded(subject.n, subject.m, more)
     law = _wider(subject.law, subject.n, more)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from scipy.optimize import minimize
@@ -23,15 +23,18 @@ from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, System
+from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
 from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops, through
+from polefence.proof.filters import Filter
 from polefence.proof.plant import WITHOUT
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
+from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.peaks import peaks, response
@@ -75,6 +78,7 @@ class DiskMargin(Specification):
     power = 1
     late_as = proof.DiskMargin.late_as
     is_margin: ClassVar[bool] = True
+    shapes: ClassVar[tuple[Shape, ...]] = ()
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -260,16 +264,128 @@ def inverse(margin: Fraction) -> float:
 
 
 @dataclass(frozen=True)
+class Unmodelled(DiskMargin):
+    """How much dynamics that no model has inputs bear, in multiples of a weight.
+
+    Of an actuator u becomes (1 + delta W) u, delta any stable system of L2 gain up to that
+    multiple, one that varies in time among them; of several inputs each has its own delta. All
+    stay stable if the gain of W T is below 1 over the multiple, T the complementary sensitivity.
+
+    Attributes
+    ----------
+    signal : str or sequence of str
+        Inputs by their names.
+    at_most : float, optional
+        Of 1 over the multiple; `least` takes the multiple itself.
+    weight : str or mapping
+        W, the share by which the input may be off at each frequency, as `with_weight` takes one.
+    """
+
+    weight: Any = ""
+    kind = "unmodelled dynamics"
+    keys = ("weight",)
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "sigma", -1.0)
+        _ = self.shapes
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        if "weight" not in row.table:
+            raise InputError('weight is missing; write weight = "(3*s + 18.5)/(s + 46.3)"')
+        return cls(row.table["signal"], **row.given(), weight=row.table["weight"])
+
+    @property
+    def title(self) -> str:
+        """Kind and loops."""
+        return f"{self.kind} of {self.name}"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
+        """The weight at each loop."""
+        return (Shape(shape_of(self.weight, self.kind)),) * len(self.entries)
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a sampled plant, and what is no input."""
+        super().require_fit(plant)
+        if plant.period:
+            raise InputError(
+                f"{self.title}: dynamics that no model has are proved of loops in continuous time; "
+                "leave out the sample time, or ask for a disk margin"
+            )
+        for name in self.names:
+            if _place(plant, name, None)[0] != "input":
+                raise InputError(f"{self.title}: {name!r} is no input; ask for its disk margin")
+
+    def condition(
+        self,
+        plant: UncertainPlant,  # noqa: ARG002
+        domain: Domain,  # noqa: ARG002
+        unit: float | None = None,  # noqa: ARG002
+        law: Law | None = None,  # noqa: ARG002
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Refuse it: no LMI has its filters.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(f"{self.title}: it is for laws that are tuned; leave out --method")
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return the loops behind their weights as a channel at points alpha."""
+        channel = super().channel(plant, alpha)
+        for k, shape in enumerate(self.shapes):
+            channel = _shaped(channel, k, shape.filter)
+        return channel
+
+
+def _shaped(channel: Channel, k: int, shape: Filter) -> Channel:
+    """Return a channel with a filter behind its k-th output, which is of inputs alone."""
+    a, b, c = (np.array(M, dtype=float) for M in (shape.a, shape.b, shape.c))
+    count, n, more = len(channel.A), channel.A.shape[-1], len(a)
+    A = np.zeros((count, n + more, n + more))
+    A[:, :n, :n], A[:, n:, n:] = channel.A, a
+    B = np.concatenate([channel.B, b * channel.D[:, k : k + 1]], axis=1)
+    E = np.pad(channel.E, ((0, 0), (0, more), (0, 0)))
+    C = np.pad(channel.C, ((0, 0), (0, 0), (0, more)))
+    D = channel.D.copy()
+    C[:, k, n:], D[:, k] = c, float(shape.d) * channel.D[:, k]
+    return replace(channel, A=A, B=B, E=E, C=C, D=D, filters=channel.filters + more)
+
+
+@dataclass(frozen=True)
 class LoopGain(Gain):
     """The gain at opened loops, whose claim is that of a disk margin."""
 
     loops: Loops = field(default_factory=lambda: Loops(()))
     margin: str = ""
+    shapes: tuple[Shape, ...] = ()
 
     @property
     def title(self) -> str:
         """That of the margin."""
         return self.margin
+
+    @property
+    def filters(self) -> tuple[Any, ...]:
+        """The shapes of unmodelled dynamics."""
+        return self.shapes or super().filters
+
+    def filtered(self, signals: Sequence[str | Output]) -> Specification:
+        """Return it of the signals behind their filters."""
+        return replace(self, signal=tuple(signals) if len(signals) > 1 else signals[0], shapes=())
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return the gain, of signals behind their filters."""
+        if not self.shapes:
+            return super().values(plant, law, alpha)
+        wide = behind(plant, law, self)
+        return wide.specification.values(wide.plant, wide.law, alpha)
 
     def claim(
         self,
@@ -278,7 +394,10 @@ class LoopGain(Gain):
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
-        return proof.DiskMargin.of(subject, self.loops, level)
+        if not self.shapes:
+            return proof.DiskMargin.of(subject, self.loops, level)
+        filters = tuple(shape.filter for shape in self.shapes)
+        return proof.Unmodelled.of(subject, self.loops, level, filters)
 
 
 def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
@@ -338,6 +457,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
         disturbances=chosen,
         loops=loops,
         margin=asked.title,
+        shapes=asked.shapes,
     )
 
 
@@ -396,8 +516,9 @@ def _signal(plant: UncertainPlant, name: str) -> Output:
 def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction, ...]:
     """Return weights of loops for which the gain of D M D^-1 is about least at a few points."""
     alpha = seeded(plant, len(plant.vertices) + FEW)
-    closed = close(plant, law, alpha)
-    loops = gain.channel(delta_form(plant), alpha).closed(
+    wide = behind(plant, law, gain)
+    closed, plant = close(wide.plant, wide.law, alpha), wide.plant
+    loops = Gain.channel(cast("Gain", wide.specification), delta_form(plant), alpha).closed(
         closed.K, Modes(closed.closed, closed.step), closed.passed
     )
     if not np.all(growth(loops.modes.poles, closed.step) < 0):

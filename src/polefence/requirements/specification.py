@@ -35,7 +35,6 @@ from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.slopes import Channel, Loops, Slopes
 from polefence.response.held import Storing, storing
-from polefence.response.weighting import Weighting
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is to be a double
 SIGNAL_REMEDY = (
@@ -215,7 +214,7 @@ class Specification(Short):
         return digits_down(level)
 
     @property
-    def filters(self) -> tuple[Weighting | None, ...]:
+    def filters(self) -> tuple[Any, ...]:
         """The filter that each of its outputs goes through first."""
         return (None,) * len(self.entries)
 

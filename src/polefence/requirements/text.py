@@ -20,7 +20,7 @@ from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
-from polefence.requirements.disk_margin import DiskMargin, inverse
+from polefence.requirements.disk_margin import DiskMargin, Unmodelled, inverse
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
@@ -39,7 +39,17 @@ from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
     str(kind.kind): kind
-    for kind in (Rms, RelativeRms, EnergyPeak, InitialPeak, Saturation, Gain, DiskMargin, GainNorm)
+    for kind in (
+        Rms,
+        RelativeRms,
+        EnergyPeak,
+        InitialPeak,
+        Saturation,
+        Gain,
+        DiskMargin,
+        Unmodelled,
+        GainNorm,
+    )
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
 NOTHING: Mapping[str, float] = MappingProxyType({})

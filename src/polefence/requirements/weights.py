@@ -71,7 +71,7 @@ def with_weights(
     InputError
         If the plant has no such signal, or has one of the name that the weighted one would have.
     """
-    made: dict[tuple[str, Weighting], str] = {}
+    made: dict[tuple[str, Weighting | Shape], str] = {}
     bare, n = plant, plant.shape[0]
     for specification in specifications:
         for signal, weighting in _pairs(bare, specification):
@@ -103,8 +103,27 @@ def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
     return tuple(None if weight is None else filter_of(weight, plant.period) for weight in filters)
 
 
-@lru_cache(maxsize=64)
-def filter_of(weighting: Weighting, T: Fraction) -> Filter:
+@dataclass(frozen=True)
+class Shape:
+    """A filter that is not one of the standard's, of signals in continuous time.
+
+    Attributes
+    ----------
+    filter : Filter
+    """
+
+    filter: Filter
+
+    def __hash__(self) -> int:
+        return hash(self.filter.name)
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.filter.name
+
+
+def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
     """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
 
     Parameters
@@ -112,6 +131,11 @@ def filter_of(weighting: Weighting, T: Fraction) -> Filter:
     T : Fraction
         The sample time [s]; zero in continuous time.
     """
+    return weighting.filter if isinstance(weighting, Shape) else _standard(weighting, T)
+
+
+@lru_cache(maxsize=64)
+def _standard(weighting: Weighting, T: Fraction) -> Filter:
     A, B, C, _ = weighting.state_space()  # the low-pass leaves no direct way through
     if not T:
         return Filter(_exact(A), _exact(B), _exact(C), weighting.name)
@@ -161,13 +185,14 @@ def _with_filter(
         raise InputError(f"{plant.name} has a signal {label!r} already; rename it")
     labels = [f"{label} state {i + 1}" for i in range(form.states)]
     larger = with_dynamics(plant, (signal,), _tuples(a), _tuples(b), labels)
-    weighted = Output(label, signal.unit, C=[Fraction(0)] * plant.shape[0] + form.c[0])
+    straight = [[[form.d * x for x in row] for row in rows] for rows in signal.exact(plant)]
+    C, D, F = straight
+    F = F if plant.disturbance_count else []
+    weighted = Output(label, signal.unit, C=[[*row, *form.c[0]] for row in C], D=D, F=F)
     return replace(larger, outputs=(*larger.outputs, weighted)), label
 
 
-def _pairs(
-    plant: UncertainPlant, specification: Specification
-) -> list[tuple[Output, Weighting | None]]:
+def _pairs(plant: UncertainPlant, specification: Specification) -> list[tuple[Output, Any]]:
     """Return the outputs with their filters, nothing where none has one."""
     filters = specification.filters
     return list(zip(specification.outputs(plant), filters, strict=True)) if any(filters) else []

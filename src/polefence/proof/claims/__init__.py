@@ -1,7 +1,7 @@
 """Claims that files make, one kind a file."""
 
 from polefence.proof.claims.base import Claim, Verdict, prove
-from polefence.proof.claims.disk_margin import DiskMargin, Loops
+from polefence.proof.claims.disk_margin import DiskMargin, Loops, Unmodelled
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
@@ -40,6 +40,7 @@ __all__ = [
     "Saturation",
     "SignalClaim",
     "Subject",
+    "Unmodelled",
     "Verdict",
     "baseline_loop",
     "is_semidefinite",

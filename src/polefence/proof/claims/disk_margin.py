@@ -20,7 +20,14 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, require_law
 from polefence.proof.claims.gain import Gain
-from polefence.proof.claims.signal import MAX_ENTRIES, Subject, read_subject, write_evidence
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    Subject,
+    read_filters,
+    read_subject,
+    write_evidence,
+)
+from polefence.proof.filters import Filters, states_of
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
 from polefence.proof.matrices import ONE, ZERO, Rationals, identity
@@ -186,20 +193,21 @@ class DiskMargin(Gain):
             on, known = evidence.word("on", DOMAINS), on
             if on != known and not law.fixed:
                 raise FormatError(f'{evidence.path("on")} must be "{known}", as that of the law')
-        subject = read_subject(evidence, loops.plant(plant), opened, on)
-        return cls.of(subject, loops, table.number("level"))
+        filters = read_filters(table, loops.count) if cls.has_filters else ()
+        subject = read_subject(evidence, loops.plant(plant), opened, on, states_of(filters))
+        return cls.of(subject, loops, table.number("level"), filters)
 
     @classmethod
-    def of(cls, subject: Subject, loops: Loops, level: Fraction) -> Self:
+    def of(cls, subject: Subject, loops: Loops, level: Fraction, filters: Filters = ()) -> Self:
         """Return the claim about a loop whose E and law are those of opened loops."""
         outputs = loops.outputs(subject.law, subject.n, subject.m, len(subject.A))
-        return cls(subject, outputs, level, scales=loops.scales, loops=loops)
+        return cls(subject, outputs, level, scales=loops.scales, loops=loops, filters=filters)
 
     @property
     def bare(self) -> Self:
         """What is claimed: weights of loops are a part of what proves it."""
         alike = replace(self.loops, weights=(ONE,) * self.loops.count)
-        return self.of(super().bare.subject, alike, self.level)
+        return self.of(super().bare.subject, alike, self.level, self.filters)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -209,6 +217,10 @@ class DiskMargin(Gain):
             table |= {key: [k + 1 for k in numbers]} if numbers else {}
         table |= {"skew": plain(loops.skew)} if loops.skew else {}
         table |= {"weights": plain(loops.weights), "level": plain(self.level)}
+        if self.filters:
+            table["filters"] = [
+                {} if applied is None else applied.write() for applied in self.filters
+            ]
         on = {"on": self.subject.on} if loops.measured else {}
         return table | {"evidence": write_evidence(self.subject) | on}
 
@@ -244,6 +256,10 @@ class DiskMargin(Gain):
     def named(self, plant: Plant) -> str:
         """Say which margin of which loops it is."""
         skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
+        return f"{self.kind}{skew} {self.loops_text(plant)}"
+
+    def loops_text(self, plant: Plant) -> str:
+        """Say where loops are opened."""
         names, known = list[str](), plant.inputs
         for i in self.loops.inputs:
             name = f"{quoted(split(known[i])[0])} = " if i < len(known) else ""
@@ -253,8 +269,8 @@ class DiskMargin(Gain):
             name = f"{quoted(read[j])} = " if j < len(read) else ""
             names.append(f"{name}y{j + 1}, as the law reads it")
         if len(names) == 1:
-            return f"{self.kind}{skew} of the loop at {names[0]}"
-        return f"{self.kind}{skew} of the loops at {', '.join(names)}, all at once,"
+            return f"of the loop at {names[0]}"
+        return f"of the loops at {', '.join(names)}, all at once,"
 
     @property
     def worst_text(self) -> str:
@@ -265,6 +281,46 @@ class DiskMargin(Gain):
         """Say what margin of which loops is proved."""
         on = f"{self.time_text}, on the {self.subject.on}"
         return f"{self.named(plant)} >= {digits_down(1 / self.level)}{on}"
+
+
+@dataclass(frozen=True)
+class Unmodelled(DiskMargin):
+    """The gain of D W T D^-1 at some loops is less than ``level``, T = 1 - S, W their filters.
+
+    What arrives there is u + delta v, v what W makes of u, delta any stable system, also one that
+    varies in time, of L2 gain at most 1 / level: by the small gain theorem the loops stay stable.
+    """
+
+    kind: ClassVar[str] = "unmodelled dynamics"
+    has_filters: ClassVar[bool] = True
+
+    def require_extra(self) -> None:
+        """Refuse another skew."""
+        super().require_extra()
+        if self.loops.skew != -1:
+            raise FormatError("skew must be -1: unmodelled dynamics act on T")
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read it with a filter of each loop."""
+        claim = super().read(table, plant, law, on)
+        if len(claim.filters) != claim.loops.count or None in claim.filters:
+            raise FormatError(
+                f"{table.path('filters')}: each loop has one, that of its unmodelled dynamics"
+            )
+        return claim
+
+    def require(self) -> None:
+        """Refuse samples; then as any other claim."""
+        if self.subject.step:
+            raise FormatError("unmodelled dynamics are of loops in continuous time")
+        super().require()
+
+    def named(self, plant: Plant) -> str:
+        """Say which dynamics at which loops it is about."""
+        shapes = ", ".join(quoted(shape.name) for shape in self.filters if shape is not None)
+        of = f"{self.kind} {self.loops_text(plant)}"
+        return f"{of} in multiples of {shapes} (as the file defines it),"
 
 
 def through(plant: Plant, measured: Sequence[str]) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:

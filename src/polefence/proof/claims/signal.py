@@ -558,7 +558,7 @@ class SignalClaim(Short, Claim):
         if cls.driven and not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
         outputs = cls._read_outputs(table, plant)
-        filters = _read_filters(table, len(outputs)) if cls.has_filters else ()
+        filters = read_filters(table, len(outputs)) if cls.has_filters else ()
         subject = read_subject(table.table("evidence"), plant, law, on, states_of(filters))
         level = table.number("level")
         scales = cls.driven and "disturbances" in table
@@ -1110,7 +1110,7 @@ def acting_text(
     return f" from {' and '.join(said)}{alone}" if said or scales else ""
 
 
-def _read_filters(table: Table, count: int) -> Filters:
+def read_filters(table: Table, count: int) -> Filters:
     """Read a filter for each output, an empty table for one without."""
     if "filters" not in table:
         return ()

@@ -15,10 +15,11 @@ from polefence.law.structure import Structure
 from polefence.plant.outputs import states
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
+from polefence.plant.weights import shape_of
 from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
 from polefence.requirements import disk_margin
-from polefence.requirements.disk_margin import DiskMargin
+from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.response.modes import Modes
 
@@ -367,3 +368,123 @@ def test_a_factor_at_an_input_passes_into_what_is_measured_of_it(named):
         return largest
 
     assert worst(0.999 * margin) < 0 < worst(1.01 * margin)
+
+
+# -- dynamics that no model has ------------------------------------------------------------------
+
+WEIGHT = "(3*s + 18.5)/(s + 46.3)"
+
+
+def borne(plant, law, *named, weight=WEIGHT):
+    bound = best_bound(plant, given_law(plant, law), Unmodelled(named, weight=weight))
+    return bound.number
+
+
+@pytest.mark.parametrize(
+    "weight", [WEIGHT, "1/(s + 1)", "makeweight(0.4, 15, 3)", "s/(s**2 + s + 9)"]
+)
+def test_just_above_it_a_number_in_the_place_of_dynamics_makes_a_loop_unstable(weight):
+    plant, K = loads(THIRD_ORDER), np.array([[-25.0, 0, 0]])
+    A, B = plant.A[0], plant.B[0]
+    shape = shape_of(weight, "u")
+    a, b, c = (np.array(M, dtype=float) for M in (shape.a, shape.b, shape.c))
+    most, turns = borne(plant, K, "u", weight=weight), np.exp(2j * np.pi * np.linspace(0, 1, 9001))
+
+    def worst(size):
+        d = size * turns[:, None, None]
+        straight = A + B @ K * (1 + d * float(shape.d))
+        rows = np.concatenate([straight, d * (B @ c)], axis=2)
+        below = np.broadcast_to(np.hstack([b @ K, a]), (len(d), len(a), rows.shape[2]))
+        return np.linalg.eigvals(np.concatenate([rows, below], axis=1)).real.max()
+
+    assert worst(0.999 * most) < 0 < worst(1.001 * most)
+
+
+def test_of_two_inputs_units_change_nothing_and_each_alone_bears_more():
+    A = np.array([[0, 1.0, 0], [-4, -1, 1], [0, 0, -2]])
+    B = np.array([[0, 0.1], [1, 0], [0, 1]])
+    K = np.array([[-2.0, -1, 0.3], [0.5, -1, -3]])
+    plant = pf.UncertainPlant.from_vertices([A], [B])
+    both = borne(plant, K, "u1", "u2")
+    scaled = pf.UncertainPlant.from_vertices([A], [B * [1000, 0.01]])
+    in_units = K / np.array([[1000], [0.01]])
+    assert borne(scaled, in_units, "u1", "u2") == pytest.approx(both, rel=2e-3)
+    assert both <= min(borne(plant, K, "u1"), borne(plant, K, "u2")) * (1 + 1e-5)
+
+
+@pytest.mark.parametrize(
+    "text", [SPRING, SPRING.replace("120]", "120]\nrate = [-5, 5]"), FUNCTIONS]
+)
+def test_unmodelled_dynamics_of_families(text):
+    plant = loads(text)
+    law = given_law(plant, GAIN)
+    asked = Unmodelled("force", weight=WEIGHT)
+    seen = 1 / sampled(plant, law, asked, seeded(plant, 200)).worst
+    assert 0.99 * seen < borne(plant, GAIN, "force") < seen * (1 + 1e-9)
+
+
+def test_a_law_is_tuned_for_unmodelled_dynamics(tmp_path, capsys):
+    spec, other = tmp_path / "spring.toml", tmp_path / "other.toml"
+    spec.write_text(
+        SPRING
+        + '[[specification]]\nkind = "rms"\nsignal = "position"\ndensity = 1\nminimise = true\n'
+        + '[[specification]]\nkind = "rms"\nsignal = "force"\ndensity = 1\nat_most = 3\n'
+        + '[[specification]]\nkind = "unmodelled dynamics"\nloops = ["force"]\n'
+        + f'weight = "{WEIGHT}"\nat_least = 1.3\n'
+    )
+    other.write_text(spec.read_text().replace("18.5", "18.6"))
+    assert main(["optimise", str(spec), "-o", str(tmp_path / "out")]) == 0
+    assert main(["check", str(tmp_path / "out"), "--spec", str(spec)]) == 0
+    said = capsys.readouterr().out
+    assert "unmodelled dynamics of the loop at 'force' = u1 in multiples of" in said
+    assert main(["check", str(tmp_path / "out"), "--spec", str(other)]) == 1
+    assert "is not that of ISO 2631-1, or of the spec" in capsys.readouterr().out
+    document = json.loads((tmp_path / "out" / "design.json").read_text())
+    claim = next(own for own in document["claims"] if own["kind"] == "unmodelled dynamics")
+    for key, value in [("d", 6), ("c", [[100]]), ("a", [[1]])]:
+        kept = dict(claim["filters"][0])
+        claim["filters"][0][key] = value
+        assert not is_proved(document)
+        claim["filters"][0] = kept
+    assert is_proved(document)
+    for key, value in [("filters", []), ("skew", 0), ("filters", [{}])]:
+        kept = claim[key]
+        claim[key] = value
+        assert not is_proved(document)
+        claim[key] = kept
+    del claim["filters"]
+    assert not is_proved(document)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("", "weight is missing"),
+        ('weight = "s"', "the numerator has degree 1, the denominator 0"),
+        ('weight = "1/(s - 1)"', "the pole 1 .*is not stable"),
+        ('weight = "0.5"', "is constant; ask for a disk margin with sigma = -1"),
+        ('weight = "1/(z - 0.5)"', "is in z"),
+        ('weight = "__import__(1)"', "unmodelled dynamics"),
+        ('weight = "1/(s + 1)"\nsigma = 0', "unknown key sigma"),
+    ],
+)
+def test_bad_weights_are_refused_in_a_line(tmp_path, keys, said):
+    path = tmp_path / "bad.toml"
+    table = f'kind = "unmodelled dynamics"\nloops = ["force"]\nat_least = 1\n{keys}\n'
+    path.write_text(SPRING + f"[[specification]]\n{table}")
+    with pytest.raises(SpecError, match=said) as error:
+        load_specifications(path)
+    assert "\n" not in str(error.value)
+
+
+def test_unmodelled_dynamics_are_of_inputs_in_continuous_time():
+    plant, asked = loads(SPRING), Unmodelled("force", weight=WEIGHT)
+    with pytest.raises(InputError, match="'position' is no input; ask for its disk margin"):
+        Unmodelled("position", weight=WEIGHT).require_fit(plant)
+    with pytest.raises(InputError, match="leave out the sample time, or ask for a disk margin"):
+        asked.require_fit(pf.at_sample_time(plant, 0.01))
+    limited = Unmodelled("force", 1.0, weight=WEIGHT)
+    with pytest.raises(InputError, match="so that a law is tuned"):
+        pf.optimise(plant, pf.Rms("position", density=1), [limited], method="quadratic")
+    line = pf.requirements.specification.limit_text(Unmodelled("force", 0.5, weight=WEIGHT))
+    assert parse_specification(line) == Unmodelled("force", 0.5, weight=WEIGHT)

@@ -240,6 +240,7 @@ def quiet(words):
 MARGINS = (
     "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
     "--limit", "disk margin of u >= 1", "--limit", "disk margin of [u, x, v] with sigma 0.5",
+    "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from itertools import product
 from math import comb, factorial, prod
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import block_diag, expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from support import motions
 from support.motions import number
@@ -752,6 +752,27 @@ def false_disk_margin(plant, law, claim):
     return False
 
 
+def false_unmodelled(plant, law, claim):
+    """Whether complex numbers in the place of unmodelled dynamics make a loop unstable."""
+    inputs, size = claim["inputs"], 1 / number(claim["level"])
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        (A, B, _), K = plant.at(alpha), law.gain(alpha)
+        for _ in range(40):
+            at_u, A_z, B_z, C_z = np.ones(B.shape[1], complex), [], [], []
+            for k, shape in zip(inputs, claim["filters"], strict=True):
+                delta = size * np.exp(2j * np.pi * plant.random.random())
+                a, b, c = (array(shape[key]) for key in "abc")
+                A_z.append(a)
+                B_z.append(b @ K[k - 1 : k])
+                C_z.append(delta * B[:, k - 1 : k] @ c)
+                at_u[k - 1] = 1 + delta * number(shape.get("d", 0))
+            rows = [A + B * at_u @ K, np.hstack(C_z)], [np.vstack(B_z), block_diag(*A_z)]
+            poles = np.linalg.eigvals(np.block(list(rows)))
+            if poles.real.max() / max(1.0, np.abs(poles).max()) > SLACK:
+                return True
+    return False
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -978,6 +999,7 @@ FALSE = {
     "gain error": false_gain,
     "error of each gain": false_each_gain,
     "disk margin": false_disk_margin,
+    "unmodelled dynamics": false_unmodelled,
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

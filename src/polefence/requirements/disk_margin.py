@@ -203,15 +203,21 @@ class DiskMargin(Specification):
         law: Law | None = None,
     ) -> tuple[conditions.Source, conditions.Output]:
         """Return the gain as an LMI has it; of loops at inputs alone."""
-        if any(_place(plant, name, law)[0] != "input" for name in self.names):
-            raise InputError(
-                f"{self.title}: an LMI takes loops at inputs alone; ask for a law of an order, or "
-                "of measured signals, which is tuned"
-            )
+        if why := self.beyond_lmi(plant):
+            raise InputError(why)
         loops = self._loops(plant, law)
         opened = open_loops(plant, loops)
         gain = replace(_gain(self, opened, loops), at_most=self.at_most)
         return gain.condition(opened, domain, unit, law)
+
+    def beyond_lmi(self, plant: UncertainPlant) -> str:
+        """Say that loops at measured signals depend on the law."""
+        if all(_place(plant, name, None)[0] == "input" for name in self.names):
+            return ""
+        return (
+            f"{self.title}: an LMI takes loops at inputs alone; leave out the method, so that a "
+            "law is tuned"
+        )
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the margin at points alpha."""
@@ -289,6 +295,8 @@ class Unmodelled(DiskMargin):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "sigma", -1.0)
+        if isinstance(self.weight, str):
+            object.__setattr__(self, "weight", "".join(self.weight.split()))
         _ = self.shapes
 
     @classmethod
@@ -300,13 +308,17 @@ class Unmodelled(DiskMargin):
 
     @property
     def title(self) -> str:
-        """Kind and loops."""
-        return f"{self.kind} of {self.name}"
+        """Kind, loops and weight, as a line has them."""
+        return f"{self.kind} of {self.name} with weight {self.shapes[0].name}"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
         """The weight at each loop."""
         return (Shape(shape_of(self.weight, self.kind)),) * len(self.entries)
+
+    def unweighted(self) -> DiskMargin:
+        """Return the margin of T itself."""
+        return DiskMargin(self.signal, self.at_most, self.sigma)
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a sampled plant, and what is no input."""
@@ -320,21 +332,9 @@ class Unmodelled(DiskMargin):
             if _place(plant, name, None)[0] != "input":
                 raise InputError(f"{self.title}: {name!r} is no input; ask for its disk margin")
 
-    def condition(
-        self,
-        plant: UncertainPlant,  # noqa: ARG002
-        domain: Domain,  # noqa: ARG002
-        unit: float | None = None,  # noqa: ARG002
-        law: Law | None = None,  # noqa: ARG002
-    ) -> tuple[conditions.Source, conditions.Output]:
-        """Refuse it: no LMI has its filters.
-
-        Raises
-        ------
-        InputError
-            Always.
-        """
-        raise InputError(f"{self.title}: it is for laws that are tuned; leave out --method")
+    def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Say that none has its weight."""
+        return f"{self.title}: no LMI has its weight; leave out the method, so that a law is tuned"
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the loops behind their weights as a channel at points alpha."""

@@ -508,6 +508,10 @@ class Specification(Short):
         """
         raise NotImplementedError
 
+    def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Say why no LMI designs a law for it; nothing where one does."""
+        return ""
+
     def has_primal(self, plant: UncertainPlant) -> bool:  # noqa: ARG002
         """Whether the bound is proved by a polynomial about as large as the covariance, too."""
         return True

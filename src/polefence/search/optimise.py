@@ -249,6 +249,10 @@ def _optimised(
     if structure is None and method is None and len(known) < plant.shape[0]:
         structure = Structure(measured=known)  # those of a road and of weights are for no law
     either = structure is None and method is None
+    wanted = limits if minimise is None else (minimise, *limits)
+    beyond_lmi = next(filter(None, (one.beyond_lmi(plant) for one in wanted)), "")
+    if beyond_lmi and structure is None and not either:
+        raise InputError(beyond_lmi)
     method = method_for(plant, method)
     _require_method(plant, method)
     if len(plant.vertices) == 1:  # one gain is every law
@@ -258,8 +262,7 @@ def _optimised(
     require_movable(plant, asked)
     if structure is not None:
         structure.require_fit(plant)
-        asked_for = limits if minimise is None else (minimise, *limits)
-        structure = proper(structure, plant, asked_for)
+        structure = proper(structure, plant, wanted)
         if minimise is not None and len(minimise.tuned(1.0)) > 1:
             raise InputError(
                 f"{minimise.title}: with a structure, minimise it for one input; limit the others"
@@ -271,7 +274,7 @@ def _optimised(
     if T is not None:
         inside = delta_plane(asked, T)
     task = Task(plant, minimise, limits, inside, method, (plant, limits), words, bears)
-    if either and not is_optimisable(plant, method, count):
+    if either and (beyond_lmi or not is_optimisable(plant, method, count)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
     if structure is not None:
         return _as_sampled(_tuned(task, structure, fewer_states), asked)

@@ -42,7 +42,7 @@ KINDS = {
     "gain margin": ("service/gain.json", [CHECK]),
     "gain error": ("whole/gain.json", [CHECK]),
     "rate": ("service/rate-k.json", [CHECK]),
-    "disk margin": ("margins/design.json", [CHECK]),
+    "margins": ("margins/design.json", [["check", "FILE"]]),
     "performance": ("performance/design.json", [["check", "FILE", "--spec", "spec.toml"]]),
     "vectors": ("vectors/design.json", [["check", "FILE", "--spec", "two.toml"]]),
     "guarantee": ("code/guarantee.json", [CHECK]),

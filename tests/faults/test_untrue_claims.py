@@ -56,7 +56,6 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("damper/limit.json", ("factor",), 1e5),
         ("late/design.json", ("level",), 1e-2),
         ("margins/design.json", ("level",), 0.3),
-        ("margins/design.json", ("skew",), 9),
         ("margins/design.json", ("filters",), [{"name": "W", "a": [[-5]], "b": [[9]], "c": [[9]]}]),
         ("late/design.json", ("region", "radius"), 0.3),
         ("discrete/design.json", ("level",), 1e-3),

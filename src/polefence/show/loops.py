@@ -366,8 +366,10 @@ BESIDE = (((6, 5), "left"), ((6, -11), "left"), ((6, -3), "left"))
 def _said(ax: Axes, text: str, x: float, y: float, where: tuple[tuple[int, int], str]) -> None:
     offset, side = where
     across = ax.transAxes.inverted().transform(ax.transData.transform((x, y)))[0]
-    if side == "left" and across > 0.8:  # room for the text
+    if across > (0.8 if side == "left" else 0.85):  # room for the text
         offset, side = (-offset[0], offset[1]), "right"
+    elif across < 0.15 and side == "center":
+        side = "left"
     ax.annotate(text, (x, y), offset, textcoords="offset points", ha=side, bbox=BOX, **LABEL)
 
 

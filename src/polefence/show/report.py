@@ -22,6 +22,7 @@ from polefence.export.memory import kept, with_rates
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
+from polefence.plant.larger import INTEGRAL
 from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.disk_margin import DiskMargin
@@ -395,12 +396,13 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
 def _margin(design: Design, claim: Any) -> tuple[str, float, float] | None:
     """Return where a proved disk margin of one loop is, its skew, and how much it is.
 
-    In discrete time the claim lets the law read its own demands as they arrive, which the loop of
-    `polefence.response.opened` does not.
+    None where the claim opens another loop than `polefence.response.opened`: in discrete time it
+    lets the law read its own demands as they arrive, and a PID's integral is a signal of its own.
     """
     if not isinstance(claim, DiskMargin) or claim.loops.count > 1:
         return None
-    if design.plant.sample_time is not None:
+    pid = any(signal.name.startswith(INTEGRAL) for signal in design.law.measured)
+    if design.plant.sample_time is not None or (pid and claim.loops.measured):
         return None
     known = inputs(design.plant) if claim.loops.inputs else design.law.measured
     (k,) = (*claim.loops.inputs, *claim.loops.measured)

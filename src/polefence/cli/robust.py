@@ -112,13 +112,15 @@ def _line(found: Robustness, name: str, reach: Reach, width: int) -> str:
 
 
 def _worst_text(found: Robustness, worst: Attained) -> str:
-    bound, reached = worst.bound, worst.attained
-    proved = "no bound is proved" if bound is None else f"{digits_up(bound.level)} is proved"
+    bound, reached, asked = worst.bound, worst.attained, worst.specification
+    proved = (
+        "no bound is proved" if bound is None else f"{asked.proved_text(bound.level)} is proved"
+    )
     if reached is None or worst.values is None:
         return f"{worst.specification.title}: {proved}; the loop is not stable on all of the box"
     how = "attained" if worst.exact else "sampled"
     where = values_text(found.plant, dict(worst.values))
-    return f"{worst.specification.title}: {proved}, {digits_down(reached)} {how} at {where}"
+    return f"{asked.title}: {proved}, {asked.sampled_text(reached)} {how} at {where}"
 
 
 def _summary(found: Robustness) -> dict[str, Any]:
@@ -149,8 +151,8 @@ def _reach(reach: Reach) -> dict[str, Any]:
 def _worst(worst: Attained) -> dict[str, Any]:
     return {
         "signal": worst.specification.title,
-        "proved": None if worst.bound is None else worst.bound.level,
-        "attained": worst.attained,
+        "proved": None if worst.bound is None else worst.bound.number,
+        "attained": None if worst.attained is None else worst.specification.read_as(worst.attained),
         "exact": worst.exact,
         "at": None if worst.values is None else dict(worst.values),
     }

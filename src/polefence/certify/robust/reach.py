@@ -491,7 +491,7 @@ class _Question:
                 continue
             square = attained(plant, law, replace(limit, at_most=None), alpha)
             exact = square is not None and square > level**2
-            said = f"{limit_text(limit)} is exceeded"
+            said = f"{limit_text(limit)} is {'missed' if limit.is_margin else 'exceeded'}"
             return _Failed(factor, values, said, exact, square is not None)
         return None
 

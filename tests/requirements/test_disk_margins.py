@@ -316,6 +316,21 @@ def test_bad_margins_are_refused_in_a_line(tmp_path, table, said):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("sigma", "most"), [(0, 2), (1, 1), (3, 0.5)])
+def test_a_margin_that_no_loop_has_is_refused_in_a_line(sigma, most):
+    plant = loads(SPRING)
+    for share, refused in [(1.001, True), (0.999, False)]:
+        asked = DiskMargin.least("force", at_least=share * most, sigma=sigma)
+        if refused:
+            with pytest.raises(InputError, match=f"no loop has more than {most}, for at high"):
+                asked.require_fit(plant)
+        else:
+            asked.require_fit(plant)
+    # nor is one proved of the loop with the largest margin, that without a law
+    bound = best_bound(plant, given_law(plant, 0 * GAIN), DiskMargin("force", sigma=sigma))
+    assert most * 0.999 < bound.number <= most
+
+
 def test_lines_of_margins_read_back():
     for text in ("disk margin of force >= 1.9", "disk margin of [force, a b] >= 0.3 with sigma 1"):
         one = parse_specification(text)

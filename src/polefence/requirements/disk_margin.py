@@ -149,6 +149,13 @@ class DiskMargin(Specification):
         for name in self.names:
             _place(plant, name, None)
         self.require_late(plant)
+        limit, straight = self.limit, any(y.D for y in plant.every_output)
+        least = abs(1 + self.sigma) / 2  # of |S + (sigma - 1) / 2| where nothing comes back
+        if limit is not None and limit * least > 1 and not straight:
+            raise InputError(
+                f"{self.title} >= {exactly(limit)}: no loop has more than {exactly(1 / least)}, "
+                "for at high frequencies nothing comes back; ask for less"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -64,6 +64,10 @@ HALVINGS = 8
 # loop of six states at 50 ms 1 minute at 7e-6.
 COARSE = (5e-3, 0.02, 0.1, *SHARES[5:])
 FEW = 1
+# The same of poles where proofs fail near the edge, along motions or with a dead time; and where
+# one that fails takes long, of functions of the parameters: of a van's table 50 s.
+MOVED, SOME = (1e-4, 1e-3, 0.01, 0.1, *SHARES[6:]), 4
+BENT, FEWER = (1e-3, 0.03, 0.3, 0.7, 0.95), 2
 # Degree and elevation that prove most boxes near the edge, of one parameter that grows, of several;
 # and how many parts of the box are tried then, before all else is.
 FORM_OF_ONE, FORM, MOST_SOON = (1, 0), (1, 1), 4
@@ -334,12 +338,21 @@ class _Question:
             design,
         )
 
-    @property
-    def _coarse(self) -> bool:
-        """Whether limits take long to prove near their edge."""
+    def _steps(self, enough: bool) -> tuple[tuple[float, ...], int, float]:
+        """Return shares by which a proof is tried, halvings behind them, and what is close.
+
+        Parameters
+        ----------
+        enough : bool
+            Whether the ranges as they are are known to be proved.
+        """
         plant = self.growth.plant
-        plain = plant.remainder is None and plant.dead_time is None and not plant.moving
-        return bool(self.limits) and not plain
+        moved = plant.dead_time is not None or bool(plant.moving)
+        if self.limits and (moved or plant.remainder is not None):
+            return COARSE[1:] if enough else COARSE, FEW, 2 * COARSE[0]
+        if plant.bent:
+            return BENT, FEWER, 2 * BENT[0]
+        return (MOVED, SOME, MOVED[0]) if moved else (SHARES, HALVINGS, CLOSE)
 
     def _proved(
         self,
@@ -357,8 +370,7 @@ class _Question:
                 return top, proof, None
             failed = proof
             high = top if failed is None else failed.factor
-        coarse = self._coarse
-        shares = SHARES if not coarse else COARSE if low < 1 else COARSE[1:]
+        shares, halvings, close = self._steps(low >= 1)
         for share in shares:
             factor = short(high * (1 - Fraction(share)), up=False)
             if factor <= low:
@@ -370,9 +382,8 @@ class _Question:
             high = factor
             if proof is not None:
                 failed, high = proof, proof.factor
-        halvings = FEW if coarse else HALVINGS
         for _ in range(halvings if low and failed is not None else 0):
-            if high - low <= (2 * COARSE[0] if coarse else CLOSE) * high:
+            if high - low <= close * high:
                 break
             factor = short((low + high) / 2, up=False)
             proof = self._proof(rays, factor)

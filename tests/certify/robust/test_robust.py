@@ -205,6 +205,14 @@ def test_rates_stay_while_ranges_grow():
     assert between(found.largest, 5.0, 0.1)  # k = 2.5 - f / 2
 
 
+def test_ranges_that_are_proved_have_a_factor_of_one_at_least():
+    # at any rate only one common quadratic function serves: at k up to 3.82 one does, little beyond
+    plant = spring((0, "3.82"), 1, rate="any")
+    shifted = [[-2.0, 0.0]]  # the stiffness is 2 + k
+    assert pf.analyse(plant, shifted, HalfPlane(0)).proved
+    assert 1 <= float(robust(plant, shifted).largest.proved) < 1.01
+
+
 def test_an_own_state_and_samples_grow_with_the_plant(tmp_path):
     plant = pf.at_sample_time(spring((1, 1.2), "0.55"), 0.1)
     found = robust(plant, pf.Compensator([[0.5]], [[1]], [[0.1]], [[0]], sample_time=0.1,

@@ -373,6 +373,7 @@ class _Question:
         shares, halvings, close = self._steps(low >= 1)
         for share in shares:
             factor = short(high * (1 - Fraction(share)), up=False)
+            factor = Fraction(1) if factor < 1 < high else factor  # what is asked of others too
             if factor <= low:
                 break
             proof = self._proof(rays, factor)

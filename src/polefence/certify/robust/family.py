@@ -190,6 +190,11 @@ def _beside(plant: UncertainPlant, fresh: UncertainPlant, ends: Ends) -> Uncerta
     parameters = resized(plant.parameters, ends)
     low, high = weights_of_ends(plant.parameters, parameters)
     (n, m), (n0, m0), q = plant.shape, fresh.shape, plant.disturbance_count
+    if plant.remainder is not None and any(map(any, plant.remainder.entries[n0:])):
+        raise PlantError(
+            f"{plant.name}: states beside its samples follow functions of the parameters, which "
+            "are not known beyond the ranges"
+        )
     kept = {
         key: on_corners([list(map(list, getattr(v, key))) for v in plant.vertices], low, high)
         for key in ("exact_A", "exact_B", *(("exact_E",) if q else ()))

@@ -503,3 +503,17 @@ def test_unmodelled_dynamics_are_of_inputs_in_continuous_time():
         pf.optimise(plant, pf.Rms("position", density=1), [limited], method="quadratic")
     line = pf.requirements.specification.limit_text(Unmodelled("force", 0.5, weight=WEIGHT))
     assert parse_specification(line) == Unmodelled("force", 0.5, weight=WEIGHT)
+
+
+def test_a_loop_that_a_factor_would_not_change_so_is_refused():
+    """What a law remembers of its demands no actuator changes; a PID integrates what it reads."""
+    plant = pf.at_sample_time(loads(SPRING), 0.02, 1)
+    asked = DiskMargin.least("force", at_least=1)
+    assert best_bound(plant, given_law(plant, [[-20, -4, 0]]), asked).number > 1
+    with pytest.raises(InputError, match="feeds back its own demands that are on their way"):
+        best_bound(plant, given_law(plant, [[-20, -4, 0.1]]), asked)
+    structure = Structure(kind="pid", measured=("position",), derivative_bandwidth=20)
+    larger, wide = structure.extended(loads(SPRING))
+    gains = np.zeros((len(wide.powers(larger)), 1, len(wide.outputs(larger))))
+    with pytest.raises(InputError, match="a PID reads 'position' by its integral"):
+        DiskMargin("position").posed(larger, wide.law(larger, gains))

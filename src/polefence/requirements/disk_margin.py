@@ -18,7 +18,7 @@ from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import bare_plant, file_plant
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import DEMAND, MEASURED
+from polefence.plant.larger import DEMAND, FILTER, INTEGRAL, MEASURED
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
@@ -175,12 +175,37 @@ class DiskMargin(Specification):
             If the law measures no signal of that name.
         """
         loops = self._loops(plant, law)
+        self._require_cut(plant, law, loops)
         beside = _reading(plant, law, loops)
         opened = open_loops(plant, loops, beside)
         if loops.count > 1:
             gain = _gain(self, opened, loops, beside)
             loops = replace(loops, weights=_weights(opened, beside, gain))
         return opened, beside, _gain(self, opened, loops, beside)
+
+    def _require_cut(self, plant: UncertainPlant, law: Any, loops: Loops) -> None:
+        """Refuse a loop that is not the one that its name says.
+
+        What a law remembers of its own demands does not change with the actuator, and a PID has
+        its integral and its filter of a signal too.
+        """
+        late = 0 if plant.sampling is None else plant.sampling.delay * plant.sampling.plant.shape[1]
+        first = 0 if plant.sampling is None else plant.sampling.plant.shape[0]
+        if loops.inputs and late:
+            K = np.asarray(law.gain(np.eye(len(plant.vertices))))
+            if np.any(K[..., first : first + late]):
+                raise InputError(
+                    f"{self.title}: the law feeds back its own demands that are on their way, "
+                    "which no actuator changes; measure other signals alone, by measured"
+                )
+        names = [state.name for state in states(plant)]
+        for name in self.names:
+            parts = f"{INTEGRAL}{name}", f"{FILTER}{name}"
+            if loops.measured and any(part in names for part in parts):
+                raise InputError(
+                    f"{self.title}: a PID reads {name!r} by its integral and its filter too; open "
+                    "the loop at the input"
+                )
 
     def _loops(self, plant: UncertainPlant, law: Any) -> Loops:
         places = [_place(plant, name, law) for name in self.names]

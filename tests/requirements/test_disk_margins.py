@@ -517,3 +517,11 @@ def test_a_loop_that_a_factor_would_not_change_so_is_refused():
     gains = np.zeros((len(wide.powers(larger)), 1, len(wide.outputs(larger))))
     with pytest.raises(InputError, match="a PID reads 'position' by its integral"):
         DiskMargin("position").posed(larger, wide.law(larger, gains))
+
+
+def test_a_law_at_samples_does_not_read_its_demands_on_their_way(tmp_path):
+    plant = pf.at_sample_time(loads(SPRING), 0.02, 1)
+    asked = DiskMargin.least("force", at_least=1.2)
+    done = pf.optimise(plant, pf.Rms("position", density=1), [asked, pf.Rms("force", 3, density=1)])
+    assert np.all(done.law.gain(np.eye(2))[..., 2] == 0)
+    assert done.bounds[1].number >= 1.2

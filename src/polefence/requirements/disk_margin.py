@@ -189,11 +189,10 @@ class DiskMargin(Specification):
         What a law remembers of its own demands does not change with the actuator, and a PID has
         its integral and its filter of a signal too.
         """
-        late = 0 if plant.sampling is None else plant.sampling.delay * plant.sampling.plant.shape[1]
-        first = 0 if plant.sampling is None else plant.sampling.plant.shape[0]
+        late = _on_the_way(plant)
         if loops.inputs and late:
             K = np.asarray(law.gain(np.eye(len(plant.vertices))))
-            if np.any(K[..., first : first + late]):
+            if np.any(K[..., late]):
                 raise InputError(
                     f"{self.title}: the law feeds back its own demands that are on their way, "
                     "which no actuator changes; measure other signals alone, by measured"
@@ -241,6 +240,13 @@ class DiskMargin(Specification):
         opened = open_loops(plant, loops)
         gain = replace(_gain(self, opened, loops), at_most=self.at_most)
         return gain.condition(opened, domain, unit, law)
+
+    def readable(self, plant: UncertainPlant, known: tuple[str, ...]) -> tuple[str, ...]:
+        """Return all but the demands on their way, which no actuator changes."""
+        if all(_place(plant, name, None)[0] != "input" for name in self.names):
+            return known
+        late = {states(plant)[k].name for k in _on_the_way(plant)}
+        return tuple(name for name in known if name not in late)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:
         """Say that loops at measured signals depend on the law."""
@@ -509,6 +515,14 @@ def _reading(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
     return replace(
         law, measured=tuple(replace(y, F=[M[j] for M in F]) for j, y in enumerate(known))
     )
+
+
+def _on_the_way(plant: UncertainPlant) -> list[int]:
+    """Return the numbers of the states that are demands on their way."""
+    if plant.sampling is None:
+        return []
+    n, m = plant.sampling.plant.shape
+    return list(range(n, n + plant.sampling.delay * m))
 
 
 def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:

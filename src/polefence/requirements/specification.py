@@ -508,6 +508,14 @@ class Specification(Short):
         """
         raise NotImplementedError
 
+    def readable(
+        self,
+        plant: UncertainPlant,  # noqa: ARG002
+        known: tuple[str, ...],
+    ) -> tuple[str, ...]:
+        """Return which of these signals a law may measure: all of them, in most kinds."""
+        return known
+
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say why no LMI designs a law for it; nothing where one does."""
         return ""

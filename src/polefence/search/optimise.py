@@ -246,10 +246,12 @@ def _optimised(
     if structure is not None and method is not None:
         raise InputError("a method and a structure exclude each other; leave one out")
     known = measurable(plant)
+    wanted = limits if minimise is None else (minimise, *limits)
+    for one in wanted:
+        known = one.readable(plant, known)
     if structure is None and method is None and len(known) < plant.shape[0]:
         structure = Structure(measured=known)  # those of a road and of weights are for no law
     either = structure is None and method is None
-    wanted = limits if minimise is None else (minimise, *limits)
     beyond_lmi = next(filter(None, (one.beyond_lmi(plant) for one in wanted)), "")
     if beyond_lmi and structure is None and not either:
         raise InputError(beyond_lmi)

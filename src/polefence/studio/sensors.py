@@ -118,7 +118,8 @@ class Sensors:
         """Return the least that is proved, of what is minimised."""
         wanted = self.subject.wanted
         unit = "" if wanted is None else wanted.least.unit(self.subject.plant)
-        return f"proved {result.bounds[0].rpartition('<=')[2].strip()} {unit}".rstrip()
+        level = result.bounds[0].replace(">=", "<=").rpartition("<=")[2]
+        return f"proved {level.strip()} {unit}".rstrip()
 
     def recipe(self, question: Question) -> tuple[str, str]:
         """Return the command line and the Python of the best ride of what is ticked."""

@@ -123,7 +123,8 @@ class Subject(Short):
         if self.wanted is None:
             return ()
         inputs = {split(label)[0] for label in self.plant.inputs}
-        limits = [limit for limit in self.wanted.limits if limit.of_signal]
+        swept = (limit for limit in self.wanted.limits if limit.of_signal)
+        limits = [limit for limit in swept if not limit.is_margin]
         if limits:
             return tuple(sorted(limits, key=lambda limit: limit.name not in inputs))
         density = self.wanted.least.noise_density or 1.0

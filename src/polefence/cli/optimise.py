@@ -98,8 +98,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     limit_argument(
         parser,
-        "'rms of actuator force <= 700'; repeat for more; takes the place of the spec's of this "
-        "kind and signal",
+        "'rms of actuator force <= 700', 'disk margin of actuator force >= 1'; repeat for more; "
+        "takes the place of the spec's of this kind and signal",
     )
     road_arguments(parser)
     poles_argument(parser)

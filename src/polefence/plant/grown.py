@@ -16,7 +16,7 @@ from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Exact, System
 from polefence.proof.approximation import Functions
-from polefence.proof.laws import add, on_corners
+from polefence.proof.laws import add
 from polefence.proof.matrices import Rationals, mix
 from polefence.proof.remainder import Remainder, Source
 from polefence.proof.work import FormatError
@@ -49,6 +49,27 @@ def weights_of_ends(old: Sequence[Parameter], new: Sequence[Parameter]) -> tuple
 def _weight(parameter: Parameter, value: Fraction) -> Fraction:
     first, last = (parameter.scheduling(end) for end in (parameter.low, parameter.high))
     return (parameter.scheduling(value) - first) / (last - first)
+
+
+def at_ends(vertices: Sequence[Rationals], low: Point, high: Point) -> list[Rationals]:
+    """Return what is multi-affine on a box at the corners of another, one axis after the other."""
+    found = list(vertices)
+    for axis, (first, last) in enumerate(zip(low, high, strict=True)):
+        bit = 1 << (len(low) - 1 - axis)
+        same = first == 0 and last == 1
+        for j in range(0 if same else len(found)):
+            if not j & bit:
+                pair = found[j], found[j | bit]
+                found[j], found[j | bit] = (_along(*pair, end) for end in (first, last))
+    return found
+
+
+def _along(one: Rationals, other: Rationals, share: Fraction) -> Rationals:
+    """Return a point of the line through two matrices."""
+    return [
+        [x if x == y else x + (y - x) * share for x, y in zip(*rows, strict=True)]
+        for rows in zip(one, other, strict=True)
+    ]
 
 
 def grown(plant: UncertainPlant, ends: Ends) -> UncertainPlant:
@@ -145,7 +166,7 @@ def _corners(
     """Return matrices at the new corners: what is multi-affine goes on, functions are read anew."""
     source = remainder and remainder.source
     if not source or functions is None:
-        return on_corners(matrices, low, high)
+        return at_ends(matrices, low, high)
     directions = [list(map(list, M)) for M in source.directions]
     before, after = (
         [[f.corners[j] for f in own.on_box[1]] for j in range(len(matrices))]
@@ -157,5 +178,5 @@ def _corners(
     ]
     return [
         add(M, mix(values, directions))
-        for M, values in zip(on_corners(rest, low, high), after, strict=True)
+        for M, values in zip(at_ends(rest, low, high), after, strict=True)
     ]

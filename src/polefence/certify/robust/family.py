@@ -13,11 +13,10 @@ import numpy as np
 from polefence.base.errors import InputError, PlantError
 from polefence.law.law import Law
 from polefence.plant.family import UncertainPlant
-from polefence.plant.grown import Ends, grown, resized, weights_of_ends
+from polefence.plant.grown import Ends, at_ends, grown, resized, weights_of_ends
 from polefence.plant.outputs import Output, padded, with_inputs
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, System
-from polefence.proof.laws import on_corners
 from polefence.proof.matrices import Rationals
 from polefence.proof.work import FormatError
 from polefence.response.samples import at_sample_time
@@ -196,7 +195,7 @@ def _beside(plant: UncertainPlant, fresh: UncertainPlant, ends: Ends) -> Uncerta
             "are not known beyond the ranges"
         )
     kept = {
-        key: on_corners([list(map(list, getattr(v, key))) for v in plant.vertices], low, high)
+        key: at_ends([list(map(list, getattr(v, key))) for v in plant.vertices], low, high)
         for key in ("exact_A", "exact_B", *(("exact_E",) if q else ()))
     }
     vertices = []
@@ -241,7 +240,7 @@ def _on_corners(
             raise PlantError(f"output {output.name!r} is a function of the parameters")
         (n, m), (n0, m0) = plant.shape, fresh.shape
         return with_inputs(padded(own, n - n0, n0), (n, m0), m - m0)
-    rows = [on_corners([[list(row)] for row in M], low, high) for M in output.exact(plant)]
+    rows = [at_ends([[list(row)] for row in M], low, high) for M in output.exact(plant)]
     C, D, F = (tuple(tuple(row) for (row,) in M) for M in rows)
     return replace(output, C=C, D=D, F=F if plant.disturbance_count else ())
 

@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
-from scipy.optimize import minimize
 
 from polefence.base.errors import InputError, suggest
 from polefence.base.explained import explained_fields
@@ -631,6 +630,7 @@ def _balanced(M: Array, x: Array) -> tuple[Array, float]:
 
     The first weight is fixed.
     """
+    from scipy.optimize import minimize  # deferred: slow to import
 
     def each(free: Array) -> tuple[Array, Array]:
         d = np.exp(np.concatenate([x[:1], free]))

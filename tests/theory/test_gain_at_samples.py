@@ -25,6 +25,7 @@ from polefence import (
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.proof.remainder import Remainder
+from polefence.proof.work import FormatError
 from polefence.requirements.specification import limit_text
 from polefence.requirements.text import parse_specification
 from polefence.search import optimise as search
@@ -126,20 +127,36 @@ y = {C = [1], F = [1]}
 """
 
 
-@pytest.mark.parametrize("off", [0.01, 0.05])
-def test_what_is_off_in_the_input_adds_up_of_the_state_and_the_disturbance(off):
+def test_what_is_off_in_the_input_adds_up_of_the_state_and_the_disturbance():
     """x+ = 0.2 x + (1 + d) u, u = 0.3 (x + w): both are moved by d, in phase at rest.
 
     Counted as squares that are not in both, less than the truth would be proved.
     """
-    remainder = Remainder(((Fraction(0), Fraction(off), Fraction(0)),))
-    plant = replace(loads(SCALAR), remainder=remainder)
-    law = Compensator(D=[[0.3]], measured=["y"])
-    worst = 0.3 * (1 + off) / (1 - 0.2 - 0.3 * (1 + off))
-    for level, proved in ((0.997 * worst, False), (1.2 * worst, True)):
-        limited = Gain("x1", float(level), at="samples")
-        kept = analyse(plant, law, Disk(0, 1), limits=[limited]).bounds[0].bound
-        assert (kept is not None) == proved
+    off = Fraction(1, 20)
+    plant = replace(loads(SCALAR), remainder=Remainder(((Fraction(0), off, Fraction(0)),)))
+    law, worst = Compensator(D=[[0.3]], measured=["y"]), 0.3 * 1.05 / (1 - 0.2 - 0.3 * 1.05)
+    limited = Gain("x1", 1.2 * worst, at="samples")
+    (found,) = analyse(plant, law, Disk(0, 1), limits=[limited]).bounds
+    assert found.proved
+    assert found.bound.level > worst
+    claim, evidence = found.bound.claim, found.bound.claim.subject.evidence
+    spread, ((first,),) = evidence.spread, evidence.X[0]
+
+    def proved(level, of_Q, of_rows):
+        rows, Q = (spread.rows[0] * of_rows,), first * of_Q
+        columns = tuple(x / of_rows for x in spread.columns)
+        kappa = rows[0] ** 2 * Q * Fraction(1001, 1000)
+        tried = replace(spread, rows=rows, columns=columns, kappa=kappa)
+        subject = replace(claim.subject, evidence=replace(evidence, X=[[[Q]]], spread=tried))
+        try:
+            return prove(replace(claim, level=Fraction(level * worst), subject=subject)).proved
+        except FormatError:
+            return False
+
+    shares = [Fraction(float(x)) for x in np.geomspace(0.25, 4, 17)]
+    every = [(Q, rows) for Q in shares for rows in shares]
+    assert not any(proved(0.99, *pair) for pair in every)
+    assert any(proved(1.02, *pair) for pair in every)
 
 
 def test_a_command_between_samples_is_seen_as_one_at_rest():

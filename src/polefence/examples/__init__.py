@@ -22,7 +22,7 @@ SPECS = {
     "f4e": "short period of an F4-E with canards at four flight conditions",
     "active-suspension": "two sensors, a law of order 3; load and actuator uncertain",
     "active-suspension-ride": "the same on a road; its actuator uncertain by 40 %",
-    "active-suspension-weights": "the same, with weights, noise and unmodelled dynamics",
+    "active-suspension-robust": "the same, with weights, noise and unmodelled dynamics",
     "van": "rear corner of a light van: an actuator, two sensors, a law of order 2",
     "two-masses": "Wie and Bernstein's problem, one position measured; order 4",
     "servo": "position servo with a flexible shaft and an uncertain load",

@@ -21,7 +21,7 @@ from polefence.plant.system import Array
 from polefence.proof import matrices, roots, work
 from polefence.proof.claims.poles import Poles
 from polefence.proof.matrices import Rationals, mix
-from polefence.proof.regions import Part, Side, parts_of
+from polefence.proof.regions import Ellipse, Part, Side, parts_of
 from polefence.proof.roots import Outside
 from polefence.region.regions import Region, region_of
 
@@ -222,7 +222,7 @@ def leaves(
     FormatError
         If that is more work than is done here.
     """
-    if len(loop[0]) <= FEW and not off:
+    if len(loop[0]) <= FEW and not off and not any(isinstance(part, Ellipse) for part in region):
         with suppress(work.FormatError), work.counted():
             closed = matrices.right_divide(*loop)
             return closed is None or not roots.all_inside(closed, region)

@@ -20,6 +20,7 @@ from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
 from polefence.requirements import disk_margin
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
+from polefence.requirements.specification import claim_of
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.response.modes import Modes
 
@@ -525,3 +526,19 @@ def test_a_law_at_samples_does_not_read_its_demands_on_their_way(tmp_path):
     done = pf.optimise(plant, pf.Rms("position", density=1), [asked, pf.Rms("force", 3, density=1)])
     assert np.all(done.law.gain(np.eye(2))[..., 2] == 0)
     assert done.bounds[1].number >= 1.2
+
+
+@pytest.mark.parametrize("named", [("force",), ("force", "position")])
+def test_a_claim_made_anew_is_the_one_that_is_proved_whatever_its_weights(named):
+    """Studies and trade-offs compare files so."""
+    plant = loads(SPRING)
+    law = given_law(plant, GAIN)
+    every = [DiskMargin(named, sigma=0.5)]
+    every += [Unmodelled.least(named, WEIGHT, 0.5)] if len(named) == 1 else []
+    for asked in every:
+        claim = best_bound(plant, law, asked).claim
+        evidence = claim.subject.evidence
+        again = claim_of(plant, law.exact, claim.subject.on, asked, evidence, claim.level)
+        assert again.bare == claim.bare
+        other = claim_of(plant, law.exact, claim.subject.on, asked, evidence, claim.level * 2)
+        assert other.bare != claim.bare

@@ -215,7 +215,7 @@ def leaves(
 
     By a matrix P that floats find (`roots.Outside`), in more work where the loop is large; where
     that fails, as for a pole on the boundary, and of few states, by the characteristic polynomial.
-    A W that is singular keeps no pole.
+    A W that is singular keeps no pole. Of an ellipse the polynomial decides by a polygon about it.
 
     Raises
     ------

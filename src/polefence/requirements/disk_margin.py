@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
@@ -15,7 +16,7 @@ from polefence.base.explained import explained_fields
 from polefence.law.laws import FixedGain, Law, PolynomialGain, law_or_table
 from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
-from polefence.plant.exact import bare_plant, file_plant
+from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import DEMAND, FILTER, INTEGRAL, MEASURED
 from polefence.plant.outputs import Output, inputs, states
@@ -219,11 +220,11 @@ class DiskMargin(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the margin, of loops that weigh alike."""
         loops = self._loops(plant, subject.law)
-        known = loops.plant(bare_plant(plant))
+        known = loops.plant(file_plant(plant))
         law = loops.law(subject.law, known)
         nodes = tuple(replace(v, E=loops.entering(v.B)) for v in subject.nodes)
         opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
-        return proof.DiskMargin.of(opened, loops, level)
+        return _claimed(opened, loops, level, self.shapes)
 
     def condition(
         self,
@@ -348,7 +349,15 @@ class Unmodelled(DiskMargin):
         """Kind, loops and weight, as a line has them."""
         return f"{self.kind} of {self.name} with weight {self.shapes[0].name}"
 
-    @property
+    @classmethod
+    def least(  # type: ignore[override]
+        cls, loops: str | Sequence[str], weight: Any, at_least: float | None = None
+    ) -> Self:
+        """Return the requirement that so many times a weight are borne; None: as many as can be."""
+        margin = DiskMargin.least(loops, at_least)
+        return cls(loops, margin.at_most, weight=weight)
+
+    @cached_property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
         """The weight at each loop."""
         return (Shape(shape_of(self.weight, self.kind)),) * len(self.entries)
@@ -431,10 +440,16 @@ class LoopGain(Gain):
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
-        if not self.shapes:
-            return proof.DiskMargin.of(subject, self.loops, level)
-        filters = tuple(shape.filter for shape in self.shapes)
-        return proof.Unmodelled.of(subject, self.loops, level, filters)
+        return _claimed(subject, self.loops, level, self.shapes)
+
+
+def _claimed(
+    subject: proof.Subject, loops: Loops, level: Fraction, shapes: tuple[Shape, ...]
+) -> proof.BoundClaim:
+    """Return the claim about opened loops: of unmodelled dynamics, where they have a shape."""
+    if not shapes:
+        return proof.DiskMargin.of(subject, loops, level)
+    return proof.Unmodelled.of(subject, loops, level, tuple(shape.filter for shape in shapes))
 
 
 def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
@@ -470,14 +485,12 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
     outputs = list[Output]()
     size, m = loops.count, opened.shape[1]
     passed = (1 + loops.skew) / 2
-    rows = list(law.measured) if isinstance(law, PolynomialGain) and loops.measured else []
+    rows = law.measured if isinstance(law, PolynomialGain) else ()
     for k, weight in enumerate(loops.weights):
         F = [weight * passed * (j == k) for j in range(size)]
         if k < len(loops.inputs):
             D = [weight * (i == loops.inputs[k]) for i in range(m)]
             outputs.append(Output(f"loop {k + 1}", "", D=D, F=F))
-            continue
-        if not rows:  # of a law that is not known yet
             continue
         j = loops.measured[k - len(loops.inputs)]
         C, own = [[weight * x for x in row] for row in rows[j].C], F[len(loops.inputs) :]

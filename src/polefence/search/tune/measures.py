@@ -170,12 +170,13 @@ class Points:
         measure = self.task.requirements[k].slopes(channel.closed(K, modes, passing))
         if F is None or channel.S is None:
             return Found(measure.values, measure.points, lambda: channel.slopes(measure))
-        rows = np.concatenate([C, F], axis=2)
+        seen = C, F
 
         def turned() -> Array:
-            of_C, of_F = np.split(np.swapaxes(rows[measure.points], 1, 2), [C.shape[2]], axis=1)
-            slopes = channel.slopes(measure) @ of_C + channel.passing_slopes(measure) @ of_F
-            return np.asarray(slopes)
+            of_C, of_F = (np.swapaxes(M[measure.points], 1, 2) for M in seen)
+            return np.asarray(
+                channel.slopes(measure) @ of_C + channel.passing_slopes(measure) @ of_F
+            )
 
         return Found(measure.values, measure.points, turned, inner=True)
 

@@ -11,6 +11,7 @@ from scipy.signal import cont2discrete
 
 from polefence import (
     InputError,
+    SpecError,
     UncertainPlant,
     at_sample_time,
     with_actuator,
@@ -311,3 +312,13 @@ def test_names_that_are_taken_are_refused():
         with_reference(plant, "w", "x")
     with pytest.raises(InputError, match="has a signal 'v' already"):
         with_reference(plant, "v", "x")
+
+
+def test_a_text_calls_makeweight_with_its_numbers():
+    plant = random_plant(1)
+    named = with_weight(plant, "y1", {"makeweight": ["0.4", 15, 3]})
+    for text in ("makeweight(0.4, 15, 3)", " makeweight( .4,1.5e1,3. ) "):
+        assert with_weight(plant, "y1", text) == named
+    for text in ("makeweight(0.4, 15)", "makeweight(0.4, 15, 3, 1)", "makeweight(a, 15, 3)"):
+        with pytest.raises((InputError, SpecError)):
+            with_weight(plant, "y1", text)

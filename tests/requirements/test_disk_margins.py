@@ -23,6 +23,7 @@ from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.specification import claim_of
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.response.modes import Modes
+from support.specs import MASS_ON_SPRING
 
 THIRD_ORDER = """
 states = ["a", "b", "c"]
@@ -41,19 +42,9 @@ B = [[1, 0], [0, 1]]
 y1 = {C = [1, 10]}
 y2 = {C = [-10, 1]}
 """
-SPRING = """
-name = "spring"
-states = ["position [m]", "velocity [m/s]"]
-inputs = ["force [N]"]
-disturbances = ["push [N]"]
-[parameter.k]
-range = [80, 120]
-[matrices]
-A = [[0, 1], ["-k", -2]]
-B = [[0], [1]]
-E = [[0], [1]]
-"""
-FUNCTIONS = SPRING.replace("range = [80, 120]", "range = [0, 1]").replace('"-k"', '"-90*cos(k)"')
+FUNCTIONS = MASS_ON_SPRING.replace("range = [80, 120]", "range = [0, 1]").replace(
+    '"-k"', '"-90*cos(k)"'
+)
 GAIN = np.array([[-20.0, -4.0]])
 
 
@@ -140,13 +131,13 @@ def test_a_loop_of_one_input_and_one_signal_is_the_same_at_both_ends():
 @pytest.mark.parametrize(
     ("text", "sample_time", "delay", "loose"),
     [
-        (SPRING, None, 0, 1e-4),
-        (SPRING.replace("120]", "120]\nrate = [-5, 5]"), None, 0, 5e-3),
+        (MASS_ON_SPRING, None, 0, 1e-4),
+        (MASS_ON_SPRING.replace("120]", "120]\nrate = [-5, 5]"), None, 0, 5e-3),
         (FUNCTIONS, None, 0, 2e-3),
-        (SPRING, 0.02, 0, 2e-3),
-        (SPRING, 0.02, "0.5", 2e-3),
+        (MASS_ON_SPRING, 0.02, 0, 2e-3),
+        (MASS_ON_SPRING, 0.02, "0.5", 2e-3),
         (FUNCTIONS, 0.02, 1, 2e-2),
-        (SPRING + "[dead_time.force]\ntime = 0.01\n", None, 0, 1.5),
+        (MASS_ON_SPRING + "[dead_time.force]\ntime = 0.01\n", None, 0, 1.5),
     ],
 )
 @pytest.mark.parametrize("named", [("force",), ("force", "position")])
@@ -162,7 +153,7 @@ def test_margins_of_every_kind_of_plant(text, sample_time, delay, loose, named):
 
 def test_a_margin_at_samples_is_that_of_the_digital_loop():
     """Against factors of the command between the computer and the hold, k = 80, one sample late."""
-    plant = pf.at_sample_time(loads(SPRING.replace("[80, 120]", "[80, 80.001]")), 0.02, 1)
+    plant = pf.at_sample_time(loads(MASS_ON_SPRING.replace("[80, 120]", "[80, 80.001]")), 0.02, 1)
     margin, _ = proved(plant, [[*GAIN[0], 0]], "force")
     F = expm(0.02 * np.array([[0, 1, 0], [-80, -2, 1], [0, 0, 0]]))
     turns = np.exp(2j * np.pi * np.linspace(0, 1, 5000))
@@ -222,7 +213,7 @@ density = 1
 at_most = 3
 """
     margin = '[[specification]]\nkind = "disk margin"\nloops = ["force"]\nat_least = 1.9\n'
-    spec.write_text(SPRING + asked + margin)
+    spec.write_text(MASS_ON_SPRING + asked + margin)
     summary = tmp_path / "said.json"
     command = ["optimise", str(spec), "--json", str(summary), "-o", str(tmp_path / "out")]
     assert main(command) == 0
@@ -233,7 +224,7 @@ at_most = 3
     assert main(["check", str(tmp_path / "out"), "--spec", str(spec)]) == 0
     assert "disk margin of the loop at 'force' = u1 >= 1.90000, on" in capsys.readouterr().out
     free = tmp_path / "free.toml"
-    free.write_text(SPRING + asked)
+    free.write_text(MASS_ON_SPRING + asked)
     limit = ["--limit", "rms of force <= 3", "--limit", "disk margin of force >= 1.9"]
     assert main(["optimise", str(free), *limit[:2], "-o", str(tmp_path / "less")]) == 0
     design = pf.Design.load(tmp_path / "less")
@@ -263,7 +254,7 @@ def is_proved(document):
 
 
 def files(tmp_path):
-    plant = loads(SPRING)
+    plant = loads(MASS_ON_SPRING)
     law = FixedGain(GAIN)
     asked = DiskMargin.least(["force", "position"], sigma=0.5)
     analysis = pf.analyse(plant, law, pf.parse_region("half_plane(0)"), limits=[asked])
@@ -311,7 +302,7 @@ def test_one_fault_in_a_file_and_it_is_not_proved(tmp_path, key, change):
 )
 def test_bad_margins_are_refused_in_a_line(tmp_path, table, said):
     path = tmp_path / "bad.toml"
-    path.write_text(SPRING + f'[[specification]]\nkind = "disk margin"\n{table}\n')
+    path.write_text(MASS_ON_SPRING + f'[[specification]]\nkind = "disk margin"\n{table}\n')
     with pytest.raises(SpecError, match=said) as error:
         load_specifications(path)
     assert "\n" not in str(error.value)
@@ -319,7 +310,7 @@ def test_bad_margins_are_refused_in_a_line(tmp_path, table, said):
 
 @pytest.mark.parametrize(("sigma", "most"), [(0, 2), (1, 1), (3, 0.5)])
 def test_a_margin_that_no_loop_has_is_refused_in_a_line(sigma, most):
-    plant = loads(SPRING)
+    plant = loads(MASS_ON_SPRING)
     for share, refused in [(1.001, True), (0.999, False)]:
         asked = DiskMargin.least("force", at_least=share * most, sigma=sigma)
         if refused:
@@ -343,7 +334,7 @@ def test_lines_of_margins_read_back():
 
 
 def test_a_loop_that_is_none_is_refused():
-    plant = loads(SPRING)
+    plant = loads(MASS_ON_SPRING)
     with pytest.raises(InputError, match="no loop at 'forse'.*did you mean 'force'"):
         best_bound(plant, given_law(plant, GAIN), DiskMargin("forse"))
     scheduled = pf.place(plant, pf.HalfPlane(1), "scheduled").law
@@ -353,7 +344,7 @@ def test_a_loop_that_is_none_is_refused():
 
 
 ACCELEROMETER = (
-    SPRING
+    MASS_ON_SPRING
     + """
 [outputs]
 acceleration = {C = ["-k", -2], D = [1], F = [0.3]}
@@ -429,7 +420,7 @@ def test_of_two_inputs_units_change_nothing_and_each_alone_bears_more():
 
 
 @pytest.mark.parametrize(
-    "text", [SPRING, SPRING.replace("120]", "120]\nrate = [-5, 5]"), FUNCTIONS]
+    "text", [MASS_ON_SPRING, MASS_ON_SPRING.replace("120]", "120]\nrate = [-5, 5]"), FUNCTIONS]
 )
 def test_unmodelled_dynamics_of_families(text):
     plant = loads(text)
@@ -442,7 +433,7 @@ def test_unmodelled_dynamics_of_families(text):
 def test_a_law_is_tuned_for_unmodelled_dynamics(tmp_path, capsys):
     spec, other = tmp_path / "spring.toml", tmp_path / "other.toml"
     spec.write_text(
-        SPRING
+        MASS_ON_SPRING
         + '[[specification]]\nkind = "rms"\nsignal = "position"\ndensity = 1\nminimise = true\n'
         + '[[specification]]\nkind = "rms"\nsignal = "force"\ndensity = 1\nat_most = 3\n'
         + '[[specification]]\nkind = "unmodelled dynamics"\nloops = ["force"]\n'
@@ -487,14 +478,14 @@ def test_a_law_is_tuned_for_unmodelled_dynamics(tmp_path, capsys):
 def test_bad_weights_are_refused_in_a_line(tmp_path, keys, said):
     path = tmp_path / "bad.toml"
     table = f'kind = "unmodelled dynamics"\nloops = ["force"]\nat_least = 1\n{keys}\n'
-    path.write_text(SPRING + f"[[specification]]\n{table}")
+    path.write_text(MASS_ON_SPRING + f"[[specification]]\n{table}")
     with pytest.raises(SpecError, match=said) as error:
         load_specifications(path)
     assert "\n" not in str(error.value)
 
 
 def test_unmodelled_dynamics_are_of_inputs_in_continuous_time():
-    plant, asked = loads(SPRING), Unmodelled("force", weight=WEIGHT)
+    plant, asked = loads(MASS_ON_SPRING), Unmodelled("force", weight=WEIGHT)
     with pytest.raises(InputError, match="'position' is no input; ask for its disk margin"):
         Unmodelled("position", weight=WEIGHT).require_fit(plant)
     with pytest.raises(InputError, match="leave out the sample time, or ask for a disk margin"):
@@ -508,20 +499,20 @@ def test_unmodelled_dynamics_are_of_inputs_in_continuous_time():
 
 def test_a_loop_that_a_factor_would_not_change_so_is_refused():
     """What a law remembers of its demands no actuator changes; a PID integrates what it reads."""
-    plant = pf.at_sample_time(loads(SPRING), 0.02, 1)
+    plant = pf.at_sample_time(loads(MASS_ON_SPRING), 0.02, 1)
     asked = DiskMargin.least("force", at_least=1)
     assert best_bound(plant, given_law(plant, [[-20, -4, 0]]), asked).number > 1
     with pytest.raises(InputError, match="feeds back its own demands that are on their way"):
         best_bound(plant, given_law(plant, [[-20, -4, 0.1]]), asked)
     structure = Structure(kind="pid", measured=("position",), derivative_bandwidth=20)
-    larger, wide = structure.extended(loads(SPRING))
+    larger, wide = structure.extended(loads(MASS_ON_SPRING))
     gains = np.zeros((len(wide.powers(larger)), 1, len(wide.outputs(larger))))
     with pytest.raises(InputError, match="a PID reads 'position' by its integral"):
         DiskMargin("position").posed(larger, wide.law(larger, gains))
 
 
 def test_a_law_at_samples_does_not_read_its_demands_on_their_way(tmp_path):
-    plant = pf.at_sample_time(loads(SPRING), 0.02, 1)
+    plant = pf.at_sample_time(loads(MASS_ON_SPRING), 0.02, 1)
     asked = DiskMargin.least("force", at_least=1.2)
     done = pf.optimise(plant, pf.Rms("position", density=1), [asked, pf.Rms("force", 3, density=1)])
     assert np.all(done.law.gain(np.eye(2))[..., 2] == 0)
@@ -531,7 +522,7 @@ def test_a_law_at_samples_does_not_read_its_demands_on_their_way(tmp_path):
 @pytest.mark.parametrize("named", [("force",), ("force", "position")])
 def test_a_claim_made_anew_is_the_one_that_is_proved_whatever_its_weights(named):
     """Studies and trade-offs compare files so."""
-    plant = loads(SPRING)
+    plant = loads(MASS_ON_SPRING)
     law = given_law(plant, GAIN)
     every = [DiskMargin(named, sigma=0.5)]
     every += [Unmodelled.least(named, WEIGHT, 0.5)] if len(named) == 1 else []

@@ -64,3 +64,18 @@ def ride_of_loads():
     text = spec_text("quarter-car-ride").replace("[constants]", "[constants]\nbeta = 0")
     first, last = text.index("[parameter.beta]"), text.index("[definitions]")
     return text[:first] + text[last:]
+
+
+# Another, lightly damped.
+MASS_ON_SPRING = """
+name = "mass on a spring"
+states = ["position [m]", "velocity [m/s]"]
+inputs = ["force [N]"]
+disturbances = ["push [N]"]
+[parameter.k]
+range = [80, 120]
+[matrices]
+A = [[0, 1], ["-k", -2]]
+B = [[0], [1]]
+E = [[0], [1]]
+"""

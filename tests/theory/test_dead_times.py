@@ -21,21 +21,9 @@ from polefence.proof.work import FormatError
 from polefence.region.regions import HalfPlane
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
+from support.specs import MASS_ON_SPRING
 
-SPRING = """
-name = "mass on a spring"
-states = ["position [m]", "velocity [m/s]"]
-inputs = ["force [N]"]
-disturbances = ["push [N]"]
-[parameter.k]
-range = [80, 120]
-[matrices]
-A = [[0, 1], ["-k", -2]]
-B = [[0], [1]]
-E = [[0], [1]]
-[dead_time.force]
-time = 0.05
-"""
+SPRING = MASS_ON_SPRING + "[dead_time.force]\ntime = 0.05\n"
 INTEGRATOR = """
 states = ["x"]
 inputs = ["u"]

@@ -203,8 +203,7 @@ def on_time(plant: UncertainPlant) -> tuple[UncertainPlant, Fraction]:
             f"{where}: samples hold that of the only input; leave out [dead_time], and delay the "
             "input by as much"
         )
-    n, own = plant.shape[0], range(dead_time.first, dead_time.first + dead_time.order)
-    kept = [i for i in range(n) if i not in own]
+    kept = [i for i in range(plant.shape[0]) if i not in dead_time.states]
     bit = 1 << (len(plant.parameters) - 1 - number)
     old = [j for j in range(len(plant.vertices)) if j & bit]  # those of delta = 1
     gain = dead_time.gain

@@ -25,6 +25,7 @@ from polefence.plant.parameters import exact
 from polefence.plant.system import Exact, System
 from polefence.proof.laws import OWN
 from polefence.proof.matrices import ONE, ZERO
+from polefence.proof.plant import WITHOUT
 from polefence.proof.remainder import Remainder, Rows, Source
 
 MOST_STATES, MOST_GIVEN = 20, 40  # bounds on the order of a law that is sought, or given
@@ -33,6 +34,11 @@ LAW, INTEGRAL, FILTER = OWN
 DERIVATIVE = "pid derivative of "
 DEMAND, MEASURED = "demand of ", "measured "  # of an actuator's input; of a sensor's state
 LATE_SIGNAL = "late "  # of a signal with a dead time
+
+
+def as_read(name: str) -> tuple[str, ...]:
+    """Return the names by which a law may read a signal: less its inputs, or by its sensor."""
+    return name, f"{name}{WITHOUT}", f"{MEASURED}{name}", name.removeprefix(MEASURED)
 
 
 def with_dynamics(

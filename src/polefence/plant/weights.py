@@ -75,10 +75,10 @@ def with_weight(plant: UncertainPlant, signal: str, weight: Any, name: str = "")
         Name of an output, a state, an input or a disturbance.
     weight : str, mapping, or system
         W: a text such as "(s + 50)/(s + 500)", in z of a plant in discrete time, parsed exactly and
-        never executed. Or a mapping with the keys ``numerator`` and ``denominator``, or ``zeros``,
-        ``poles`` and ``gain``, or ``makeweight``: [dc, crossover, hf], the gains at zero and at
-        infinity, and where it is one [rad/s], or [where, gain]. Or a ``TransferFunction`` of
-        python-control.
+        never executed; or "makeweight(0.4, 15, 3)". Or a mapping with the keys ``numerator`` and
+        ``denominator``, or ``zeros``, ``poles`` and ``gain``, or ``makeweight``: [dc, crossover,
+        hf], the gains at zero and at infinity, and where it is one [rad/s], or [where, gain].
+        Or a ``TransferFunction`` of python-control.
     name : str, optional
         Of the weighted signal, with its unit.
 
@@ -229,9 +229,6 @@ def shape_of(weight: Any, what: str) -> Filter:
     """
     where = f"weight of {what}"
     name = weight if isinstance(weight, str) else json.dumps(dict(weight), default=str)
-    call = _CALL.fullmatch(weight) if isinstance(weight, str) else None
-    if call is not None:
-        weight = {"makeweight": [Fraction(x) for x in call.groups()]}
     plain = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
     made = _Weight.read(plain, weight, where)
     made.require_stable(plain, where)
@@ -287,7 +284,10 @@ def _quotient(fields: Mapping[str, Any], T: Fraction, where: str) -> Quotient:
         return quotient(fields["numerator"], fields["denominator"], where)
     if "zeros" in fields:
         return of_roots(fields["zeros"], fields["poles"], fields["gain"], where)
-    read, letter = read_quotient(fields["transfer"], f"{where}: transfer")
+    text = fields["transfer"]
+    if isinstance(text, str) and (call := _CALL.fullmatch(text)):
+        return _first_order([Fraction(x) for x in call.groups()], T, f"{where}: makeweight")
+    read, letter = read_quotient(text, f"{where}: transfer")
     wanted = "z" if T else "s"
     if letter and letter != wanted:
         time = "discrete" if T else "continuous"

@@ -18,7 +18,7 @@ from polefence.lmi.conditions import performance as conditions
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import DEMAND, FILTER, INTEGRAL, MEASURED
+from polefence.plant.larger import DEMAND, FILTER, INTEGRAL, as_read
 from polefence.plant.outputs import Output, inputs, states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
@@ -28,7 +28,6 @@ from polefence.proof import claims as proof
 from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops, through
 from polefence.proof.filters import Filter
-from polefence.proof.plant import WITHOUT
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.slopes import Channel, Slopes, Turned
@@ -544,7 +543,7 @@ def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
         if alias in known:
             return "input", known.index(alias)
     read = _read(plant, law)
-    for alias in (name, f"{name}{WITHOUT}", f"{MEASURED}{name}", name.removeprefix(MEASURED)):
+    for alias in as_read(name):
         if alias in read:
             return "measured", read.index(alias)
     what = "inputs" if law is None else "inputs, nor among what the law measures"

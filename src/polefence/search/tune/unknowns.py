@@ -13,7 +13,7 @@ from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import MEASURED
+from polefence.plant.larger import as_read
 from polefence.plant.system import Array
 from polefence.proof.plant import WITHOUT
 from polefence.requirements.slopes import Channel
@@ -64,7 +64,7 @@ class Unknowns:
             If it is not measured.
         """
         names = [signal.name for signal in self.structure.outputs(self.plant)]
-        for alias in (name, f"{name}{WITHOUT}", f"{MEASURED}{name}", name.removeprefix(MEASURED)):
+        for alias in as_read(name):
             if alias in names:
                 return names.index(alias)
         raise InputError(

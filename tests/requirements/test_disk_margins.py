@@ -533,3 +533,27 @@ def test_a_claim_made_anew_is_the_one_that_is_proved_whatever_its_weights(named)
         assert again.bare == claim.bare
         other = claim_of(plant, law.exact, claim.subject.on, asked, evidence, claim.level * 2)
         assert other.bare != claim.bare
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [
+        DiskMargin.least(["force", "position"], at_least=0.5),
+        Unmodelled.least("force", WEIGHT, 0.5),
+    ],
+)
+def test_a_trade_off_keeps_what_no_lmi_has_and_goes_on(limit, tmp_path):
+    plant, path = loads(MASS_ON_SPRING), tmp_path / "rows.json"
+    asked = pf.Rms("position", density=1), pf.Rms("force", density=1), [3.0, 4.0], [limit]
+    front = pf.tradeoff(plant, *asked, path=path)
+    for row in front.rows:
+        assert row["answer"] == "proved"
+        assert row["bounds"][1]["at_most"] == limit.limit <= row["bounds"][1]["proved"]
+    seconds = [row["seconds"] for row in front.rows]
+    again = pf.tradeoff(plant, *asked, path=path, resume=True)
+    assert [row["seconds"] for row in again.rows] == seconds  # none is worked out again
+    for swept in (asked[:1] + (limit,), (limit, asked[1])):
+        with pytest.raises(InputError, match="give it a limit, and name signals"):
+            pf.tradeoff(plant, *swept, [0.5, 0.6])
+    with pytest.raises(InputError, match="leave out the method"):
+        pf.tradeoff(plant, *asked, methods=["quadratic"])

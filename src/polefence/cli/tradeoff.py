@@ -96,7 +96,9 @@ def tradeoff_command(options: Any) -> int:
     plant = at_samples(load(options.spec), options)
     minimise, over, limits = _specifications(plant, options)
     values, structure = _values(options), structure_of(plant, options)
-    methods = _methods(plant, options, structure)
+    asked = (minimise, over, *limits)
+    tuned = not options.method and any(one.beyond_lmi(plant) for one in asked)
+    methods = None if tuned else _methods(plant, options, structure)
     if methods is not None and not options.method:
         methods = _fitted(plant, methods, 2 + len(limits))
     region = region_of(options)

@@ -120,6 +120,8 @@ def tradeoff(
     others = tuple(_checked(specification, "subject_to") for specification in subject_to)
     plant, asked_for = by_name(plant, (swept, *others, least))
     region = stable_region(plant) if region is None else in_time_of(plant, region)
+    if structure is None and methods is None and any(one.beyond_lmi(plant) for one in asked_for):
+        structure = Structure()
     asked = _asked(plant, asked_for, region, structure)
     named = _named(plant, methods, structure)
     limits = list(dict.fromkeys(float(value) for value in values))
@@ -202,7 +204,10 @@ def _require(asked: Asked, values: list[float], methods: list[Method | None]) ->
     require_region(plant, asked.region)
     for specification in (asked.minimise, asked.over, *asked.subject_to):
         specification.require_fit(plant)
-        if specification.of_signal:
+        beyond_lmi = specification.beyond_lmi(plant)
+        if beyond_lmi and any(method is not None for method in methods):
+            raise InputError(beyond_lmi)
+        if specification.of_signal and not beyond_lmi:
             specification.condition(plant, plant.domain)
     if _same(asked.over, asked.minimise) or any(_same(asked.over, s) for s in asked.subject_to):
         raise InputError(

@@ -347,6 +347,28 @@ def test_a_proved_disk_margin_is_said_beside_its_loop(tmp_path, undrawn, monkeyp
     assert all(len(one) == 1 for one in others)
 
 
+def test_unmodelled_dynamics_are_no_disk_and_no_disturbance_acts(tmp_path, undrawn, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "polefence.show.report.loop_figure", lambda found, *proved: drawn.append((found, *proved))
+    )
+    spec, folder = tmp_path / "plant.toml", tmp_path / "law"
+    table = '[[specification]]\nkind = "rms"\nsignal = "x"\ndensity = 2\nat_most = 0.8\n'
+    table += '[[specification]]\nkind = "unmodelled dynamics"\nloops = ["force"]\n'
+    table += 'weight = "(s + 1)/(s + 9)"\nat_least = 0.5\n'
+    spec.write_text(ONE_STATE + table)
+    assert main(["optimise", str(spec), "-o", str(folder)]) == 0
+    assert main(["report", str(folder)]) == 0
+    page = Page((folder / "report.html").read_text())
+    assert all(len(one) == 1 or one[1] is None for one in drawn)
+    assert page.parts["Loops"].count("proved") == 1  # that nothing is
+    shown = cells(page)
+    row = next(k for k, cell in enumerate(shown) if cell.strip().startswith("unmodelled dynamics"))
+    assert shown[row + 1].strip() == "at least 0.5"
+    assert "from" not in page.parts[""].partition("unmodelled dynamics")[2].partition(".")[0]
+    assert not shown[row + 2].strip().startswith("from")
+
+
 def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):
     own = place(family("quarter-car-physical"), Disk(-40, 33), errors={"m1": 20})
     own.save(tmp_path)

@@ -30,7 +30,7 @@ from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
-from polefence.proof.claims.signal import SignalClaim, acting_text
+from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.document import Document
 from polefence.proof.ranges import ANY
 from polefence.proof.text import rate_text, visible
@@ -387,7 +387,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
                 and np.isclose(float(2 * claim.intensity), density, rtol=1e-9)
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
-            under += acting_text(claim.scales, document.plant, claim.scale_text)
+            under += claim.acting_words(document.plant)
         own = (what or said, level, under.strip(), said if what else "", claim.kind)
         bounds.append(Bound(*own, _margin(design, claim)))
     return tuple(bounds)
@@ -399,8 +399,8 @@ def _margin(design: Design, claim: Any) -> tuple[str, float, float] | None:
     None where the claim opens another loop than `polefence.response.opened`: in discrete time it
     lets the law read its own demands as they arrive, and a PID's integral is a signal of its own.
     """
-    if not isinstance(claim, DiskMargin) or claim.loops.count > 1:
-        return None
+    if not isinstance(claim, DiskMargin) or claim.filters or claim.loops.count > 1:
+        return None  # behind a filter it is no disk of the loop itself
     pid = any(signal.name.startswith(INTEGRAL) for signal in design.law.measured)
     if design.plant.sample_time is not None or (pid and claim.loops.measured):
         return None

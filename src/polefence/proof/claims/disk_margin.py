@@ -272,6 +272,10 @@ class DiskMargin(Gain):
             return f"of the loop at {names[0]}"
         return f"of the loops at {', '.join(names)}, all at once,"
 
+    def acting_words(self, plant: Plant) -> str:  # noqa: ARG002
+        """Nothing: no disturbance of the plant acts."""
+        return ""
+
     @property
     def worst_text(self) -> str:
         """Say how large the margin is at least, rounded down."""

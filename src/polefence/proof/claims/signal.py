@@ -604,7 +604,7 @@ class SignalClaim(Short, Claim):
 
         One that is none of the plant's signals is said to be defined by the file.
         """
-        what, acting = outputs_text(self.outputs, plant, self.filters), self._acting(plant)
+        what, acting = outputs_text(self.outputs, plant, self.filters), self.acting_words(plant)
         level, on = digits_up(self.level), f"{self.time_text}, on the {self.subject.on}"
         return f"{self.kind} of {what} <= {level}{self.under}{acting}{on}"
 
@@ -623,7 +623,7 @@ class SignalClaim(Short, Claim):
         step = self.subject.step
         return f", at samples every {milliseconds_text(step)} ms" if step else ""
 
-    def _acting(self, plant: Plant) -> str:
+    def acting_words(self, plant: Plant) -> str:
         """Say which disturbances act, and how much of each."""
         return acting_text(self.scales, plant, self.scale_text)
 

@@ -28,7 +28,7 @@ from polefence.law.laws import (
 from polefence.lmi.conditions.lyapunov import Loop
 from polefence.lmi.solve.along_motions import falling
 from polefence.lmi.solve.loops import loop_of
-from polefence.lmi.solve.lyapunov import MOST_STATES, LyapunovPolynomial, points_inside
+from polefence.lmi.solve.lyapunov import MOST_STATES, WELL, LyapunovPolynomial, points_inside
 from polefence.lmi.solve.one_loop import modal
 from polefence.lmi.solve.spread import spread_of
 from polefence.plant.boxes import MOST_BENT, MOST_PARTS, Box, divided, widest
@@ -107,9 +107,20 @@ def free(plant: UncertainPlant) -> int:
 
 
 def evidence_at(
-    plant: UncertainPlant, law: Law, part: Region, form: tuple[int, int], pieces: int = 1
+    plant: UncertainPlant,
+    law: Law,
+    part: Region,
+    form: tuple[int, int],
+    pieces: int = 1,
+    enough: float = WELL,
 ) -> dict[str, Any] | None:
-    """Return evidence of a form, proved for one part of a region in pieces of the intervals."""
+    """Return evidence of a form, proved for one part of a region in pieces of the intervals.
+
+    Parameters
+    ----------
+    enough : float
+        How far inside the first point is that is sought, see `points_inside`.
+    """
 
     def proved(polynomial: LyapunovPolynomial) -> dict[str, Any] | None:
         evidence = whole_evidence(plant, law, polynomial, form)
@@ -119,7 +130,7 @@ def evidence_at(
     with suppress(np.linalg.LinAlgError):  # a law without a value somewhere
         loop = replace(loop_of(plant, law), pieces=pieces_of(plant, pieces))
         by_modes = modal(loop, part) if form == LADDER[0] else iter(())
-        return first(map(proved, chain(by_modes, points_inside(loop, part, form))))
+        return first(map(proved, chain(by_modes, points_inside(loop, part, form, enough))))
     return None
 
 
@@ -155,7 +166,8 @@ class Search:
 
     ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
     whether a deadline ended it; ``alpha``, where there is one, refutes the region. ``parts`` is of
-    how many the region is made, ``most`` how many of the box are tried.
+    how many the region is made, ``most`` how many of the box are tried, ``enough`` how far inside
+    the first point of each is that is sought.
     """
 
     def __init__(
@@ -166,8 +178,10 @@ class Search:
         deadline: Deadline,
         parts: int = 1,
         most: int = MOST_BENT,
+        enough: float = WELL,
     ) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
+        self.enough = enough
         # the rest of what is checked in a file is for what else it claims
         self.most, self.share = min(most, _most_parts(plant, law, parts)), 0.8 / parts
         self.last, self.halved, self.cut = LADDER[0], False, False
@@ -221,7 +235,8 @@ class Search:
         if self.most < 2 or self._late():
             return None
         self.halved = True
-        inside = _Inside(self.plant, self.law, self.part, self.share * work.MAX_IN_PARTS, holds)
+        most = self.share * work.MAX_IN_PARTS
+        inside = _Inside(self.plant, self.law, self.part, most, holds, self.enough)
 
         def along(box: Box) -> int | None:
             self.alpha = inside.leaving(box)
@@ -272,8 +287,10 @@ class _Inside:
         part: Region,
         most: float,
         holds: Holds | None = None,
+        enough: float = WELL,
     ) -> None:
         self.plant, self.law, self.part, self.most, self.holds = plant, law, part, most, holds
+        self.enough = enough
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
         first, *higher = FORMS
@@ -320,7 +337,7 @@ class _Inside:
                 yield evidence
             return
         for form in self.forms:
-            for polynomial in points_inside(loop, self.part, form):
+            for polynomial in points_inside(loop, self.part, form, self.enough):
                 yield evidence_of(polynomial, form)
 
     def _claim(self, piece: Piece) -> Poles:

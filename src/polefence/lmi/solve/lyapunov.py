@@ -66,6 +66,9 @@ class LyapunovPolynomial(Point):
     anti_windup: Array | None = None
 
 
+WELL = 0.98  # r of a point that is well inside
+
+
 def least(
     loop: Loop,
     goal: Goal,
@@ -111,12 +114,12 @@ def least(
 
 
 def points_inside(
-    loop: Loop, region: Region, form: tuple[int, int]
+    loop: Loop, region: Region, form: tuple[int, int], enough: float = WELL
 ) -> Iterator[LyapunovPolynomial]:
-    """Yield Lyapunov polynomials for a region: one well inside it, then the smallest r."""
-    for enough in (0.98, 0.0):  # well inside first, then as far as the search goes
+    """Yield Lyapunov polynomials for a region: one inside it, of r enough; then the smallest r."""
+    for wanted in (enough, 0.0):
         with suppress(SolverError):
-            reached = least(loop, Around(region), *form, enough=enough)
+            reached = least(loop, Around(region), *form, enough=wanted)
             if reached.r >= 1:
                 return
             yield reached

@@ -43,6 +43,7 @@ KINDS = {
     "gain error": ("whole/gain.json", [CHECK]),
     "rate": ("service/rate-k.json", [CHECK]),
     "margins": ("margins/design.json", [["check", "FILE"]]),
+    "failing": ("failing/margins.json", [["check", "FILE"]]),
     "performance": ("performance/design.json", [["check", "FILE", "--spec", "spec.toml"]]),
     "vectors": ("vectors/design.json", [["check", "FILE", "--spec", "two.toml"]]),
     "guarantee": ("code/guarantee.json", [CHECK]),

@@ -114,7 +114,7 @@ FILES = (
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
-    "passing/design.json", "margins/design.json",
+    "passing/design.json", "margins/design.json", "failing/margins.json",
 )  # fmt: skip
 PASSING = (
     SPEC
@@ -243,6 +243,12 @@ MARGINS = (
     "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
 )  # fmt: skip
 
+FAILING = (
+    "robust", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
+    "--limit", "disk margin of [u, x] with sigma 0.5",
+    "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
+)  # fmt: skip
+
 
 def write_every_file(made: Path) -> None:
     """Write the files into the working folder, each of them proved."""
@@ -267,6 +273,7 @@ def write_every_file(made: Path) -> None:
         ["analyse", "plain.toml", "--gain", "gains.json", *half, "-o", "table"],
         ["service", "scheduled", "-o", "service"],
         [*MARGINS, "-o", "margins"],
+        [*FAILING, "-o", "failing"],
         ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],

@@ -773,6 +773,67 @@ def false_unmodelled(plant, law, claim):
     return False
 
 
+def errors_of(claim, T):
+    """What each loop is multiplied by with its error, as a filter (a, b, c, d)."""
+    loops = claim["loops"]
+    skew, shapes = number(loops.get("skew", 0)), loops.get("filters")
+    p, q = (1 - skew) / 2, (1 + skew) / 2
+    for k, error in enumerate(loops["errors"]):
+        g, a = number(error["gain"]), number(error.get("pole", 0))
+        # delta = (t1 s + t0) / (s + b0), or g; s is z in discrete time
+        t1, t0, b0 = (-g * a, g, -a) if T else (g, -g * a, a)
+        if "pole" not in error:
+            t1, t0, b0 = g, g, 1.0
+        if not shapes:  # f = (1 + p delta) / (1 - q delta)
+            n1, n0, d1, d0 = 1 + p * t1, b0 + p * t0, 1 - q * t1, b0 - q * t0
+            own = [[-d0 / d1]], [[1.0]], [[n0 / d1 - n1 * d0 / d1**2]], n1 / d1
+            yield tuple(np.array(M) for M in own)
+            continue
+        A, B, C = (array(shapes[k][key]) for key in "abc")  # f = 1 + delta W
+        D, n = number(shapes[k].get("d", 0)), len(A)
+        a = np.block([[A, np.zeros((n, 1))], [C, -b0 * np.ones((1, 1))]])
+        b = np.vstack([B, [[D]]])
+        yield a, b, np.hstack([t1 * C, [[t0 - t1 * b0]]]), np.array(1 + t1 * D)
+
+
+def beside(errors, places, count):
+    """Filters of some of so many signals as one."""
+    a, b, c, d = [], [], [], np.eye(count)
+    for (A, B, C, D), k in zip(errors, places, strict=True):
+        row = np.zeros((1, count))
+        row[0, k - 1], d[k - 1, k - 1] = 1, D
+        a.append(A)
+        b.append(B @ row)
+        c.append(row.T @ C)
+    if not a:
+        return np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0)), d
+    return block_diag(*a), np.vstack(b), np.hstack(c), d
+
+
+def false_failure(plant, law, claim):
+    """Whether all poles are in the region at the point."""
+    shares = [number(x) for x in claim["at"]]
+    pairs = [(1 - t, t) for t in shares]
+    alpha = np.array([prod(w) for w in product(*pairs)]) if plant.ranges else np.array(shares)
+    A, B, _ = plant.at(alpha)
+    if "loops" not in claim:
+        poles = np.linalg.eigvals(A + B @ law.gain(alpha))
+        return outside(claim["region"], poles) < -SLACK
+    own = law.own(alpha) if law.polynomial else law.gain(alpha)
+    C = getattr(law, "C", None)
+    C = np.eye(len(A)) if C is None else np.tensordot(alpha, C, 1)
+    inputs, read = (claim["loops"].get(key, []) for key in ("inputs", "measured"))
+    errors = list(errors_of(claim, plant.T))
+    au, bu, cu, du = beside(errors[: len(inputs)], inputs, B.shape[1])
+    ay, by, cy, dy = beside(errors[len(inputs) :], read, len(C))
+    loop = [
+        [A + B @ du @ own @ dy @ C, B @ du @ own @ cy, B @ cu],
+        [by @ C, ay, np.zeros((len(ay), len(au)))],
+        [bu @ own @ dy @ C, bu @ own @ cy, au],
+    ]
+    return outside(claim["region"], np.linalg.eigvals(np.block(loop))) < -SLACK
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -999,6 +1060,7 @@ FALSE = {
     "gain error": false_gain,
     "error of each gain": false_each_gain,
     "disk margin": false_disk_margin,
+    "failure": false_failure,
     "unmodelled dynamics": false_unmodelled,
     "rate": false_rate,
     "decay": false_clocked,

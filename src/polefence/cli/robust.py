@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME, read_document
-from polefence.certify.robust import Attained, Reach, Robustness, robust
+from polefence.certify.robust import MARGINS, REFUTED, Attained, Reach, Robustness, robust
 from polefence.cli.given import SPEC, Given, law_arguments, read_given
 from polefence.cli.lines import image_text, samples_text
 from polefence.cli.options import (
@@ -23,6 +24,7 @@ from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write
 from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.plant.points import values_text
+from polefence.proof.claims.failure import Error
 from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import Region
 from polefence.requirements.specification import limit_text
@@ -42,13 +44,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "repeat for more; none: the poles alone; default: all that the spec asks for",
     )
     sampling_arguments(parser, "ask about the loop of a", clock=True)
-    result_arguments(parser, "write DIR/design.json, the proof of the largest box")
+    result_arguments(
+        parser,
+        f"write proofs: DIR/{FILE_NAME} of the largest box, {REFUTED} of the plant that fails, "
+        f"{MARGINS} of errors of loops that do",
+    )
 
 
 def robust_command(options: Any) -> int:
     """Find how far the parameters' ranges may grow before a region or a limit is lost."""
     given = read_given(options)
-    check_results(options, FILE_NAME)
+    check_results(options, FILE_NAME, REFUTED, MARGINS)
     region = _region(given, options)
     limits = given.limits(options.limit or [SPEC], options)
     found = robust(given.plant, given.law, region, limits)
@@ -57,10 +63,12 @@ def robust_command(options: Any) -> int:
     say(*image_text(given.plant, region, proved), *samples_text(given.plant, limits))
     say(*given.text(options))
     if options.output is not None:
-        if found.largest.design is None:
+        names = [FILE_NAME] * (found.largest.design is not None) + [*found.failures]
+        if not names:
             say("not saved: nothing was proved")
         else:
-            saved(found.save(options.output))
+            found.save(options.output)
+            saved(*(Path(options.output) / name for name in names))
     if options.json is not None:
         write_json(options.json, _summary(found))
     return PROVED if found.proved else NOT_PROVED
@@ -81,17 +89,25 @@ def _lines(found: Robustness) -> Iterator[str]:
     if found.refuted:
         yield f"refuted: at the centre of all ranges {found.refuted}"
         return
-    yield f"{plant.name}: {asked}, for ranges so many times as wide about their centres"
+    if found.largest.names:
+        yield f"{plant.name}: {asked}, for ranges so many times as wide about their centres"
+        yield from _factors(found)
+    else:
+        yield f"{'proved' if found.proved else 'not proved'}: {plant.name}: {asked}"
+    if found.worst:
+        yield "worst cases on the ranges as they are:" if found.largest.names else "worst cases:"
+    for worst in found.worst:
+        yield f"  {_worst_text(found, worst)}"
+
+
+def _factors(found: Robustness) -> Iterator[str]:
+    """Yield a table of factors."""
     names = ["all ranges", *(f"{name} alone" for name in found.alone)]
     width = max(map(len, names))
     yield f"{'':<{width}}  {'proved':>18}  {'fails at':>10}"
     yield _line(found, "all ranges", found.largest, width)
     for name, reach in found.alone.items() if len(found.alone) > 1 else ():
         yield _line(found, f"{name} alone", reach, width)
-    if found.worst:
-        yield "worst cases on the ranges as they are:"
-    for worst in found.worst:
-        yield f"  {_worst_text(found, worst)}"
 
 
 def _line(found: Robustness, name: str, reach: Reach, width: int) -> str:
@@ -116,11 +132,16 @@ def _worst_text(found: Robustness, worst: Attained) -> str:
     proved = (
         "no bound is proved" if bound is None else f"{asked.proved_text(bound.level)} is proved"
     )
-    if reached is None or worst.values is None:
-        return f"{worst.specification.title}: {proved}; the loop is not stable on all of the box"
+    if reached is None:
+        return f"{asked.title}: {proved}; the loop is not stable on all of the box"
+    where = f" at {values_text(found.plant, dict(worst.values))}" if worst.values else ""
+    if worst.failure is not None:
+        gain, errors = digits_up(worst.failure.gain, DIGITS), worst.failure.errors_text
+        if bound is not None:
+            proved = f"{digits_down(1 / Fraction(bound.level), DIGITS)} is proved"
+        return f"{asked.title}: {proved}, {gain} fails{where}, delta = {errors}"
     how = "attained" if worst.exact else "sampled"
-    where = values_text(found.plant, dict(worst.values))
-    return f"{asked.title}: {proved}, {asked.sampled_text(reached)} {how} at {where}"
+    return f"{asked.title}: {proved}, {asked.sampled_text(reached)} {how}{where}"
 
 
 def _summary(found: Robustness) -> dict[str, Any]:
@@ -149,10 +170,24 @@ def _reach(reach: Reach) -> dict[str, Any]:
 
 
 def _worst(worst: Attained) -> dict[str, Any]:
-    return {
-        "signal": worst.specification.title,
+    asked, reached = worst.specification, worst.attained
+    row: dict[str, Any] = {
+        "signal": asked.title,
         "proved": None if worst.bound is None else worst.bound.number,
-        "attained": None if worst.attained is None else worst.specification.read_as(worst.attained),
+        "refuted" if asked.is_margin else "attained": None
+        if reached is None
+        else asked.read_as(reached),
         "exact": worst.exact,
         "at": None if worst.values is None else dict(worst.values),
     }
+    if worst.failure is not None:
+        names, errors = worst.failure.names, worst.failure.errors
+        pairs = zip(names, errors, strict=True)
+        row["refuted"] = float(worst.failure.gain)
+        row["errors"] = [{"loop": name, **_error(error)} for name, error in pairs]
+    return row
+
+
+def _error(error: Error) -> dict[str, Any]:
+    pole = {} if error.pole is None else {"pole": float(error.pole)}
+    return {"gain": float(error.gain), **pole}

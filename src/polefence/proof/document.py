@@ -20,6 +20,7 @@ from polefence.proof.claims.disk_margin import DiskMargin, Unmodelled
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import GainNorm
@@ -71,6 +72,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Rounded,
             Cells,
             RmsRefutation,
+            Failure,
             Clipped,
         )
     }
@@ -297,7 +299,7 @@ def _where(document: Document, verdicts: list[Verdict]) -> str:
 
 def _reason(verdicts: list[Verdict]) -> str:
     """Add up what was proved."""
-    if len(verdicts) == 1:
-        return verdicts[0].reason
+    if not any(verdict.count for verdict in verdicts) or len(verdicts) == 1:
+        return "; ".join(dict.fromkeys(verdict.reason for verdict in verdicts))
     notes = [verdict.note for verdict in verdicts if verdict.note]
     return "; ".join([counting(sum(verdict.count for verdict in verdicts)), *notes])

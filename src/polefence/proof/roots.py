@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from operator import mul
+from typing import Any
 
 from polefence.proof.matrices import (
     LONGEST,
@@ -20,6 +21,7 @@ from polefence.proof.matrices import (
     transposed,
     whole_numbers,
 )
+from polefence.proof.reading import Table, plain
 from polefence.proof.regions import Part
 from polefence.proof.work import cost, spend
 
@@ -38,6 +40,18 @@ class Outside:
     c: Fraction
     S: Rationals
     T: Rationals
+
+    @classmethod
+    def read(cls, table: Table, n: int) -> Outside:
+        """Read evidence about n states."""
+        p, q, c = table.numbers("line", 3)
+        T = table.matrix("T", n, n) if "T" in table else [[ZERO] * n for _ in range(n)]
+        return cls(p, q, c, table.matrix("S", n, n), T)
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        table = {"line": plain([self.p, self.q, self.c]), "S": plain(self.S)}
+        return table | ({"T": plain(self.T)} if any(map(any, self.T)) else {})
 
 
 def is_outside(

@@ -173,7 +173,7 @@ class DiskMargin(Specification):
         InputError
             If the law measures no signal of that name.
         """
-        loops = self._loops(plant, law)
+        loops = self.loops_of(plant, law)
         self._require_cut(plant, law, loops)
         beside = _reading(plant, law, loops)
         opened = open_loops(plant, loops, beside)
@@ -205,7 +205,8 @@ class DiskMargin(Specification):
                     "the loop at the input"
                 )
 
-    def _loops(self, plant: UncertainPlant, law: Any) -> Loops:
+    def loops_of(self, plant: UncertainPlant, law: Any) -> Loops:
+        """Return where a plant and a law, of either kind, have their loops opened."""
         places = [_place(plant, name, law) for name in self.names]
         inputs, measured = (
             tuple(k for kind, k in places if kind == key) for key in ("input", "measured")
@@ -218,7 +219,7 @@ class DiskMargin(Specification):
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
     ) -> proof.BoundClaim:
         """Return the claim about the margin, of loops that weigh alike."""
-        loops = self._loops(plant, subject.law)
+        loops = self.loops_of(plant, subject.law)
         known = loops.plant(file_plant(plant))
         law = loops.law(subject.law, known)
         nodes = tuple(replace(v, E=loops.entering(v.B)) for v in subject.nodes)
@@ -235,7 +236,7 @@ class DiskMargin(Specification):
         """Return the gain as an LMI has it; of loops at inputs alone."""
         if why := self.beyond_lmi(plant):
             raise InputError(why)
-        loops = self._loops(plant, law)
+        loops = self.loops_of(plant, law)
         opened = open_loops(plant, loops)
         gain = replace(_gain(self, opened, loops), at_most=self.at_most)
         return gain.condition(opened, domain, unit, law)

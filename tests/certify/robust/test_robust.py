@@ -104,6 +104,18 @@ def test_random_plants_against_dense_samples(seed):
     assert np.linalg.eigvals(A).real.max() > -1e-9
 
 
+def test_a_published_margin_of_three_parameters():
+    """De Gaston and Safonov 1988: 3.4174, of p/(s (s + q)(s + r)) behind (s + 2)/(s + 10)."""
+    parameters = [Parameter("p", 720, 880), Parameter("q", "3.8", "4.2")]
+    plant = UncertainPlant.from_expressions(
+        [*parameters, Parameter("r", "5.7", "6.3")],
+        [[0, 1, 0, 0], [0, "-q", 1, 0], ["-p", 0, "-r", "p"], [8, 0, 0, -10]],
+        [[0], [0], [1], [0]],
+    )
+    found = robust(plant, [[0.0] * 4])
+    assert 3.41735 < float(found.largest.proved) < 3.41739 < float(found.largest.refuted) < 3.4174
+
+
 def test_a_limit_on_a_gain_is_lost_where_its_closed_form_is():
     # the gain of 1 / (s^2 + c s + k) is 1 / k where c^2 >= 2 k
     plant = spring((0.5, 0.7), 2.5)

@@ -16,6 +16,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.certify.by_transfer import ByTransfer
+from polefence.certify.robust.family import Family
 from polefence.law.laws import FixedGain, Law
 from polefence.plant.delta import delta_form
 from polefence.plant.family import UncertainPlant
@@ -178,17 +179,17 @@ def _exact(M: Rationals) -> Exact:
 
 
 def climbed(
-    plant: UncertainPlant, law: Law, limit: Specification, alpha: Array, worst: float
+    family: Family, limit: Specification, alpha: Array, worst: float
 ) -> tuple[Array, float]:
     """Return a point near alpha where a signal is no less, and what it is there, in floats."""
     random, step = np.random.default_rng(0), 0.3
-    domain = law.domain_of(plant)
+    domain = family.law.domain_of(family.plant)
     uppers = domain.coordinates(alpha)[1::2]
     while step > 1e-3:
         moved = np.clip(uppers + step * random.normal(size=(16, len(uppers))), 0, 1)
         trials = domain.alpha(np.stack([1 - moved, moved], axis=-1).reshape(16, -1))
         try:
-            values = limit.values(plant, law, trials)
+            values = family.values(limit, trials)
         except (InputError, np.linalg.LinAlgError):
             break
         k = int(values.argmax())

@@ -215,7 +215,7 @@ def exceeded(family: Family, limit: Specification, alpha: Array) -> Array:
     In floats.
     """
     try:
-        values = limit.values(family.plant, family.law, alpha)
+        values = family.values(limit, alpha)
     except (InputError, np.linalg.LinAlgError):
         if len(alpha) == 1:
             return np.ones(1, dtype=bool)

@@ -19,6 +19,7 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, System
 from polefence.proof.matrices import Rationals
 from polefence.proof.work import FormatError
+from polefence.requirements.specification import Specification
 from polefence.response.samples import at_sample_time
 
 CAP = Fraction(1000)  # the largest factor that is asked about
@@ -33,6 +34,22 @@ class Family:
     plant: UncertainPlant
     law: Law
     factors: Mapping[str, Fraction]
+
+    def values(self, limit: Specification, alpha: Array) -> Array:
+        """Return what a limit is about at points alpha, in floats: 1 over it of a margin.
+
+        Of several loops at most: they are weighed once for the family.
+        """
+        if not limit.is_margin:
+            return limit.values(self.plant, self.law, alpha)
+        if limit.title not in self._posed:  # of several loops that takes as long as 1000 points
+            self._posed[limit.title] = limit.posed(self.plant, self.law)
+        plant, law, posed = self._posed[limit.title]
+        return posed.values(plant, law, alpha)
+
+    @cached_property
+    def _posed(self) -> dict[str, tuple[UncertainPlant, Law, Specification]]:
+        return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +75,17 @@ class Growth:
             Saying why not.
         """
         plant, law = self.plant, self.law
-        if not plant.parameters:
-            what = "vertices" if len(plant.vertices) > 1 else "one vertex"
+        if not plant.parameters and len(plant.vertices) > 1:
             raise InputError(
-                f"{plant.name} is given by {what}, without parameters whose ranges could grow; "
+                f"{plant.name} is given by vertices, without parameters whose ranges could grow; "
                 "give [parameter.NAME] tables"
             )
-        if not self.names:
+        if plant.parameters and not self.names:
             raise InputError(f"{plant.name} has no parameter but those of its dead time")
         if plant.sampling is None and plant.remainder is not None and plant.functions is None:
             raise InputError(f"{plant.name}: what its samples are of is not known; give its spec")
         of_box = law.in_parts or (law.W is not None and set(law.domain.sizes) == {2})
-        if not of_box:
+        if plant.parameters and not of_box:
             raise InputError(
                 "the law is one in the weights of the vertices, which says nothing beyond the "
                 "ranges; give one that is a polynomial of the parameters on their box"

@@ -10,12 +10,15 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from polefence.base.errors import InputError, NotProvedError, require_type
 from polefence.base.explained import explained
+from polefence.base.files import write_documents
 from polefence.base.processors import small_matrices
 from polefence.base.progress import stage
 from polefence.certify.bounds import Bound, best_bound, kept_bound
@@ -35,6 +38,13 @@ from polefence.certify.evidence import (
 )
 from polefence.certify.given import Analysis, analysed, pole_at
 from polefence.certify.robust.attained import attained, climbed, root_down
+from polefence.certify.robust.breaking import (
+    broken,
+    decided,
+    document_of,
+    failure_at,
+    known_exactly,
+)
 from polefence.certify.robust.edge import Lost, Rays, exceeded
 from polefence.certify.robust.family import (
     NEAR_END,
@@ -50,9 +60,13 @@ from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import exact_alpha, joint, seeded, values_at
 from polefence.plant.system import Array
+from polefence.proof.claims.failure import Failure
+from polefence.proof.document import Document
+from polefence.proof.regions import parts_of
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, HalfPlane, Region
+from polefence.requirements.disk_margin import DiskMargin, inverse
 from polefence.requirements.specification import Specification, limit_text
 
 CLOSE = 1e-5  # of a factor, between what is proved and what fails
@@ -77,6 +91,7 @@ ENOUGH = 1 - 1e-6
 BEYOND = (0.0, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # what is lost in floats, by which it fails
 FINE = 2**30  # parts of a share that are told apart
 SAMPLES = 2000  # points at which a signal is looked at
+REFUTED, MARGINS = "refuted.json", "margins.json"  # files of what fails
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +101,8 @@ class Reach(Short):
     Attributes
     ----------
     names : tuple of str
-        The parameters whose ranges grow; those of others stay.
+        The parameters whose ranges grow; those of others stay. None of a plant without parameters,
+        whose factor is one where all is proved.
     proved : Fraction or None
         The largest factor that is proved; None where none is.
     refuted : Fraction or None
@@ -140,6 +156,8 @@ class Attained(Short):
         The parameters' values there.
     exact : bool
         Whether it is at least that in exact arithmetic; else it is sampled, in floats.
+    failure : Failure or None
+        Of a margin, the claim that errors of that size make the loop unstable, and its proof.
     """
 
     specification: Specification
@@ -147,6 +165,7 @@ class Attained(Short):
     attained: float | None
     values: Mapping[str, float] | None
     exact: bool
+    failure: Failure | None = None
 
     def __repr__(self) -> str:
         level = "none" if self.bound is None else f"{self.bound.level:.6g}"
@@ -200,8 +219,25 @@ class Robustness(Short):
         """Whether all is proved on the plant's own ranges."""
         return self.largest.proved is not None and self.largest.proved >= 1
 
-    def save(self, directory: Any) -> Any:
-        """Write ``design.json`` of the largest box that is proved into a folder; return its path.
+    @cached_property
+    def failures(self) -> dict[str, Document]:
+        """Files that prove what fails: ``refuted.json`` of ranges, ``margins.json`` of margins.
+
+        One is left out where an exact proof is not one of a pole.
+        """
+        found = dict[str, Document]()
+        reach, growth = self.largest, Growth(self.plant, self.law)
+        if reach.values is not None and reach.refuted is not None and reach.exact:
+            family = growth.at(dict.fromkeys(reach.names, reach.refuted))
+            claim = _claim(family, self.region, self.limits, reach.values)
+            found |= {} if claim is None else {REFUTED: document_of([claim])}
+        broken = tuple(worst.failure for worst in self.worst if worst.failure is not None)
+        return found | ({MARGINS: document_of(broken)} if broken else {})
+
+    def save(self, directory: Any) -> Path:
+        """Write proofs into a folder; return the path of the first.
+
+        ``design.json`` is of the largest box that is proved, the others are those of `failures`.
 
         Raises
         ------
@@ -210,9 +246,11 @@ class Robustness(Short):
         OutputError
             If the folder cannot be written.
         """
-        if self.largest.design is None:
-            raise InputError("no factor is proved; there is nothing to save")
-        return self.largest.design.save(directory)
+        documents = {name: document.dumps() for name, document in self.failures.items()}
+        if self.largest.design is None and not documents:
+            raise InputError("nothing is proved; there is nothing to save")
+        paths = [] if self.largest.design is None else [self.largest.design.save(directory)]
+        return [*paths, *write_documents(Path(directory), documents)][0]
 
 
 @explained
@@ -259,6 +297,11 @@ def robust(
             "the gain, or the polynomial, that the table stands for"
         )
     growth = Growth(plant, given)
+    if not growth.names and not limits:
+        raise InputError(
+            f"{plant.name} is given by one vertex, without parameters whose ranges could grow; "
+            "give [parameter.NAME] tables, or limits whose worst case is asked about"
+        )
     kept = tuple(limit for limit in limits if limit.at_most is not None)
     question = _Question(growth, region, kept)
     failed = question.at_centre()
@@ -266,12 +309,12 @@ def robust(
         none = Reach(growth.names, None, Fraction(0), None, failed, True, Fraction(0), "", None)
         return Robustness(plant, given, region, kept, none, {}, (), failed)
     with stage("all ranges"):
-        largest = question.reach(growth.names)
+        largest = question.reach(growth.names) if growth.names else question.as_it_is()
     alone = {growth.names[0]: largest} if len(growth.names) == 1 and not _others(growth) else {}
     for name in growth.names if not alone else ():
         with stage(f"range of {name} alone"):
             alone[name] = question.reach((name,), largest)
-    worst = tuple(_worst(plant, given, limit) for limit in limits)
+    worst = tuple(_worst(growth.at({}), limit) for limit in limits)
     return Robustness(plant, given, region, kept, largest, alone, worst)
 
 
@@ -283,7 +326,8 @@ def _others(growth: Growth) -> bool:
 class _Failed:
     """A plant at which something is lost, with the factor of the box that it is in.
 
-    ``decidable`` is whether another plant, farther out, may be decided in exact arithmetic.
+    ``decidable`` is whether another plant, farther out, may be decided in exact arithmetic;
+    ``sure`` whether it fails: of several loops what floats say is more than the truth.
     """
 
     factor: Fraction
@@ -291,6 +335,7 @@ class _Failed:
     reason: str
     exact: bool
     decidable: bool = True
+    sure: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +351,15 @@ class _Question:
         shares = dict.fromkeys((p.name for p in self.growth.plant.parameters), Fraction(0))
         values = self.growth.values({}, shares)
         failed = self._fails(self.growth.at({}), values, Fraction(1))
-        return "" if failed is None else failed.reason
+        return failed.reason if failed is not None and failed.sure else ""
+
+    def as_it_is(self) -> Reach:
+        """Return what is proved of a plant without parameters: a factor of one."""
+        one = Fraction(1)
+        proof = self._proof(Rays(self.growth, (), self.region, self.limits), one)
+        design = proof if isinstance(proof, Design) else None
+        proved = None if design is None else one
+        return Reach((), proved, None, None, "", True, one, "", design)
 
     def reach(self, names: tuple[str, ...], known: Reach | None = None) -> Reach:
         """Return how far some ranges may grow.
@@ -329,6 +382,7 @@ class _Question:
         if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
             failed = None
         low, design, failed = self._proved(rays, low, design, failed, top)
+        failed = failed if failed is None or failed.sure else None
         return Reach(
             names,
             low or None,
@@ -504,9 +558,13 @@ class _Question:
             level = Fraction(limit.at_most or 0.0)
             if not exceeded(family, limit, point)[0]:
                 continue
+            said = f"{limit_text(limit)} is {'missed' if limit.is_margin else 'exceeded'}"
+            if isinstance(limit, DiskMargin):
+                exact = broken(plant, law, limit, alpha, asked_of(limit)) is not None
+                sure = exact or len(limit.names) == 1
+                return _Failed(factor, values, said, exact, known_exactly(plant), sure)
             square = attained(plant, law, replace(limit, at_most=None), alpha)
             exact = square is not None and square > level**2
-            said = f"{limit_text(limit)} is {'missed' if limit.is_margin else 'exceeded'}"
             return _Failed(factor, values, said, exact, square is not None)
         return None
 
@@ -531,23 +589,49 @@ def _values(plant: UncertainPlant, alpha: Sequence[Fraction]) -> dict[str, Fract
     return found
 
 
-def _worst(plant: UncertainPlant, law: Law, limit: Specification) -> Attained:
+def _worst(family: Family, limit: Specification) -> Attained:
     """Return the worst case of a signal on the plant's own ranges."""
-    free = replace(limit, at_most=None)
+    plant, law, free = family.plant, family.law, replace(limit, at_most=None)
     alpha = seeded(plant, SAMPLES)
     try:
-        values = free.values(plant, law, alpha)
+        values = family.values(free, alpha)
     except (InputError, np.linalg.LinAlgError):
         return Attained(limit, None, None, None, False)
     k = int(values.argmax())
-    point, worst = climbed(plant, law, free, alpha[k], float(values[k]))
+    point, worst = alpha[k], float(values[k])
+    if plant.parameters:
+        point, worst = climbed(family, free, point, worst)
     sizes = plant.domain.sizes
     exact_point = exact_alpha(plant.domain.coordinates(point), sizes, _fine)
+    bound, where = best_bound(plant, law, free), values_at(plant, exact_point)
+    if isinstance(free, DiskMargin):
+        failure = broken(plant, law, free, exact_point)
+        reached = worst if failure is None else inverse(failure.gain)
+        return Attained(limit, bound, reached, where, failure is not None, failure)
     square = attained(plant, law, free, exact_point)
-    bound = best_bound(plant, law, free)
     reached = worst if square is None else root_down(square)
-    where = values_at(plant, exact_point)
     return Attained(limit, bound, reached, where, square is not None)
+
+
+def _claim(
+    family: Family,
+    region: Region,
+    limits: Sequence[Specification],
+    values: Mapping[str, Fraction],
+) -> Failure | None:
+    """Return the claim that a pole is not in the region at values, or not with errors of loops."""
+    plant, law = family.plant, family.law
+    alpha = joint([p.weights(values[p.name]) for p in plant.parameters])
+    claim = decided(failure_at(plant, law, parts_of(region.document()), alpha))
+    for limit in limits:
+        if claim is None and isinstance(limit, DiskMargin):
+            claim = broken(plant, law, limit, alpha, asked_of(limit))
+    return claim
+
+
+def asked_of(limit: DiskMargin) -> Fraction:
+    """Return the margin that is asked for, as it is written."""
+    return Fraction(repr(limit.limit))
 
 
 def _fine(value: float) -> Fraction:

@@ -327,14 +327,8 @@ def _read_cell(table: Table, count: int, n: int) -> Cell:
         evidence = tuple(read_evidence(part, n, (2,) * count) for part in parts)
     elif answer == "refuted":
         point = table.numbers("at", count)
-        outside = _read_outside(table.table("outside"), n) if "outside" in table else None
+        outside = Outside.read(table.table("outside"), n) if "outside" in table else None
     return Cell(low, high, answer, evidence, point, outside)
-
-
-def _read_outside(table: Table, n: int) -> Outside:
-    p, q, c = table.numbers("line", 3)
-    T = table.matrix("T", n, n) if "T" in table else [[Fraction(0)] * n for _ in range(n)]
-    return Outside(p, q, c, table.matrix("S", n, n), T)
 
 
 def _write_cell(cell: Cell) -> dict[str, Any]:
@@ -342,9 +336,7 @@ def _write_cell(cell: Cell) -> dict[str, Any]:
     if cell.point is not None:
         table["at"] = plain(cell.point)
     if cell.outside is not None:
-        by = cell.outside
-        table["outside"] = {"line": plain([by.p, by.q, by.c]), "S": plain(by.S)}
-        table["outside"] |= {"T": plain(by.T)} if any(map(any, by.T)) else {}
+        table["outside"] = cell.outside.write()
     if cell.evidence:
         table["parts"] = [part.write() for part in cell.evidence]
     return table

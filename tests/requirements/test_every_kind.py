@@ -23,6 +23,8 @@ LINES = {
     "gain": "gain of x <= 1.5",
     "disk margin": "disk margin of force >= 0.5",
     "unmodelled dynamics": "unmodelled dynamics of force >= 0.5 with weight (s+1)/(s+9)",
+    "gain margin": "gain margin of force >= 2",
+    "phase margin": "phase margin of force >= 30",
     "gain norm": "gain norm of the law <= 50",
 }
 # Without control x' = -a x + w, a from 0.5 to 2, keeps the others.

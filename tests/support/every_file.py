@@ -241,6 +241,7 @@ MARGINS = (
     "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
     "--limit", "disk margin of u >= 1", "--limit", "disk margin of [u, x, v] with sigma 0.5",
     "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
+    "--limit", "gain margin of u >= 5", "--limit", "phase margin of x >= 30",
 )  # fmt: skip
 
 FAILING = (

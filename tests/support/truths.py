@@ -834,6 +834,28 @@ def false_failure(plant, law, claim):
     return outside(claim["region"], np.linalg.eigvals(np.block(loop))) < -SLACK
 
 
+def false_factor_margin(plant, law, claim):
+    """Whether a factor of the set, at its ends and between, makes a loop unstable."""
+    margin = 1 / number(claim["level"])
+    factors = margin ** np.linspace(-1, 1, 15)
+    if claim["kind"] == "phase margin":
+        factors = np.exp(1j * np.radians(np.linspace(-margin, margin, 15)))
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        for A, B, _ in plant.near(alpha):
+            own = law.own(alpha) if law.polynomial else law.gain(alpha)
+            C = getattr(law, "C", None)
+            C = np.eye(len(A)) if C is None else np.tensordot(alpha, C, 1)
+            for f in factors:
+                at_u, at_y = np.ones(B.shape[1], complex), np.ones(len(C), complex)
+                at = at_u if "input" in claim else at_y
+                at[claim.get("input", claim.get("measured")) - 1] = f
+                poles = np.linalg.eigvals(A + B * at_u @ own * at_y @ C)
+                size = max(1.0, np.abs(poles).max())
+                if (np.abs(poles).max() - 1 if plant.T else poles.real.max() / size) > SLACK:
+                    return True
+    return False
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -1062,6 +1084,7 @@ FALSE = {
     "disk margin": false_disk_margin,
     "failure": false_failure,
     "unmodelled dynamics": false_unmodelled,
+    **dict.fromkeys(("gain margin", "phase margin"), false_factor_margin),
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

@@ -22,6 +22,7 @@ from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
+from polefence.certify import factor_margins
 from polefence.certify.by_transfer import ByTransfer
 from polefence.certify.candidates import TOLERANCES, first
 from polefence.certify.certificate import Certificate
@@ -68,6 +69,7 @@ from polefence.proof.remainder import SHARE, Spread
 from polefence.proof.short import Short
 from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
+from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
 from polefence.requirements.rms import Rms, in_any_order, of_one_noise
 from polefence.requirements.specification import Specification, claim_of
@@ -204,6 +206,8 @@ def best_bound(
     """
     specification.require_fit(plant)
     require_passing(plant, law, specification)
+    if isinstance(specification, FactorMargin):
+        return _of_poles(plant, specification, factor_margins.largest(plant, law, specification))
     posed = specification.posed(delta_form(plant), law)
     with stage(f"bound on {specification.title}"):
         return _of(specification, _best_bound(*posed, known))
@@ -212,6 +216,17 @@ def best_bound(
 def _of(specification: Specification, bound: Bound | None) -> Bound | None:
     """Return a bound of what a specification posed as one of the specification itself."""
     return None if bound is None else replace(bound, specification=specification)
+
+
+def _of_poles(
+    plant: UncertainPlant, specification: Specification, found: factor_margins.Proved | None
+) -> Bound | None:
+    """Return the bound of a claim about poles with factors."""
+    if found is None:
+        return None
+    claim, verdict = found
+    level = float(claim.level)
+    return Bound(specification, level, claim, claim.degree, verdict.reason, plant.parameters)
 
 
 def _best_bound(
@@ -504,6 +519,8 @@ def known_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known
 ) -> Bound | None:
     """Return what given evidence proves: the limit, else a level near its own; None if nothing."""
+    if isinstance(specification, FactorMargin):
+        return None
     posed = specification.posed(plant, law)
     if specification.at_most is not None:
         return _of(specification, _proved(*posed, known[0], specification.at_most))
@@ -566,6 +583,8 @@ def kept_bound(
         What proves it as far as floats tell; tried first.
     """
     require_passing(plant, law, specification)
+    if isinstance(specification, FactorMargin):
+        return _of_poles(plant, specification, factor_margins.kept(plant, law, specification))
     posed = specification.posed(delta_form(plant), law)
     with stage(f"limit on {specification.title}"):
         return _of(specification, _kept_bound(*posed, known))

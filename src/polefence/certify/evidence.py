@@ -167,7 +167,8 @@ class Search:
     ``last`` is the form of the whole box tried last, ``halved`` whether parts of it were, ``cut``
     whether a deadline ended it; ``alpha``, where there is one, refutes the region. ``parts`` is of
     how many the region is made, ``most`` how many of the box are tried, ``enough`` how far inside
-    the first point of each is that is sought.
+    the first point of each is that is sought. ``between`` is whether evidence of them is
+    interpolated, without an LMI.
     """
 
     def __init__(
@@ -179,11 +180,13 @@ class Search:
         parts: int = 1,
         most: int = MOST_BENT,
         enough: float = WELL,
+        between: bool = False,
     ) -> None:
         self.plant, self.law, self.part, self.deadline = plant, law, part, deadline
         self.enough = enough
         # the rest of what is checked in a file is for what else it claims
-        self.most, self.share = min(most, _most_parts(plant, law, parts)), 0.8 / parts
+        self.between = between or plant.bent
+        self.most, self.share = min(most, _most_parts(plant, law, parts, self.between)), 0.8 / parts
         self.last, self.halved, self.cut = LADDER[0], False, False
         self.alpha: list[Fraction] | None = None
 
@@ -236,7 +239,7 @@ class Search:
             return None
         self.halved = True
         most = self.share * work.MAX_IN_PARTS
-        inside = _Inside(self.plant, self.law, self.part, most, holds, self.enough)
+        inside = _Inside(self.plant, self.law, self.part, most, holds, self.enough, self.between)
 
         def along(box: Box) -> int | None:
             self.alpha = inside.leaving(box)
@@ -288,9 +291,10 @@ class _Inside:
         most: float,
         holds: Holds | None = None,
         enough: float = WELL,
+        between: bool = False,
     ) -> None:
         self.plant, self.law, self.part, self.most, self.holds = plant, law, part, most, holds
-        self.enough = enough
+        self.enough, self.between = enough, between
         self.loop = loop_of(plant, law)
         self.claim = certificate_of(plant, law, part, [placeholder(plant, law)]).claim()
         first, *higher = FORMS
@@ -331,7 +335,7 @@ class _Inside:
 
     def _candidates(self, plant: UncertainPlant, law: Law, loop: Loop) -> Iterator[dict[str, Any]]:
         """Yield evidence of a part of the box: between nodes by interpolation, else by LMIs."""
-        if self.plant.bent:
+        if self.between:
             evidence = interpolated(plant, law, self.part)
             if evidence is not None:  # else the part is too large, and so it is for an LMI
                 yield evidence
@@ -391,13 +395,13 @@ class _Inside:
         return Piece(low, high, evidence)
 
 
-def _most_parts(plant: UncertainPlant, law: Law, parts: int) -> int:
+def _most_parts(plant: UncertainPlant, law: Law, parts: int, between: bool) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
     if not law.divisible(plant):
         return 1
     blocks = _blocks(plant, law, FORMS[-1]) * parts**2
     checked = matrices.least_work(blocks, 2 * plant.shape[0])
-    if plant.bent:
+    if between:
         return min(MOST_BENT, work.MAX_IN_PARTS // checked)
     affordable = MOST_PARTS * MOST_IN_PART / work_of(plant, law, FORMS[0])
     return min(MOST_PARTS, work.MAX_WORK // checked, int(affordable))

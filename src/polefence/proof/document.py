@@ -21,6 +21,7 @@ from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.failure import Failure
+from polefence.proof.claims.factor_margin import GainMargin, PhaseMargin
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import GainNorm
@@ -62,6 +63,8 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Gain,
             DiskMargin,
             Unmodelled,
+            GainMargin,
+            PhaseMargin,
             GainNorm,
             Estimate,
             GainError,

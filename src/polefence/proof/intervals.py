@@ -129,6 +129,11 @@ def logarithm(a: Interval) -> Interval:
     return _logarithm(a[0]) - 1, _logarithm(a[1]) + 1
 
 
+def pi() -> Interval:
+    """Return pi."""
+    return (_PI >> _MORE) - 1, (_PI >> _MORE) + 2
+
+
 def sine(a: Interval) -> Interval:
     """Return the sine."""
     return _between(a, 1)

@@ -22,6 +22,7 @@ from polefence.proof.short import Short
 from polefence.proof.text import exactly
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled, inverse
 from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.factor_margin import GainMargin, PhaseMargin
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.initial_peak import InitialPeak
@@ -48,6 +49,8 @@ KINDS: dict[str, type[Specification]] = {
         Gain,
         DiskMargin,
         Unmodelled,
+        GainMargin,
+        PhaseMargin,
         GainNorm,
     )
 }

@@ -19,6 +19,7 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Inequality, require_law, require_work
+from polefence.proof.claims.factor_margin import GainMargin
 from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.laws import DOMAINS, Evidence
 from polefence.proof.matrices import Rationals, least_work
@@ -153,4 +154,4 @@ class GainNorm(Short, Claim):
         yield Inequality.raised("of the gain's norm", [[square, V.T], [corner]], by)
 
 
-BoundClaim = SignalClaim | GainNorm  # of a signal, or of the law
+BoundClaim = SignalClaim | GainNorm | GainMargin  # of a signal, the law, or a loop

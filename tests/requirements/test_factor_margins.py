@@ -1,0 +1,216 @@
+"""Gain and phase margins of one loop: proved beside what samples have, and one fault at a time."""
+
+import json
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import polefence as pf
+from polefence.certify.bounds import best_bound, kept_bound
+from polefence.law.laws import given_law
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.factor_margin import of_arc, of_gains, on_circle, tangent_up
+from polefence.proof.document import check, loads
+from polefence.proof.work import FormatError
+from polefence.requirements.text import parse_specification
+
+# k / (s (s + 1) (s + 2)) with k = 1: its phase is -180 deg at sqrt(2) rad/s, where it has 1/6.
+A, B, K = [[0, 1, 0], [0, 0, 1], [0, -2, -3]], [[0], [0], [1]], [[-1.0, 0, 0]]
+
+
+@pytest.fixture(scope="module")
+def known():
+    plant = pf.UncertainPlant.from_vertices([A], [B])
+    return plant, given_law(plant, K)
+
+
+def phase_of_known():
+    w = next(
+        w for w in np.linspace(0.3, 0.6, 300001) if w * math.hypot(w, 1) * math.hypot(w, 2) >= 1
+    )
+    return 180 - 90 - math.degrees(math.atan(w) + math.atan(w / 2))
+
+
+@pytest.mark.parametrize("loop", ["u1", "x1"])
+def test_margins_of_a_known_loop_from_both_sides(known, loop):
+    plant, law = known
+    for asked, true in (
+        (pf.GainMargin.least(loop), 6.0),
+        (pf.PhaseMargin.least(loop), phase_of_known()),
+    ):
+        bound = best_bound(plant, law, asked)
+        assert true * (1 - 3e-5) < bound.number < true * (1 + 1e-5)
+        assert kept_bound(plant, law, type(asked).least(loop, true * 0.999)) is not None
+        assert kept_bound(plant, law, type(asked).least(loop, true * 1.001)) is None
+        over = replace(bound.claim, level=bound.claim.level * Fraction(99, 100))
+        assert not proved(over)
+
+
+def proved(claim):
+    try:
+        return prove(claim).proved
+    except FormatError:
+        return False
+
+
+@given(st.fractions(0, 4), st.fractions("0.001", "0.9"), st.fractions(0, 1))
+def test_a_patch_holds_its_arc(first, step, share):
+    last = (first + step) / (1 - first * step) if first * step < 1 else first + step
+    patch = of_arc(first, last)
+    x, y = on_circle(first + share * (last - first))
+    z1, z2, outer1, outer2 = patch.corners
+    ring = [z1, outer1, outer2, z2]  # convex, anticlockwise
+    for (ax, ay), (bx, by) in zip(ring, [*ring[1:], ring[0]], strict=True):
+        assert (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0
+    assert patch.at([Fraction(0), Fraction(1)]) == z2
+    assert patch.at([Fraction(1), Fraction(0)]) == outer1
+
+
+@given(st.fractions("0.01", "179"))
+def test_the_tangent_is_rounded_up(degrees):
+    above, near = tangent_up(degrees), math.tan(math.radians(float(degrees)) / 2)
+    assert near * (1 - 1e-12) < above < near * (1 + 1e-12)
+    assert tangent_up(Fraction(90)) >= 1
+
+
+def random_loop(random, n, sampled):
+    """A plant of two vertices with one parameter, and a gain that keeps it stable."""
+    while True:
+        first = random.normal(size=(n, n)) / math.sqrt(n)
+        off, b = 0.2 * random.normal(size=(n, n)), random.normal(size=(n, 1))
+        k = random.normal(size=(1, n))
+        family = [first - off - 0.6 * np.eye(n), first + off - 0.6 * np.eye(n)]
+        if sampled:
+            family = [np.eye(n) + 0.3 * M for M in family]
+            b = 0.3 * b
+        closed = [t * family[1] + (1 - t) * family[0] + b @ k for t in np.linspace(0, 1, 9)]
+        values = [np.linalg.eigvals(M) for M in closed]
+        if all((np.abs(v).max() < 0.97) if sampled else (v.real.max() < -0.05) for v in values):
+            return [np.round(M, 3) for M in family], np.round(b, 3), np.round(k, 3)
+
+
+def stable(M, sampled):
+    values = np.linalg.eigvals(M)
+    return np.abs(values).max() < 1 if sampled else values.real.max() < 0
+
+
+def sampled_margin(family, b, k, row, factors, sampled):
+    """The first of rising factors at which a loop of the family is unstable."""
+    for f in factors:
+        for t in np.linspace(0, 1, 41):
+            M = t * family[1] + (1 - t) * family[0]
+            own = k.astype(complex)
+            own[:, row] = own[:, row] * f if row is not None else own[:, row]
+            turned = own if row is not None else own * f
+            if not stable(M + b @ turned, sampled):
+                return f
+    return None
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_random_loops_have_no_less_than_is_proved(seed):
+    random = np.random.default_rng(seed)
+    sampled, row = bool(seed % 4 == 3), (None if seed % 2 else 0)
+    family, b, k = random_loop(random, 2 + seed % 2, sampled)
+    parameter = pf.Parameter("p", 1, 2)
+    plant = pf.UncertainPlant(
+        tuple(pf.System(M, b, name=f"vertex {j}") for j, M in enumerate(family)),
+        (parameter,),
+        sample_time=Fraction(1, 10) if sampled else None,
+    )
+    loop = "u1" if row is None else "x1"
+    law = given_law(plant, k)
+    gain = best_bound(plant, law, pf.GainMargin.least(loop))
+    assert gain is not None
+    g = gain.number
+    for factors in (np.geomspace(1, g, 60), np.geomspace(1, 1 / g, 60)):
+        assert sampled_margin(family, b, k, row, factors, sampled) is None
+    if g < 99:  # near what one plant has
+        more = 1.4 if sampled else 1.02
+        beyond = (np.geomspace(1, more * g, 60), np.geomspace(1, 1 / (more * g), 60))
+        found = [sampled_margin(family, b, k, row, f, sampled) for f in beyond]
+        assert any(f is not None for f in found)
+    phase = best_bound(plant, law, pf.PhaseMargin.least(loop))
+    assert phase is not None
+    angles = np.radians(np.linspace(0, phase.number, 60))
+    assert sampled_margin(family, b, k, row, np.exp(1j * angles), sampled) is None
+    if phase.number < 170:
+        angles = np.radians(np.linspace(0, phase.number * 1.05 + 1, 90))
+        assert sampled_margin(family, b, k, row, np.exp(1j * angles), sampled) is not None
+
+
+@pytest.fixture(scope="module")
+def document(known):
+    plant, law = known
+    limits = [pf.GainMargin.least("u1", 4.0), pf.PhaseMargin.least("x1", 40.0)]
+    done = pf.analyse(plant, law, pf.HalfPlane(0.0), limits=limits)
+    assert done.proved
+    return done.design.document()
+
+
+def faults(document):
+    gain, phase = (document["claims"][k] for k in (1, 2))
+    for level in ("1/5", "1/7"):
+        yield 1, gain | {"level": level}
+    yield 1, {key: x for key, x in gain.items() if key != "input"} | {"measured": 2}
+    yield 2, phase | {"level": "1/60"}
+    yield 2, phase | {"measured": 2}
+    arcs = phase["evidence"]["arcs"]
+    yield 2, phase | {"evidence": {"arcs": arcs[:-1] or [arcs[0] | {"to": "1/10"}]}}
+    yield 2, phase | {"evidence": {"arcs": [arcs[0] | {"to": 5}]}}
+    yield 2, phase | {"evidence": {"arcs": [arcs[0] | {"to": -1}]}}
+    yield 1, gain | {"level": 1}
+    yield 1, gain | {"level": 0}
+    yield 1, gain | {"input": 2}
+    yield 1, gain | {"measured": 1}
+    yield 2, phase | {"level": "1/180"}
+
+
+def test_one_fault_at_a_time_is_not_proved(document):
+    assert check(loads(json.dumps(document))).proved
+    tried = 0
+    for number, claim in faults(document):
+        claims = list(document["claims"])
+        claims[number] = claim
+        try:
+            answer = check(loads(json.dumps(document | {"claims": claims}))).proved
+        except FormatError:
+            answer = False
+        assert not answer, claim
+        tried += 1
+    assert tried == 13
+
+
+def test_evidence_of_fewer_factors_is_not_enough(known):
+    plant, law = known
+    small = kept_bound(plant, law, pf.GainMargin.least("u1", 1.01)).claim
+    assert not proved(replace(small, level=Fraction(1, 5)))
+    assert of_gains(Fraction(2)).corners == ((Fraction(1, 2), 0), (Fraction(2), 0))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("gain margin of u1 >= 0.5", "a factor above 1; write 2 for 6 dB"),
+        ("phase margin of u1 >= 200", "write degrees, up to 175"),
+        ("gain margin of u3 >= 2", "no loop at 'u3'"),
+        ("gain margin of u1 <= 2", "is written >= NUMBER"),
+        ("gain margin of [u1, x1] >= 2", "is a vector"),
+        ("gain margin of u1 >= 2 with sigma 1", "unknown key sigma"),
+    ],
+)
+def test_bad_lines_are_refused(known, line, said):
+    plant, _ = known
+    with pytest.raises(pf.InputError, match=said.replace("(", r"\(")):
+        parse_specification(line).require_fit(plant)
+
+
+def test_of_vertices_disk_margins_are_proved():
+    plant = pf.UncertainPlant.from_vertices([A, np.array(A) * 0.9], [B, B])
+    with pytest.raises(pf.InputError, match="given by its vertices disk margins are proved"):
+        pf.GainMargin.least("u1", 2.0).require_fit(plant)

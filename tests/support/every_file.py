@@ -24,6 +24,7 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
+from polefence.requirements.worst_gain import WorstCaseGain
 
 EARLIER = Path(__file__).parents[1] / "proof" / "format2" / "one-gain-1.json"
 SPEC = """name = "mass"
@@ -242,6 +243,7 @@ MARGINS = (
     "--limit", "disk margin of u >= 1", "--limit", "disk margin of [u, x, v] with sigma 0.5",
     "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
     "--limit", "gain margin of u >= 5", "--limit", "phase margin of x >= 30",
+    "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
 )  # fmt: skip
 
 FAILING = (
@@ -328,6 +330,7 @@ def _write_passing(made: Path) -> None:
     kinds = (
         Rms("x", density=1), Gain(["x", "u"]), RelativeRms("v"), EnergyPeak("v", norm=1),
         InitialPeak("x", impulse=1), DiskMargin("u"), DiskMargin(["u", "slip"]),
+        WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
     )  # fmt: skip
     proved = [bounds.best_bound(plant, law, own) for own in kinds]
     dual = bounds._Question.of(plant, law, kinds[0])

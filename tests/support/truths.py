@@ -856,6 +856,45 @@ def false_factor_margin(plant, law, claim):
     return False
 
 
+def false_worst_case(plant, law, claim):
+    """Whether complex numbers in the place of dynamics make the gain exceed its level."""
+    inputs, level = claim["inputs"], number(claim["level"]) * (1 + SLACK)
+    scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
+    C, D, F = (
+        np.concatenate([stacked(plant, y, key) for y in claim["outputs"]], axis=1) for key in "CDF"
+    )
+    w = np.array([0.0, *np.geomspace(1e-2, 1e3, 40)])
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        (A, B, E), K, P = plant.at(alpha), law.gain(alpha), law.passing(alpha)
+        P = P * np.ones((B.shape[1], E.shape[1]))
+        for _ in range(20):
+            at_u, A_z, B_z, E_z, C_dz = np.ones(B.shape[1], complex), [], [], [], []
+            for k, shape in zip(inputs, claim["filters"], strict=True):
+                delta = np.exp(2j * np.pi * plant.random.random())
+                a, b, c = (array(shape[key]) for key in "abc")
+                A_z.append(a)
+                B_z.append(b @ K[k - 1 : k])
+                E_z.append(b @ P[k - 1 : k])
+                C_dz.append(delta * c)
+                at_u[k - 1] = 1 + delta * number(shape.get("d", 0))
+            C_z = [B[:, k - 1 : k] @ M for k, M in zip(inputs, C_dz, strict=True)]
+            below = [np.vstack(B_z), block_diag(*A_z)]
+            A_c = np.block([[A + B * at_u @ K, np.hstack(C_z)], below])
+            if np.linalg.eigvals(A_c).real.max() / max(1.0, np.abs(A_c).max()) > SLACK:
+                return True
+            E_c = np.vstack([E + B * at_u @ P, *E_z]) * scales
+            # of states what arrives is in it, of inputs alone what is sent
+            arrives = np.any(mix(alpha, C), axis=1)[:, None]
+            straight = np.hstack([mix(alpha, D)[:, k - 1 : k] for k in inputs]) * arrives
+            added = [straight[:, [j]] @ M for j, M in enumerate(C_dz)]
+            moved = mix(alpha, D) * np.where(arrives, at_u, 1)
+            C_c = np.hstack([mix(alpha, C) + moved @ K, *added])
+            F_c = (mix(alpha, F) + moved @ P) * scales
+            if _largest(A_c, E_c, C_c, F_c, 1j * w) > level:
+                return True
+    return False
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -1085,6 +1124,7 @@ FALSE = {
     "failure": false_failure,
     "unmodelled dynamics": false_unmodelled,
     **dict.fromkeys(("gain margin", "phase margin"), false_factor_margin),
+    "worst-case gain": false_worst_case,
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

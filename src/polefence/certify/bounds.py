@@ -100,6 +100,8 @@ FROM_STATES: tuple[float, ...] = (5e-2, 0.15, 0.5)
 # By what a grid of twice as many cells lowers a gain along motions, if a finer one is tried: of a
 # loop with dead time 4.6, 2.7 and 1.4 % at 8, 16 and 32 cells, which take 5, 7 and 13 s.
 FINER = 0.03
+# The same of what is posed for one level after the other, as a limit.
+AS_LIMITS = (2e-5, 2e-4, 2e-3, 1e-2, 5e-2, 0.2, 0.6, 1.5)
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
 
@@ -208,9 +210,22 @@ def best_bound(
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
         return _of_poles(plant, specification, factor_margins.largest(plant, law, specification))
-    posed = specification.posed(delta_form(plant), law)
     with stage(f"bound on {specification.title}"):
+        nearest = specification.nearest(delta_form(plant), law)
+        if nearest is not None:
+            return _of(specification, _least_kept(plant, law, specification, nearest))
+        posed = specification.posed(delta_form(plant), law)
         return _of(specification, _best_bound(*posed, known))
+
+
+def _least_kept(
+    plant: UncertainPlant, law: Law, specification: Specification, nearest: float
+) -> Bound | None:
+    """Return the bound of the first level above the nearest that is proved as a limit."""
+    if not np.isfinite(nearest):
+        return None
+    limits = (replace(specification, at_most=nearest * (1 + share)) for share in AS_LIMITS)
+    return first(_kept_bound(*limit.posed(delta_form(plant), law), None) for limit in limits)
 
 
 def _of(specification: Specification, bound: Bound | None) -> Bound | None:

@@ -54,7 +54,8 @@ class ByTransfer:
         if plant.moving or plant.remainder is not None or not box or not specification.of_signal:
             return None
         on, evidence = domain.on, Evidence([], transfer=True)
-        claim = claim_of(plant, law.exact, on, specification, evidence, Fraction(1))
+        level = Fraction(specification.at_most or 1.0)
+        claim = claim_of(plant, law.exact, on, specification, evidence, level)
         if not isinstance(claim, SignalClaim) or not claim.has_transfer:
             return None
         with suppress(FormatError), counted():

@@ -22,8 +22,9 @@ from polefence.plant.controllability import FixedModes, modes_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.motion import Motion
 from polefence.plant.polynomial import Domain
-from polefence.plant.weights import OF_WEIGHT, weights_poles
+from polefence.plant.weights import weights_poles
 from polefence.proof import matrices, roots, work
+from polefence.proof.plant import OF_WEIGHT
 from polefence.proof.reading import MAX_SIZE
 from polefence.proof.regions import parts_of
 from polefence.proof.text import digits_down

@@ -13,7 +13,7 @@ from polefence.plant.controllability import fixed_modes
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, states
 from polefence.plant.system import Exact, System, read_matrix
-from polefence.plant.weights import OF_WEIGHT
+from polefence.proof.plant import OF_WEIGHT
 from polefence.region.regions import Region
 
 HOW = "give names of states or outputs, a matrix C of p rows and n columns, or one C a vertex"

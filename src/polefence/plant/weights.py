@@ -41,12 +41,12 @@ from polefence.plant.transfer import (
 )
 from polefence.proof.filters import Filter
 from polefence.proof.matrices import LONGEST, ONE, ZERO, common_denominator, whole_numbers
+from polefence.proof.plant import OF_WEIGHT
 from polefence.proof.regions import Disk, HalfPlane
 from polefence.proof.remainder import Remainder, Rows, Source
 from polefence.proof.roots import characteristic, roots_inside
 
 WEIGHTED, ERROR = "weighted ", "error of "
-OF_WEIGHT = "weight state "  # how names of its states begin
 FORMS = (
     ("transfer",),
     ("numerator", "denominator"),

@@ -36,6 +36,7 @@ from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.saturation import Saturation
+from polefence.proof.claims.worst_gain import WorstCaseGain
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
 from polefence.proof.reading import Table, parse, require_shallow, shown
@@ -65,6 +66,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Unmodelled,
             GainMargin,
             PhaseMargin,
+            WorstCaseGain,
             GainNorm,
             Estimate,
             GainError,

@@ -24,6 +24,7 @@ from polefence.proof.work import RATIONAL, FormatError, spend
 
 MAX_PARAMETERS = 8
 RATE = "rate of "  # begins the name of a state's rate, or an input's
+OF_WEIGHT = "weight state "  # begins the names of a weight's states
 WITHOUT = " without inputs"  # ends that of what is left of a signal, C x + F w of C x + D u + F w
 
 

@@ -248,6 +248,12 @@ class Remainder(Short):
             entries, curve, self.degree, rounding, bends, third, self.middles, source, kinks
         )
 
+    def rows_of(self, i: int) -> list[tuple[Fraction, ...]]:
+        """Return the i-th row of every matrix."""
+        every = (self.entries, *self.curve, *self.bends, *self.third)
+        directions = self.source.directions if self.source else ()
+        return [M[i] for M in (*every, *directions) if M]
+
     def curved(self, P: Polynomial, first: int = 0) -> Polynomial:
         """Return [A, B], or E, with what is added to the combination of the vertices.
 

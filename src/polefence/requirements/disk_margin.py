@@ -146,7 +146,7 @@ class DiskMargin(Specification):
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without a loop of that name."""
         for name in self.names:
-            _place(plant, name, None)
+            place_of(plant, name, None)
         self.require_late(plant)
         limit, straight = self.limit, any(y.D for y in plant.every_output)
         least = abs(1 + self.sigma) / 2  # of |S + (sigma - 1) / 2| where nothing comes back
@@ -175,7 +175,7 @@ class DiskMargin(Specification):
         """
         loops = self.loops_of(plant, law)
         self._require_cut(plant, law, loops)
-        beside = _reading(plant, law, loops)
+        beside = reading_beside(plant, law, loops)
         opened = open_loops(plant, loops, beside)
         if loops.count > 1:
             gain = _gain(self, opened, loops, beside)
@@ -207,7 +207,7 @@ class DiskMargin(Specification):
 
     def loops_of(self, plant: UncertainPlant, law: Any) -> Loops:
         """Return where a plant and a law, of either kind, have their loops opened."""
-        places = [_place(plant, name, law) for name in self.names]
+        places = [place_of(plant, name, law) for name in self.names]
         inputs, measured = (
             tuple(k for kind, k in places if kind == key) for key in ("input", "measured")
         )
@@ -222,7 +222,7 @@ class DiskMargin(Specification):
         loops = self.loops_of(plant, subject.law)
         known = loops.plant(file_plant(plant))
         law = loops.law(subject.law, known)
-        nodes = tuple(replace(v, E=loops.entering(v.B)) for v in subject.nodes)
+        nodes = tuple(replace(v, E=loops.entering(v.B, v.E)) for v in subject.nodes)
         opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
         return _claimed(opened, loops, level, self.shapes)
 
@@ -243,14 +243,14 @@ class DiskMargin(Specification):
 
     def readable(self, plant: UncertainPlant, known: tuple[str, ...]) -> tuple[str, ...]:
         """Return all but the demands on their way, which no actuator changes."""
-        if all(_place(plant, name, None)[0] != "input" for name in self.names):
+        if all(place_of(plant, name, None)[0] != "input" for name in self.names):
             return known
         late = {states(plant)[k].name for k in _on_the_way(plant)}
         return tuple(name for name in known if name not in late)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:
         """Say that loops at measured signals depend on the law."""
-        if all(_place(plant, name, None)[0] == "input" for name in self.names):
+        if all(place_of(plant, name, None)[0] == "input" for name in self.names):
             return ""
         return (
             f"{self.title}: an LMI takes loops at inputs alone; leave out the method, so that a "
@@ -265,7 +265,7 @@ class DiskMargin(Specification):
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the loops as a channel at points alpha, but for what a law reads there."""
-        places = [_place(plant, name, None) for name in self.names]
+        places = [place_of(plant, name, None) for name in self.names]
         A, B = plant.at(alpha)
         n, count, size = A.shape[-1], len(alpha), len(places)
         E, F = np.zeros((count, n, size)), np.zeros((count, size, size))
@@ -375,7 +375,7 @@ class Unmodelled(DiskMargin):
                 "leave out the sample time, or ask for a disk margin"
             )
         for name in self.names:
-            if _place(plant, name, None)[0] != "input":
+            if place_of(plant, name, None)[0] != "input":
                 raise InputError(f"{self.title}: {name!r} is no input; ask for its disk margin")
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
@@ -386,11 +386,11 @@ class Unmodelled(DiskMargin):
         """Return the loops behind their weights as a channel at points alpha."""
         channel = super().channel(plant, alpha)
         for k, shape in enumerate(self.shapes):
-            channel = _shaped(channel, k, shape.filter)
+            channel = shaped(channel, k, shape.filter)
         return channel
 
 
-def _shaped(channel: Channel, k: int, shape: Filter) -> Channel:
+def shaped(channel: Channel, k: int, shape: Filter) -> Channel:
     """Return a channel with a filter behind its k-th output, which is of inputs alone."""
     a, b, c = (np.array(M, dtype=float) for M in (shape.a, shape.b, shape.c))
     count, n, more = len(channel.A), channel.A.shape[-1], len(a)
@@ -453,31 +453,33 @@ def _claimed(
 
 
 def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
-    """Return a plant with the disturbances at loops in place of its own.
+    """Return a plant with the disturbances at loops in place of its own, or beside them.
 
     Its outputs are what a law beside it reads; states have names of their own.
     """
     n, m = plant.shape
-    vertices = tuple(
-        System(
-            v.exact_A,
-            v.exact_B,
-            tuple(map(tuple, loops.entering(list(map(list, v.exact_B))))),
-            v.name,
-        )
-        for v in plant.vertices
-    )
+    vertices = list[System]()
+    for v in plant.vertices:
+        B, own = (list(map(list, M)) for M in (v.exact_B, v.exact_E or ()))
+        E = tuple(map(tuple, loops.entering(B, own)))
+        vertices.append(System(v.exact_A, v.exact_B, E, v.name))
     return replace(
         plant,
-        vertices=vertices,
-        disturbances=tuple(f"loop {k + 1}" for k in range(loops.count)),
+        vertices=tuple(vertices),
+        disturbances=named_disturbances(loops),
         states=tuple(f"state {i + 1}" for i in range(n)),
         outputs=law.measured if isinstance(law, PolynomialGain) else (),
         noise=(),
         vehicle=None,
         remainder=loops.remainder(plant.remainder, n, m),
-        opened=(*loops.inputs, *(None for _ in loops.measured)),
+        opened=() if loops.own else (*loops.inputs, *(None for _ in loops.measured)),
     )
+
+
+def named_disturbances(loops: Loops) -> tuple[str, ...]:
+    """Return the names of the disturbances of opened loops."""
+    own = (f"disturbance {k + 1}" for k in range(loops.own))
+    return (*own, *(f"loop {k + 1}" for k in range(loops.count)))
 
 
 def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = None) -> LoopGain:
@@ -511,7 +513,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
     )
 
 
-def _reading(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
+def reading_beside(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
     """Return the law into whose signals the disturbances at loops pass, and no others."""
     if not isinstance(law, Law):
         if loops.measured:
@@ -524,8 +526,13 @@ def _reading(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
         return law
     known = law.measured or states(plant)
     F = [loops.passing(j, len(known)) for j in range(len(plant.vertices))]
+    own = [y.exact(plant)[2] if loops.own else ((),) * len(F) for y in known]
     return replace(
-        law, measured=tuple(replace(y, F=[M[j] for M in F]) for j, y in enumerate(known))
+        law,
+        measured=tuple(
+            replace(y, F=[[*before, *M[j]] for before, M in zip(own[j], F, strict=True)])
+            for j, y in enumerate(known)
+        ),
     )
 
 
@@ -537,7 +544,7 @@ def _on_the_way(plant: UncertainPlant) -> list[int]:
     return list(range(n, n + plant.sampling.delay * m))
 
 
-def _place(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
+def place_of(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
     """Return whether a loop is at an input or at what a law measures, and its number there."""
     known = [signal.name for signal in inputs(plant)]
     for alias in (name, f"{DEMAND}{name}"):
@@ -567,7 +574,7 @@ def _read(plant: UncertainPlant, law: Any) -> list[str]:
 
 
 def _signal(plant: UncertainPlant, name: str) -> Output:
-    kind, i = _place(plant, name, None)
+    kind, i = place_of(plant, name, None)
     return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 
@@ -582,13 +589,13 @@ def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction,
     if not np.all(growth(loops.modes.poles, closed.step) < 0):
         return gain.loops.weights
     d = np.exp(_logarithms(loops))
-    return tuple(map(_rounded, d.tolist()))
+    return tuple(map(rounded, d.tolist()))
 
 
-def _rounded(weight: float) -> Fraction:
+def rounded(weight: float, bits: int = BITS) -> Fraction:
     """Return a weight of few bits."""
     share, power = math.frexp(weight)
-    return Fraction(math.ldexp(round(share * 2**BITS), power - BITS))
+    return Fraction(math.ldexp(round(share * 2**bits), power - bits))
 
 
 def _weighed(loops: ClosedLoops, d: Array) -> ClosedLoops:

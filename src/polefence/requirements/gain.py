@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Gain(Specification):
 
     at: str = ALL_TIMES
     kind = "gain"
-    keys = ("disturbances", "at")
+    keys: ClassVar[tuple[str, ...]] = ("disturbances", "at")
     vector = True
     power = 1
     direct = True
@@ -176,27 +176,56 @@ class Gain(Specification):
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return peaks of the largest singular value with their slopes."""
+        found = Highest.of(loops)
+        return Slopes(found.values, found.points, lambda: [found.turned()])
+
+
+@dataclass(frozen=True, eq=False)
+class Highest:
+    """Singular values within 30 % of the largest at a peak, a row each.
+
+    Attributes
+    ----------
+    values, points : (rows,) arrays
+        And the number of the loop that each is of.
+    u, v : (rows, p), (rows, q) arrays
+        Its vectors: G v = values u.
+    s : (rows,) array
+        Where the peak is [1/s].
+    A, E, C : (rows, ., .) arrays
+    """
+
+    values: Array
+    points: Any
+    u: Any
+    v: Any
+    s: Any
+    A: Array
+    E: Array
+    C: Array
+
+    @classmethod
+    def of(cls, loops: Loops, known: tuple[Array, Array] | None = None) -> Self:
+        """Return those of the peaks of loops, or of peaks that are known: their loops and w."""
         A, E, C, F = loops.A, loops.E, loops.C, loops.F
         step = loops.modes.step
-        points, w, _ = peaks(loops.modes, E, C, F)
+        points, w = known or peaks(loops.modes, E, C, F)[:2]
         s = 1j * w / (1 - 0.5j * w * step)
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, s[:, None])[:, 0]
         u, values, vt = np.linalg.svd(G, full_matrices=False)
-        # slopes of the singular values within 30 % of the largest at a peak
         some, which = np.nonzero(values >= 0.7 * values[:, :1])
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
         points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
+        return cls(values, points, u, v, s, A, E, C)
 
-        def turned() -> list[Turned]:
-            away = s[:, None, None] * np.eye(A.shape[-1]) - A
-            right = np.linalg.solve(away, E @ v[:, :, None])[:, None, :, 0]
-            back, seen = np.swapaxes(away.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None]
-            left = np.linalg.solve(back, seen)
-            seen, driven = u.conj()[:, :, None], v[:, None]
-            from_state, from_w = left.conj(), (left.conj() * driven).real
-            return [
-                Turned((from_state * right).real, (seen * right).real, from_w, (seen * driven).real)
-            ]
-
-        return Slopes(values, points, turned)
+    def turned(self) -> Turned:
+        """Return the slopes of the values with respect to the loops."""
+        s, A, E, C, u, v = self.s, self.A, self.E, self.C, self.u, self.v
+        away = s[:, None, None] * np.eye(A.shape[-1]) - A
+        right = np.linalg.solve(away, E @ v[:, :, None])[:, None, :, 0]
+        back, seen = np.swapaxes(away.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None]
+        left = np.linalg.solve(back, seen)
+        seen, driven = u.conj()[:, :, None], v[:, None]
+        from_state, from_w = left.conj(), (left.conj() * driven).real
+        return Turned((from_state * right).real, (seen * right).real, from_w, (seen * driven).real)

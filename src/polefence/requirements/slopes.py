@@ -37,8 +37,9 @@ class Channel:
         Of a period, in sample times: A and B are then of samples so far apart.
     beside : tuple of Channel
         The same for periods of other lengths, where they may follow one another in any order.
-    reads : tuple of str or int
-        Of opened loops: the signal of a law, or the number of the input, that each of w adds to.
+    reads : tuple of str, int or None
+        Of opened loops: the signal of a law, or the number of the input, that each of w adds to;
+        None of a disturbance of the plant's own.
     """
 
     A: Array
@@ -52,7 +53,7 @@ class Channel:
     more: Any = 0.0
     length: float = 1.0
     beside: tuple[Channel, ...] = ()
-    reads: tuple[str | int, ...] = ()
+    reads: tuple[str | int | None, ...] = ()
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more
@@ -181,11 +182,14 @@ class Slopes:
     turned : callable
         Returns the slopes with respect to the loops, and to each beside them: they take as long as
         the values, and who looks for the worst point asks for none.
+    mixed : (rows, rows) array, optional
+        What slopes of values are of these, where weights that are best turn with the loops.
     """
 
     values: Array
     points: Any
     turned: Callable[[], list[Turned]]
+    mixed: Array | None = None
 
 
 def of_noise(loops: Loops) -> Slopes:

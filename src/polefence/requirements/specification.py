@@ -188,6 +188,18 @@ class Specification(Short):
         """The bounded measure of the signal."""
         raise NotImplementedError
 
+    @property
+    def presumed(self) -> tuple[Specification, ...]:
+        """Limits without which it has no value, of a stable loop: none, in most kinds."""
+        return ()
+
+    def nearest(self, plant: UncertainPlant, law: Any) -> float | None:  # noqa: ARG002
+        """Return a level from which its least one is looked for, where it is posed for a level.
+
+        None of a kind that is posed alike for every level, as most are.
+        """
+        return None
+
     def posed(self, plant: UncertainPlant, law: Law) -> tuple[UncertainPlant, Law, Specification]:
         """Return the plant, the law and the bound in which it is proved: themselves, in most."""
         return plant, law, self

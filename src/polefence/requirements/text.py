@@ -36,6 +36,7 @@ from polefence.requirements.specification import (
     listed,
     number,
 )
+from polefence.requirements.worst_gain import WorstCaseGain
 from polefence.response.stationary import velocity_density
 
 KINDS: dict[str, type[Specification]] = {
@@ -51,6 +52,7 @@ KINDS: dict[str, type[Specification]] = {
         Unmodelled,
         GainMargin,
         PhaseMargin,
+        WorstCaseGain,
         GainNorm,
     )
 }

@@ -377,7 +377,7 @@ def _asked(
         specification
         if specification.at_most is None
         else replace(specification, at_most=specification.at_most * (1 - shares[room.limits]))
-        for limit in task.limits
+        for limit in (*task.limits, *(least.presumed if least else ()))
         for specification in limit.tuned(times)
     )
     edge = stable(float(task.plant.step))

@@ -17,6 +17,7 @@ from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.saturation import Saturation
 from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.claims.started import is_semidefinite
+from polefence.proof.claims.worst_gain import WorstCaseGain
 from polefence.proof.plant import Output
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "Subject",
     "Unmodelled",
     "Verdict",
+    "WorstCaseGain",
     "baseline_loop",
     "is_semidefinite",
     "prove",

@@ -30,7 +30,7 @@ from polefence.proof.claims.signal import (
 from polefence.proof.filters import Filters, states_of
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
-from polefence.proof.matrices import ONE, ZERO, Rationals, identity
+from polefence.proof.matrices import ONE, ZERO, Rationals, beside, identity
 from polefence.proof.plant import WITHOUT, Node, Output, Plant, split
 from polefence.proof.reading import Table, plain
 from polefence.proof.remainder import Remainder, Rows
@@ -56,6 +56,10 @@ class Loops(Short):
     through : tuple
         At each vertex, by how much inputs pass into each signal that the law measures (r x m), and
         that the code takes off again by what it sent; empty where none does.
+    own : int
+        How many disturbances of the plant itself act besides, before those at the loops.
+    demands : tuple of int
+        Numbers of states that are filters of what is sent: what is added at inputs is not in them.
     """
 
     inputs: tuple[int, ...]
@@ -63,6 +67,8 @@ class Loops(Short):
     skew: Fraction = ZERO
     weights: tuple[Fraction, ...] = ()
     through: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
+    own: int = 0
+    demands: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
@@ -89,14 +95,18 @@ class Loops(Short):
         if len(self.weights) != self.count or min(self.weights) <= 0:
             raise FormatError(f"weights must be {self.count} positive numbers, one a loop")
 
-    def entering(self, B: Rationals) -> Rationals:
-        """Return E of the disturbances at the loops."""
-        none = [ZERO] * len(self.measured)
-        return [[*(row[i] for i in self.inputs), *none] for row in B]
+    def entering(self, B: Rationals, E: Rationals) -> Rationals:
+        """Return E of the disturbances, those at the loops last."""
+        none, own = [ZERO] * len(self.measured), E if self.own else [[]] * len(B)
+        return [
+            [*before, *(ZERO if k in self.demands else row[i] for i in self.inputs), *none]
+            for k, (before, row) in enumerate(zip(own, B, strict=True))
+        ]
 
     def columns(self, n: int, m: int) -> tuple[int | None, ...]:
-        """Return which column of [A, B, .] each disturbance at a loop enters by; None: by none."""
-        return (*range(n + m), *(n + i for i in self.inputs), *(None for _ in self.measured))
+        """Return which column of [A, B, E] each state, input and disturbance has; None: none."""
+        known = range(n + m + self.own)
+        return (*known, *(n + i for i in self.inputs), *(None for _ in self.measured))
 
     def remainder(self, known: Remainder | None, n: int, m: int) -> Remainder | None:
         """Return a remainder of [A, B, E] as that of these disturbances."""
@@ -108,12 +118,13 @@ class Loops(Short):
         return known and known.mapped(changed)
 
     def plant(self, plant: Plant) -> Plant:
-        """Return the plant with the disturbances at the loops in place of its own."""
+        """Return the plant with disturbances at the loops, in place of its own or beside."""
         n, m = plant.n, plant.m
-        nodes = tuple(Node(v.at, v.A, v.B, self.entering(v.B)) for v in plant.nodes)
+        nodes = tuple(Node(v.at, v.A, v.B, self.entering(v.B, v.E)) for v in plant.nodes)
+        E = plant.E or [[]] * len(plant.B)
         return replace(
             plant,
-            E=[self.entering(B) for B in plant.B],
+            E=list(map(self.entering, plant.B, E)),
             disturbances=(),
             outputs=(),
             noise=(),
@@ -126,7 +137,7 @@ class Loops(Short):
 
         What is added at an input passes into a signal of which the code takes off what it sent.
         """
-        if not (self.measured or self.through):
+        if not (self.measured or self.through or (self.own and law.F)):
             return replace(law, F=())
         if law.K is None:
             raise FormatError("measured: a law Z W^-1 measures all states; open it at inputs")
@@ -138,8 +149,11 @@ class Loops(Short):
             powers = ((0,) * (len(plant.ranges) or len(plant.A)),)
             law = replace(law, powers=powers, measured=names)
         C = law.C or (identity(plant.n),) * len(plant.A)
-        F = tuple(self.passing(j, len(C[0])) for j in range(len(plant.A)))
-        return replace(law, C=C, F=F)
+        F = [self.passing(j, len(C[0])) for j in range(len(plant.A))]
+        if self.own:
+            none: Rationals = [[ZERO] * self.own] * len(C[0])
+            F = list(map(beside, zip(law.F or [none] * len(F), F, strict=True)))
+        return replace(law, C=C, F=tuple(F))
 
     def passing(self, vertex: int, r: int) -> Rationals:
         """Return what passes from the disturbances at the loops into r measured signals."""
@@ -154,7 +168,8 @@ class Loops(Short):
         """Return D (S + (s - 1) / 2) as outputs, of a law as `law` returns it."""
         outputs, passed, first = list[Output](), (1 + self.skew) / 2, len(self.inputs)
         for k, weight in enumerate(self.weights):
-            alone = [weight * passed if j == k else ZERO for j in range(self.count)]
+            alone = [ZERO] * (self.own + self.count)
+            alone[self.own + k] = weight * passed
             if k < first:
                 D = [[weight if j == self.inputs[k] else ZERO for j in range(m)]]
                 outputs.append(Output([[[ZERO] * n]] * count, [D] * count, "", ([alone],) * count))
@@ -163,19 +178,58 @@ class Loops(Short):
             C = [[[weight * x for x in rows[j]]] for rows in law.C]
             straight = [rows[j] for rows in self.through] or [(ZERO,) * m] * count
             Ds = [[[weight * x for x in row]] for row in straight]
-            F = [[[*(D[0][i] for i in self.inputs), *alone[first:]]] for D in Ds]
+            F = [
+                [[*alone[: self.own], *(D[0][i] for i in self.inputs), *alone[self.own + first :]]]
+                for D in Ds
+            ]
             outputs.append(Output(C, Ds, "", tuple(F)))
         return tuple(outputs)
 
 
 @dataclass(frozen=True)
-class DiskMargin(Gain):
+class AtLoops(Gain):
+    """A gain that disturbances at opened loops have a part in."""
+
+    loops: Loops = field(kw_only=True)
+
+    def require_late(self, late: Late) -> None:
+        """Refuse what does not hold for a dead time: what is added at an input is late as it is."""
+        n, m = self.subject.n, self.subject.m
+        columns = self.loops.columns(n, m)
+        entering = tuple(
+            tuple(ZERO if k is None else row[k] for k in columns) for row in late.entering
+        )
+        law = self.subject.law
+        if law.C:  # rows of states that no gain is of are not read
+            gained = [
+                j for j in range(len(law.C[0])) if any(row[j] for K in law.K or [] for row in K)
+            ]
+            C, F = (tuple([M[j] for j in gained] for M in rows) for rows in (law.C, law.F))
+            law = replace(law, C=C, F=F)
+        known = replace(self, subject=replace(self.subject, law=law))
+        super(AtLoops, known).require_late(replace(late, entering=entering))
+
+    def loops_text(self, plant: Plant) -> str:
+        """Say where loops are opened."""
+        names, known = list[str](), plant.inputs
+        for i in self.loops.inputs:
+            name = f"{quoted(split(known[i])[0])} = " if i < len(known) else ""
+            names.append(f"{name}u{i + 1}")
+        read = self.subject.law.measured
+        for j in self.loops.measured:
+            name = f"{quoted(read[j])} = " if j < len(read) else ""
+            names.append(f"{name}y{j + 1}, as the law reads it")
+        if len(names) == 1:
+            return f"of the loop at {names[0]}"
+        return f"of the loops at {', '.join(names)}, all at once,"
+
+
+@dataclass(frozen=True)
+class DiskMargin(AtLoops):
     """The gain of D (S + (s - 1) / 2) D^-1 at some loops is less than ``level``: 1 / alpha."""
 
     kind: ClassVar[str] = "disk margin"
     letters: ClassVar[str] = "AB"
-
-    loops: Loops = field(kw_only=True)
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -232,23 +286,6 @@ class DiskMargin(Gain):
         if not self.level:
             raise FormatError("level must be positive")
 
-    def require_late(self, late: Late) -> None:
-        """Refuse what does not hold for a dead time: what is added at an input is late as it is."""
-        n, m = self.subject.n, self.subject.m
-        columns = self.loops.columns(n, m)
-        entering = tuple(
-            tuple(ZERO if k is None else row[k] for k in columns) for row in late.entering
-        )
-        law = self.subject.law
-        if law.C:  # rows of states that no gain is of are not read
-            gained = [
-                j for j in range(len(law.C[0])) if any(row[j] for K in law.K or [] for row in K)
-            ]
-            C, F = (tuple([M[j] for j in gained] for M in rows) for rows in (law.C, law.F))
-            law = replace(law, C=C, F=F)
-        known = replace(self, subject=replace(self.subject, law=law))
-        super(DiskMargin, known).require_late(replace(late, entering=entering))
-
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Nothing: no name is of the claim's own."""
         return ""
@@ -257,20 +294,6 @@ class DiskMargin(Gain):
         """Say which margin of which loops it is."""
         skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
         return f"{self.kind}{skew} {self.loops_text(plant)}"
-
-    def loops_text(self, plant: Plant) -> str:
-        """Say where loops are opened."""
-        names, known = list[str](), plant.inputs
-        for i in self.loops.inputs:
-            name = f"{quoted(split(known[i])[0])} = " if i < len(known) else ""
-            names.append(f"{name}u{i + 1}")
-        read = self.subject.law.measured
-        for j in self.loops.measured:
-            name = f"{quoted(read[j])} = " if j < len(read) else ""
-            names.append(f"{name}y{j + 1}, as the law reads it")
-        if len(names) == 1:
-            return f"of the loop at {names[0]}"
-        return f"of the loops at {', '.join(names)}, all at once,"
 
     def acting_words(self, plant: Plant) -> str:  # noqa: ARG002
         """Nothing: no disturbance of the plant acts."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -52,12 +52,15 @@ class Found:
     turned : callable
         Returns `dK`, which is worked out only where it is asked for.
     inner : bool
+    mixed : (rows, rows) array, optional
+        What slopes with respect to the law are of these.
     """
 
     values: Array
     points: Any
     turned: Callable[[], Array]
     inner: bool = False
+    mixed: Array | None = None
 
     @cached_property
     def dK(self) -> Array:
@@ -109,6 +112,8 @@ class Task:
         """Return what a level is measured in; a decay rate about zero in a rate of the plant."""
         minimise = self.minimise
         rated = isinstance(minimise, tuple) and not any(np.any(side.M1) for side in minimise)
+        if not np.isfinite(level):  # of a start for which there is none
+            return 1.0
         return max(abs(level), self.sizes.rate) if rated else abs(level) or 1.0
 
     def at(self, alpha: Array) -> Points:
@@ -169,7 +174,8 @@ class Points:
         passing = None if F is None else inner @ F
         measure = self.task.requirements[k].slopes(channel.closed(K, modes, passing))
         if F is None or channel.S is None:
-            return Found(measure.values, measure.points, lambda: channel.slopes(measure))
+            slopes = partial(channel.slopes, measure)
+            return Found(measure.values, measure.points, slopes, mixed=measure.mixed)
         seen = C, F
 
         def turned() -> Array:
@@ -178,7 +184,7 @@ class Points:
                 channel.slopes(measure) @ of_C + channel.passing_slopes(measure) @ of_F
             )
 
-        return Found(measure.values, measure.points, turned, inner=True)
+        return Found(measure.values, measure.points, turned, inner=True, mixed=measure.mixed)
 
     def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
         """Return the growth of a side at every pole of the upper half-plane.
@@ -315,6 +321,7 @@ class Points:
             )
             objective = np.full(len(measure.values), k == 0 or not first)
             slope = self.unknowns.slopes(measure.points, dK)
+            slope = slope if measure.mixed is None else measure.mixed @ slope
             parts.append((measure.values, slope, measure.points + k * count, objective))
         rows = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
         finite = np.all(np.isfinite(rows.values)) and np.all(np.isfinite(rows.slopes))
@@ -371,7 +378,7 @@ def _kept(measure: Found, margin: float) -> Found:
     values = measure.values + margin
     above = np.maximum(values, 0.0)
     bent = np.where(values > 0, np.log1p(above), values)
-    return replace(measure, values=bent, turned=lambda: measure.dK / (1 + above)[:, None, None])
+    return _times(measure, bent, 1 / (1 + above))
 
 
 def _scaled(measure: Found, unit: float) -> Found:
@@ -379,8 +386,15 @@ def _scaled(measure: Found, unit: float) -> Found:
     share = measure.values / unit
     above = np.maximum(share - 1, 0.0)
     bent = np.where(share > 1, 1 + np.log1p(above), share)
+    return _times(measure, bent, 1 / (unit * (1 + above)))
+
+
+def _times(measure: Found, values: Array, each: Array) -> Found:
+    """Return other values, whose slopes are so many times as steep, row by row."""
+    mixed = measure.mixed
+    mixed = mixed if mixed is None else each[:, None] * mixed / each
     return replace(
-        measure, values=bent, turned=lambda: measure.dK / unit / (1 + above)[:, None, None]
+        measure, values=values, turned=lambda: measure.dK * each[:, None, None], mixed=mixed
     )
 
 

@@ -20,8 +20,8 @@ from polefence.proof.claims.disk_margin import DiskMargin, Unmodelled
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
-from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.factor_margin import GainMargin, PhaseMargin
+from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import GainNorm

@@ -99,7 +99,7 @@ class FactorMargin(DiskMargin):
         """Return 1 over the margin at points alpha."""
         law = law.as_law() if hasattr(law, "as_law") else law
         law = law_or_table(plant, law)
-        self._require_cut(plant, law, self._loops(plant, law))
+        self._require_cut(plant, law, self.loops_of(plant, law))
         found = margins(opened(plant, law, self.names[0], alpha))
         return np.where(found.stable, self.level_of(found), np.inf)
 
@@ -133,7 +133,7 @@ class FactorMargin(DiskMargin):
         return self.claimed.of(known, exact, place, level)
 
     def _place(self, plant: UncertainPlant, law: Any) -> Place:
-        loops = self._loops(plant, law)
+        loops = self.loops_of(plant, law)
         return Place((*loops.inputs, *loops.measured)[0], bool(loops.measured))
 
     def claim(self, *_: Any) -> proof.BoundClaim:

@@ -90,6 +90,43 @@ def test_a_design_keeps_its_region_where_the_spec_has_none(spring, capsys):
     assert check("out").proved
 
 
+def test_margins_have_both_sides_and_files_that_check_proves(spring, capsys):
+    unmodelled = "unmodelled dynamics of f with weight (s+1)/(0.1*s+1)"
+    limits = ["--limit", "disk margin of f", "--limit", unmodelled]
+    words = ["robust", "spring.toml", "--gain", "[[-1, -1]]", *limits, "-o", "out"]
+    said = ran(capsys, *words, "--json", "all.json")
+    assert "saved: out/refuted.json" in said
+    assert "delta = " in said
+    for worst in json.loads((spring / "all.json").read_text())["worst"]:
+        assert worst["proved"] < worst["refuted"] < worst["proved"] * 1.001
+        assert abs(worst["errors"][0]["gain"]) == worst["refuted"]
+        assert worst["errors"][0]["loop"] == "f"
+        assert worst["exact"]
+        assert "attained" not in worst
+    for name in ("design", "refuted", "margins"):
+        assert ran(capsys, "check", f"out/{name}.json").startswith(f"out/{name}.json: proved: ")
+
+
+def test_a_plant_without_parameters_has_worst_cases(spring, capsys):
+    text = SPRING.replace("region", "#").replace('"-k/m", "-1/m"', "-2, -1").replace('"1/m"', "1")
+    (spring / "one.toml").write_text(
+        re.sub(r"\[parameter.*?\[matrices", "[matrices", text, flags=re.S)
+    )
+    said = ran(capsys, "robust", "one.toml", "--gain", "[[-1, -1]]", "--limit", "disk margin of f")
+    assert said.startswith("proved: spring: half_plane(0)\nworst cases:\n  disk margin of f: 1.")
+    assert " fails, delta = " in said
+    assert "without parameters" in refused(
+        capsys, "robust", "one.toml", "--gain", "none", "--limit", "none"
+    )
+
+
+def test_of_dampers_it_says_what_to_ask(spring, capsys):
+    damper = '[damper.f]\ndeflection = "x"\nrange = [1, 4]\n'
+    (spring / "damper.toml").write_text(SPRING.replace("[[spec", damper + "[[spec"))
+    said = ran(capsys, "robust", "damper.toml", "--gain", "none", "--limit", "none")
+    assert "the controllable dampers give no force" in said
+
+
 def test_a_law_that_fails_at_the_centre_is_refuted_in_one_line(capsys):
     said = ran(capsys, "robust", "spring.toml", "--gain", "[9 0]", status=1)
     assert said.startswith("refuted: at the centre of all ranges the pole")

@@ -191,6 +191,8 @@ class Design:
         yield "optimise", spec, *self.options, "-o", folder
         yield "check", folder, "--spec", spec
         yield "service", folder
+        if "--sample-time" not in self.options:  # which takes half a minute
+            yield "robust", spec, "--law", folder
         drive = (
             ("--road", "C", "--speed", "15") if self.plant.road else ("--step-in", self.plant.step)
         )

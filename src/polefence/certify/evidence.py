@@ -309,7 +309,7 @@ class _Inside:
         """Return evidence of low degree, None where none is proved."""
         piece, plant, law = self.piece(box, self.claim.evidence[0]), self.plant, self.law
         loop = self.loop.inside(box)
-        if plant.remainder is not None or self.holds is not None:
+        if plant.remainder is not None or self.holds is not None or self.between:
             plant = inside(plant, piece.low, piece.high)
             law = law.inside(plant, piece.low, piece.high)
             loop = loop_of(plant, law)

@@ -30,6 +30,7 @@ from polefence.response.stationary import lyapunov
 # X - A X A', the less the lower their degree. A full car's loop with eight sensors at 5 ms is
 # proved in 26 parts with the first alone, in 6 with the second too, in 5 with all.
 ELEVATIONS = (0, 1, 2)
+MOST_NODES = 10_000  # beyond which no elevation is tried: of seven parameters it takes 2 s
 
 
 def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any] | None:
@@ -64,10 +65,11 @@ def interpolated(plant: UncertainPlant, law: Law, part: Region) -> dict[str, Any
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(X).min() <= 0:
         return None
     lowest = 1 + loop_degree(plant, law) + law.denominator_degree
-    degrees = [lowest + elevation for elevation in ELEVATIONS]
+    elevations = [k for k in ELEVATIONS if not k or domain.count(lowest + k) <= MOST_NODES]
+    degrees = [lowest + elevation for elevation in elevations]
     at = (_loops(plant, law, domain.nodes(degree)) * scales for degree in degrees)
     held = (_holds(X, A, domain, degree, (a, b, e)) for A, degree in zip(at, degrees, strict=True))
-    elevation = next((k for k, holds in zip(ELEVATIONS, held, strict=True) if holds), None)
+    elevation = next((k for k, holds in zip(elevations, held, strict=True) if holds), None)
     if elevation is None:
         return None
     X = X * units

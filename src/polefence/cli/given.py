@@ -12,7 +12,7 @@ from typing import Any
 from polefence.base.errors import InputError, shown
 from polefence.base.files import read_text
 from polefence.certify.certificate import Certificate, plant_of
-from polefence.certify.design import FILE_NAME, read_document, require_kind
+from polefence.certify.design import FILE_NAME, OF_DAMPERS, read_document, require_kind
 from polefence.cli.options import at_samples, note_sensors, region_of
 from polefence.cli.subjects import claims_file, with_law_of
 from polefence.law.arrays import compensator_from, law_from
@@ -463,7 +463,8 @@ def _read(what: str, option: str) -> tuple[str, str | None]:
             raise InputError(f"{option} has {len(what)} characters; write a file")
         return option, what
     path = Path(what)
-    path = path / FILE_NAME if (path / FILE_NAME).is_file() else path
+    inside = (path / name for name in (FILE_NAME, OF_DAMPERS))
+    path = next((own for own in inside if own.is_file()), path)
     if path.is_dir() or path.suffix.lower() in OTHERS:
         return str(path), None
     return str(path), read_text(path, reading.MAX_BYTES, InputError)

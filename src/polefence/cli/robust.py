@@ -11,7 +11,7 @@ from typing import Any
 from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME, read_document
 from polefence.certify.robust import MARGINS, REFUTED, Attained, Reach, Robustness, robust
-from polefence.cli.given import SPEC, Given, law_arguments, read_given
+from polefence.cli.given import NONE, SPEC, Given, law_arguments, read_given
 from polefence.cli.lines import image_text, samples_text
 from polefence.cli.options import (
     limit_argument,
@@ -24,6 +24,7 @@ from polefence.cli.output import NOT_PROVED, PROVED, check_results, saved, write
 from polefence.cli.subjects import claims_file
 from polefence.cli.terminal import say
 from polefence.plant.points import values_text
+from polefence.plant.spec import load_dampers
 from polefence.proof.claims.failure import Error
 from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import Region
@@ -61,7 +62,7 @@ def robust_command(options: Any) -> int:
     say(*_lines(found), verdict="refuted" if found.refuted else "")
     proved = found.largest.proved is not None
     say(*image_text(given.plant, region, proved), *samples_text(given.plant, limits))
-    say(*given.text(options))
+    say(*given.text(options), *_of_dampers(given, options))
     if options.output is not None:
         names = [FILE_NAME] * (found.largest.design is not None) + [*found.failures]
         if not names:
@@ -81,6 +82,15 @@ def _region(given: Given, options: Any) -> Region:
         return known
     path = claims_file(Path(options.gain))
     return known if path is None else Certificate.of(read_document(path)).region
+
+
+def _of_dampers(given: Given, options: Any) -> Iterator[str]:
+    """Say of a spec with controllable dampers that they give nothing without a law."""
+    if options.gain == NONE and given.arrays is None and load_dampers(options.spec):
+        yield (
+            "note: without a law the controllable dampers give no force; a fixed damper is a gain "
+            "on its rate, --gain, and polefence semi-active bounds what any law of them does"
+        )
 
 
 def _lines(found: Robustness) -> Iterator[str]:

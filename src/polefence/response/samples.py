@@ -106,6 +106,27 @@ def at_sample_time(
         series of the exponential has too many terms.
     """
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
+    samples = sampled(plant, sample_time, delay, degree, remainder, jitter, lost)
+    verdict = prove(claim_of_samples(samples))
+    if not verdict.proved:
+        every = float(samples.period)
+        raise InputError(f"{samples.name} sampled every {every:g} s: {verdict.reason}")
+    return samples
+
+
+def sampled(
+    plant: UncertainPlant,
+    sample_time: Any,
+    delay: Any = 0,
+    degree: int | None = None,
+    remainder: float = ENOUGH,
+    jitter: Any = 0,
+    lost: int = 0,
+) -> UncertainPlant:
+    """Return what `at_sample_time` returns before it is proved, which takes as long again.
+
+    A file about it has the claim that it is samples, and is not proved without that.
+    """
     T = _time(plant, sample_time)
     plant, late_by = on_time(plant)
     if plant.moving:
@@ -132,7 +153,7 @@ def at_sample_time(
                 "degree: the samples of functions of the parameters are of no degree of one's own; "
                 "leave it out"
             )
-        return _proved(_between_nodes(plant, bare, units, late), T, clock)
+        return _with_clock(_between_nodes(plant, bare, units, late), clock)
     tried = _degrees(plant) if degree is None else [degree]
     curve, about = _chosen(plant, bare, units, late, tried, remainder * _change(held, units))
     try:
@@ -144,14 +165,11 @@ def at_sample_time(
                 f"{plant.name} sampled every {float(T):g} s: {problem}; take a shorter sample time"
             ) from problem
         samples = _between_nodes(plant, bare, units, late)
-    return _proved(samples, T, clock)
+    return _with_clock(samples, clock)
 
 
-def _proved(samples: UncertainPlant, T: Fraction, clock: Clock | None) -> UncertainPlant:
-    """Return samples with their clock where they are proved to be those of the plant."""
-    verdict = prove(claim_of_samples(samples))
-    if not verdict.proved:
-        raise InputError(f"{samples.name} sampled every {float(T):g} s: {verdict.reason}")
+def _with_clock(samples: UncertainPlant, clock: Clock | None) -> UncertainPlant:
+    """Return samples with their clock."""
     origin = samples.sampling
     return replace(samples, sampling=origin and replace(origin, clock=clock)) if clock else samples
 

@@ -10,6 +10,7 @@ import polefence as pf
 from polefence import Disk, Gain, HalfPlane, InputError, Parameter, Rms, UncertainPlant, robust
 from polefence.certify.robust.attained import attained, root_down
 from polefence.certify.robust.family import Growth, short
+from polefence.certify.robust.reach import _Question
 from polefence.law.laws import given_law
 from polefence.plant.grown import grown
 from polefence.plant.points import joint
@@ -114,6 +115,29 @@ def test_a_published_margin_of_three_parameters():
     )
     found = robust(plant, [[0.0] * 4])
     assert 3.41735 < float(found.largest.proved) < 3.41739 < float(found.largest.refuted) < 3.4174
+
+
+def test_many_vertices_are_proved_by_a_matrix_of_each(tmp_path):
+    """Where an LMI of degree 1 would have 672 unknowns."""
+    parameters = [Parameter("k1", 9, 11), Parameter("k2", 9, 11), Parameter("k3", 9, 11)]
+    plant = UncertainPlant.from_expressions(
+        [*parameters, Parameter("c", "0.8", "1.2"), Parameter("m", "0.9", "1.1", "", "1/m")],
+        [
+            [0, 0, 0, 1, 0, 0],
+            [0, 0, 0, 0, 1, 0],
+            [0, 0, 0, 0, 0, 1],
+            ["-k1 - k2", "k2", 0, "-c", 0.5, 0],
+            ["k2", "-k2 - k3", "k3", 0.5, -1, 0.5],
+            [0, "k3/m", "-k3/m", 0, "0.5/m", "-0.5/m"],
+        ],
+        [[0], [0], [0], [0], [0], ["1/m"]],
+    )
+    law = [[-4.0, 0.0, -1.0, -1.0, 0.0, -0.3]]
+    growth = Growth(plant, given_law(plant, law))
+    found = _Question(growth, HalfPlane(0), ()).reach(growth.names)
+    assert found.exact
+    assert found.proved > found.refuted / 2
+    assert pf.check(found.design.save(tmp_path)).proved
 
 
 def test_a_limit_on_a_gain_is_lost_where_its_closed_form_is():

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array, System
 from polefence.proof.matrices import Rationals
 from polefence.proof.work import FormatError
+from polefence.requirements.disk_margin import DiskMargin
+from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.specification import Specification
-from polefence.response.samples import at_sample_time
+from polefence.response.samples import sampled
 
 CAP = Fraction(1000)  # the largest factor that is asked about
 NEAR_END = Fraction(1, 10**4)  # share of a factor by which it stays before zero
@@ -40,7 +42,7 @@ class Family:
 
         Of several loops at most: they are weighed once for the family.
         """
-        if not limit.is_margin:
+        if not is_disk(limit):
             return limit.values(self.plant, self.law, alpha)
         if limit.title not in self._posed:  # of several loops that takes as long as 1000 points
             self._posed[limit.title] = limit.posed(self.plant, self.law)
@@ -164,6 +166,11 @@ class Growth:
         return found
 
 
+def is_disk(limit: Specification) -> TypeGuard[DiskMargin]:
+    """Whether a limit is a disk margin, or of unmodelled dynamics: not of one factor alone."""
+    return isinstance(limit, DiskMargin) and not isinstance(limit, FactorMargin)
+
+
 def centre_of(parameter: Parameter) -> tuple[Fraction, Fraction]:
     """Return the centre and the half-width of a range."""
     return (parameter.low + parameter.high) / 2, (parameter.high - parameter.low) / 2
@@ -194,7 +201,7 @@ def _grown(plant: UncertainPlant, ends: Ends) -> UncertainPlant:
         jitter = 1 - origin.clock.least
         lost = origin.clock.most / (1 + jitter) - 1
         settings = {"jitter": jitter, "lost": int(lost)}
-    fresh = at_sample_time(grown(origin.plant, ends), plant.period, origin.late, **settings)
+    fresh = sampled(grown(origin.plant, ends), plant.period, origin.late, **settings)
     return _beside(plant, fresh, ends)
 
 

@@ -395,7 +395,7 @@ class _Inside:
         return Piece(low, high, evidence)
 
 
-def _most_parts(plant: UncertainPlant, law: Law, parts: int, between: bool) -> int:
+def _most_parts(plant: UncertainPlant, law: Law, parts: int, between: bool = False) -> int:
     """Return in how many parts of the box, at most, a claim is searched for and checked."""
     if not law.divisible(plant):
         return 1

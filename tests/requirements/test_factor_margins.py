@@ -196,8 +196,9 @@ def test_evidence_of_fewer_factors_is_not_enough(known):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("gain margin of u1 >= 0.5", "a factor above 1; write 2 for 6 dB"),
-        ("phase margin of u1 >= 200", "write degrees, up to 175"),
+        ("gain margin of u1 >= 0.5", "a factor above 1 and below 100; write 2 for 6 dB"),
+        ("phase margin of u1 >= 200", "write degrees, below 175"),
+        ("gain margin of u1 >= 500", "below 100"),
         ("gain margin of u3 >= 2", "no loop at 'u3'"),
         ("gain margin of u1 <= 2", "is written >= NUMBER"),
         ("gain margin of [u1, x1] >= 2", "is a vector"),

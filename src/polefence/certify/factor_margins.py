@@ -28,6 +28,7 @@ from polefence.certify.evidence import (
 )
 from polefence.certify.interpolated import interpolated
 from polefence.law.laws import Law, law_of
+from polefence.plant.delta import sampled_form
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.parameters import Parameter
@@ -70,6 +71,7 @@ def kept(plant: UncertainPlant, law: Law, asked: FactorMargin) -> Proved | None:
     InputError
         If no such margin is proved of the plant or the law.
     """
+    plant = sampled_form(plant)
     if asked.at_most is None or _sampled(plant, law, asked) > asked.at_most:
         return None
     with stage(f"limit on {asked.title}"):
@@ -78,6 +80,7 @@ def kept(plant: UncertainPlant, law: Law, asked: FactorMargin) -> Proved | None:
 
 def largest(plant: UncertainPlant, law: Law, asked: FactorMargin) -> Proved | None:
     """Return the claim of the largest margin that was proved, and its proof; None of none."""
+    plant = sampled_form(plant)
     worst = _sampled(plant, law, asked)
     with stage(f"bound on {asked.title}"):
         shares = SHARES if plant.remainder is None else SHARES[NEAR:]

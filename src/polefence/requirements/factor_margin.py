@@ -22,7 +22,7 @@ from polefence.proof.laws import Law, read_law
 from polefence.proof.reading import Table
 from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
-from polefence.requirements.disk_margin import DiskMargin, inverse
+from polefence.requirements.disk_margin import DiskMargin, Posed, inverse
 from polefence.requirements.specification import Specification, is_number
 from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.opened import opened
@@ -38,6 +38,7 @@ class FactorMargin(DiskMargin):
 
     keys = ()  # type: ignore[assignment]
     vector: ClassVar[bool] = False
+    by_poles: ClassVar[bool] = True
     late_as: ClassVar[str | None] = None
     claimed: ClassVar[type[GainClaim]]
 
@@ -84,6 +85,10 @@ class FactorMargin(DiskMargin):
     def require_size(self) -> None:
         """Refuse a limit that is no margin."""
 
+    def posed(self, plant: UncertainPlant, law: Any) -> Posed:
+        """Return the plant, the law and itself: no gain proves it."""
+        return plant, law, self
+
     def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
         """Return the disk margin."""
         return (self.disk,)
@@ -101,7 +106,8 @@ class FactorMargin(DiskMargin):
         law = law_or_table(plant, law)
         self._require_cut(plant, law, self.loops_of(plant, law))
         found = margins(opened(plant, law, self.names[0], alpha))
-        return np.where(found.stable, self.level_of(found), np.inf)
+        level = np.maximum(self.level_of(found), 1 / self.most)  # beyond it is not looked
+        return np.where(found.stable, level, np.inf)
 
     def level_of(self, found: LoopMargins) -> Array:
         """Return 1 over margins that were sampled."""
@@ -109,8 +115,7 @@ class FactorMargin(DiskMargin):
 
     def level_below(self, worst: float, share: float) -> float:
         """Return a level whose margin is less than the worst by a share, in few digits."""
-        most = self.most if worst <= 1 / self.most else 1 / worst
-        return _short(self.none + (most - self.none) * (1 - share))
+        return _short(self.none + (1 / worst - self.none) * (1 - share))
 
     none: ClassVar[float]  # of a loop without any
     most: ClassVar[float]  # that is looked for
@@ -166,9 +171,10 @@ class GainMargin(FactorMargin):
     def require_size(self) -> None:
         """Refuse a factor that is not above one."""
         limit = self.limit
-        if limit is not None and not 1 < limit <= 1e4:
+        if limit is not None and not 1 < limit < self.most:
             raise InputError(
-                f"{self.title} >= {exactly(limit)}: it is a factor above 1; write 2 for 6 dB"
+                f"{self.title} >= {exactly(limit)}: it is a factor above 1 and below 100; write 2 "
+                "for 6 dB"
             )
 
     def level_of(self, found: LoopMargins) -> Array:
@@ -200,8 +206,8 @@ class PhaseMargin(FactorMargin):
     def require_size(self) -> None:
         """Refuse an angle that is out of range."""
         limit = self.limit
-        if limit is not None and not 0 < limit <= 175:
-            raise InputError(f"{self.title} >= {exactly(limit)}: write degrees, up to 175")
+        if limit is not None and not 0 < limit < self.most:
+            raise InputError(f"{self.title} >= {exactly(limit)}: write degrees, below 175")
 
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return degrees."""

@@ -379,7 +379,7 @@ class GainMargin(Short, Claim):
     def statement(self, plant: Plant) -> str:  # noqa: ARG002
         """Say which margin is proved, rounded down."""
         step = self.loop.step
-        on = f", at samples every {milliseconds_text(step)}" if step else ""
+        on = f", at samples every {milliseconds_text(step)} ms" if step else ""
         on += f", on the {self.loop.on}"
         margin = f"{digits_down(self.margin)}{self.unit}"
         return f"{self.kind} of the loop at {self.named_at} >= {margin}{on}"

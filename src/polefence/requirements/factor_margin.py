@@ -11,6 +11,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.law.laws import law_or_table
+from polefence.plant.delta import sampled_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
@@ -141,9 +142,12 @@ class FactorMargin(DiskMargin):
         loops = self.loops_of(plant, law)
         return Place((*loops.inputs, *loops.measured)[0], bool(loops.measured))
 
-    def claim(self, *_: Any) -> proof.BoundClaim:
-        """Refuse: its claim is one of poles, see `factor_claim`."""
-        raise InputError(f"{self.title}: its evidence is one of poles, not of a gain")
+    def claim(
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+    ) -> proof.BoundClaim:
+        """Return the claim, without evidence: that is about poles, not about a signal."""
+        known = file_plant(sampled_form(plant))
+        return self.claimed.of(known, subject.law, self._place(plant, subject.law), level)
 
 
 @dataclass(frozen=True)

@@ -369,6 +369,24 @@ def test_unmodelled_dynamics_are_no_disk_and_no_disturbance_acts(tmp_path, undra
     assert not shown[row + 2].strip().startswith("from")
 
 
+def test_gain_and_phase_margins_are_among_what_is_proved(tmp_path, undrawn):
+    spec, folder = tmp_path / "plant.toml", tmp_path / "law"
+    spec.write_text(ONE_STATE)
+    limits = ["--limit", "gain margin of force >= 3", "--limit", "phase margin of force >= 40"]
+    words = ["verify", str(spec), "--gain", "[[-8]]", *limits, "-o", str(folder)]
+    assert main(words) == 0
+    assert main(["report", str(folder)]) == 0
+    page = Page((folder / "report.html").read_text())
+    shown = [cell.strip() for cell in cells(page)]
+    for kind, unit in (("gain", ""), ("phase", " deg")):
+        row = next(k for k, cell in enumerate(shown) if cell.startswith(f"{kind} margin"))
+        said, least, number, *rest = shown[row + 1].split()
+        assert (said, least) == ("at", "least")
+        assert float(number) >= {"gain": 3, "phase": 40}[kind]
+        assert "".join(rest) == unit.strip()
+        assert f"{kind} margin of the loop at" in page.parts[""]
+
+
 def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):
     own = place(family("quarter-car-physical"), Disk(-40, 33), errors={"m1": 20})
     own.save(tmp_path)

@@ -27,6 +27,7 @@ from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
 from polefence.proof.claims.disk_margin import DiskMargin
 from polefence.proof.claims.estimate import Estimate
+from polefence.proof.claims.factor_margin import GainMargin
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
@@ -388,6 +389,8 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
             under += claim.acting_words(document.plant)
+        elif isinstance(claim, GainMargin):
+            what, level = claim.named(document.plant), claim.worst_text
         own = (what or said, level, under.strip(), said if what else "", claim.kind)
         bounds.append(Bound(*own, _margin(design, claim)))
     return tuple(bounds)

@@ -376,13 +376,26 @@ class GainMargin(Short, Claim):
         """What is claimed, without what proves it."""
         return replace(self, evidence=())
 
-    def statement(self, plant: Plant) -> str:  # noqa: ARG002
+    def statement(self, plant: Plant) -> str:
         """Say which margin is proved, rounded down."""
         step = self.loop.step
         on = f", at samples every {milliseconds_text(step)} ms" if step else ""
         on += f", on the {self.loop.on}"
-        margin = f"{digits_down(self.margin)}{self.unit}"
-        return f"{self.kind} of the loop at {self.named_at} >= {margin}{on}"
+        return f"{self.named(plant)} >= {self.margin_text}{on}"
+
+    def named(self, plant: Plant) -> str:  # noqa: ARG002
+        """Say which margin of which loop it is."""
+        return f"{self.kind} of the loop at {self.named_at}"
+
+    @property
+    def margin_text(self) -> str:
+        """The margin, rounded down."""
+        return f"{digits_down(self.margin)}{self.unit}"
+
+    @property
+    def worst_text(self) -> str:
+        """Say how large it is at least."""
+        return f"at least {self.margin_text}"
 
 
 @dataclass(frozen=True)

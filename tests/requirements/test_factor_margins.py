@@ -13,11 +13,24 @@ from hypothesis import strategies as st
 import polefence as pf
 from polefence.certify.bounds import best_bound, kept_bound
 from polefence.law.laws import given_law
+from polefence.plant.exact import file_plant
 from polefence.proof.claims.base import prove
-from polefence.proof.claims.factor_margin import of_arc, of_gains, on_circle, tangent_up
+from polefence.proof.claims.factor_margin import (
+    Place,
+    closed_loop,
+    grown,
+    of_arc,
+    of_gains,
+    on_circle,
+    tangent_up,
+)
 from polefence.proof.document import check, loads
+from polefence.proof.laws import Evidence, read_law
+from polefence.proof.ranges import corner_weights
+from polefence.proof.reading import Table
 from polefence.proof.work import FormatError
 from polefence.requirements.text import parse_specification
+from polefence.response.samples import at_sample_time
 
 # k / (s (s + 1) (s + 2)) with k = 1: its phase is -180 deg at sqrt(2) rad/s, where it has 1/6.
 A, B, K = [[0, 1, 0], [0, 0, 1], [0, -2, -3]], [[0], [0], [1]], [[-1.0, 0, 0]]
@@ -215,3 +228,52 @@ def test_of_vertices_disk_margins_are_proved():
     plant = pf.UncertainPlant.from_vertices([A, np.array(A) * 0.9], [B, B])
     with pytest.raises(pf.InputError, match="given by its vertices disk margins are proved"):
         pf.GainMargin.least("u1", 2.0).require_fit(plant)
+
+
+def families():
+    """Claims about loops: of one plant, of a box, and of samples with a curve between them."""
+    one = pf.UncertainPlant.from_vertices([A], [B])
+    yield one, given_law(one, K)
+    spring = pf.UncertainPlant.from_expressions(
+        [pf.Parameter("k", 1, 2), pf.Parameter("c", 1, 3)],
+        [["0", "1"], ["-k", "-c"]],
+        [["0"], ["k"]],
+    )
+    yield spring, given_law(spring, [[-1.5, -2.0]])
+    sampled = at_sample_time(spring, Fraction(1, 5), 0)
+    yield sampled, given_law(sampled, [[-0.5, -0.3]])
+
+
+@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_family_with_factors_is_the_loops_with_them(number, measured, turned):
+    plant, law = list(families())[number]
+    random = np.random.default_rng(number)
+    known = file_plant(plant)
+    exact = read_law(Table.of(law.document(), "law"), known)[0]
+    own = closed_loop(known, exact)
+    patch = of_arc(Fraction(1, 5), Fraction(3, 4)) if turned else of_gains(Fraction(3))
+    place = Place(1 if measured else 0, measured)
+    wide = grown(own, place, patch)
+    blank = (Evidence([]),)
+    own, wide = replace(own, evidence=blank), replace(wide, evidence=blank)
+    assert bool(wide.remainder and wide.remainder.curve) is (number == 2)
+    for _ in range(5):
+        at = [Fraction(int(x), 16) for x in random.integers(0, 17, len(plant.parameters))]
+        more = [Fraction(int(x), 16) for x in random.integers(0, 17, 2 if turned else 1)]
+        f = complex(*map(float, patch.at(more)))
+        first = np.array(own.closed_loop(corner_weights(at)), dtype=float)
+        none = np.array(
+            replace(own, law=replace(own.law, K=[[[Fraction(0)] * len(first)]])).closed_loop(
+                corner_weights(at)
+            ),
+            dtype=float,
+        )
+        row = np.ones(len(first), complex)
+        row[1] = f
+        told = none + (first - none) * (row if measured else f)
+        if turned:
+            told = np.block([[told.real, -told.imag], [told.imag, told.real]])
+        found = np.array(wide.closed_loop(corner_weights([*at, *more])), dtype=float)
+        assert np.allclose(found, told.real, rtol=1e-12, atol=1e-12)

@@ -15,6 +15,7 @@ from polefence.certify.bounds import best_bound, kept_bound
 from polefence.law.laws import given_law
 from polefence.plant.exact import file_plant
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.delay_margin import CORNER
 from polefence.proof.claims.factor_margin import (
     Place,
     closed_loop,
@@ -277,3 +278,46 @@ def test_a_family_with_factors_is_the_loops_with_them(number, measured, turned):
             told = np.block([[told.real, -told.imag], [told.imag, told.real]])
         found = np.array(wide.closed_loop(corner_weights([*at, *more])), dtype=float)
         assert np.allclose(found, told.real, rtol=1e-12, atol=1e-12)
+
+
+def test_a_delay_margin_is_near_what_a_known_loop_has(known):
+    """Its phase margin is 53.4 deg where the loop has the size one, at 0.4457 rad/s."""
+    plant, law = known
+    bound = best_bound(plant, law, pf.DelayMargin.least("u1"))
+    true = math.radians(phase_of_known()) / 0.44574
+    assert 0.81 * true < bound.number < true
+    for late in np.linspace(0, bound.number, 20):  # by a Pade approximant of order 3
+        n, d = pade(late)
+        closed = np.polyadd(np.polymul([1, 3, 2, 0], d), n)
+        assert np.roots(closed).real.max() < 0
+    assert kept_bound(plant, law, pf.DelayMargin.least("u1", 1.0)) is not None
+    assert kept_bound(plant, law, pf.DelayMargin.least("u1", true * 1.01)) is None
+    assert not proved(replace(bound.claim, level=bound.claim.level / 2))
+
+
+def pade(late):
+    """Numerator and denominator of exp(-s late)."""
+    x = [late**3, 12 * late**2, 60 * late, 120]
+    return [-x[0], x[1], -x[2], x[3]], x
+
+
+@given(st.floats(1e-6, 200))
+def test_the_filter_covers_all_shorter_delays(x):
+    b = float(CORNER)
+    assert 2 - 2 * math.cos(x) <= x * x / (1 + x * x / (b * b)) + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("delay margin of x1 >= 0.1", "is no input; name one"),
+        ("delay margin of u9 >= 0.1", "no loop at 'u9'"),
+        ("delay margin of u1 >= 0", "must be a positive number"),
+    ],
+)
+def test_bad_delays_are_refused(known, line, said):
+    plant, _ = known
+    with pytest.raises(pf.InputError, match=said):
+        parse_specification(line).require_fit(plant)
+    with pytest.raises(pf.InputError, match="in continuous time"):
+        pf.DelayMargin.least("u1").require_fit(at_sample_time(plant, Fraction(1, 10), 0))

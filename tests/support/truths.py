@@ -895,6 +895,22 @@ def false_worst_case(plant, law, claim):
     return False
 
 
+def false_delay_margin(plant, law, claim):
+    """Whether the loop is on the edge of stability with a shorter delay."""
+    i, margin = claim["inputs"][0] - 1, 1 / number(claim["level"])
+    w = np.geomspace(1e-3, 1e3, 2000)
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        (A, B, _), K = plant.at(alpha), law.gain(alpha)
+        rest = A + B @ K - B[:, i : i + 1] @ K[i : i + 1]
+        s = 1j * w[:, None, None] * np.eye(len(A))
+        L = (K[i : i + 1] @ np.linalg.solve(s - rest, B[:, i : i + 1].astype(complex)))[:, 0, 0]
+        size = np.abs(L) - 1
+        for k in np.flatnonzero(size[:-1] * size[1:] < 0):  # 1 = L exp(-j w t)
+            if (np.angle(L[k]) % (2 * np.pi)) / w[k] < margin * (1 - 1e-2):
+                return True
+    return False
+
+
 def false_each_gain(plant, law, claim):
     sizes, error = array(claim["sizes"]), number(claim["error"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
@@ -1124,6 +1140,7 @@ FALSE = {
     "failure": false_failure,
     "unmodelled dynamics": false_unmodelled,
     **dict.fromkeys(("gain margin", "phase margin"), false_factor_margin),
+    "delay margin": false_delay_margin,
     "worst-case gain": false_worst_case,
     "rate": false_rate,
     "decay": false_clocked,

@@ -31,6 +31,7 @@ from polefence.plant.spec import load, load_dampers
 from polefence.plant.system import System
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
+from polefence.proof.claims.delay_margin import DelayMargin
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.refutation import RmsRefutation
 from polefence.proof.claims.samples import Samples
@@ -268,7 +269,7 @@ def _specifications(spec: str) -> list[Specification]:
 def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
     """Say that a filter of a claim is not the one of its name."""
     for weighting in claim.filters if isinstance(claim, SignalClaim) else ():
-        if weighting is None:
+        if weighting is None or isinstance(claim, DelayMargin):  # whose filter is its level's
             continue
         every = _specifications(spec)
         asked = (w for s in every for w in (*s.filters, *getattr(s, "shapes", ())) if w)

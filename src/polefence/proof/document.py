@@ -16,6 +16,7 @@ from polefence.proof.claims.base import Claim, Verdict, counting, prove
 from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.decay import Decay
+from polefence.proof.claims.delay_margin import DelayMargin
 from polefence.proof.claims.disk_margin import DiskMargin, Unmodelled
 from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
@@ -66,6 +67,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Unmodelled,
             GainMargin,
             PhaseMargin,
+            DelayMargin,
             WorstCaseGain,
             GainNorm,
             Estimate,

@@ -77,7 +77,9 @@ class DiskMargin(Specification):
     power = 1
     late_as = proof.DiskMargin.late_as
     is_margin: ClassVar[bool] = True
+    by_gain: ClassVar[bool] = True
     shapes: ClassVar[tuple[Shape, ...]] = ()
+    claimed: ClassVar[type[proof.DiskMargin]] = proof.DiskMargin
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -224,7 +226,7 @@ class DiskMargin(Specification):
         law = loops.law(subject.law, known)
         nodes = tuple(replace(v, E=loops.entering(v.B, v.E)) for v in subject.nodes)
         opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
-        return _claimed(opened, loops, level, self.shapes)
+        return _claimed(self.claimed, opened, loops, level, self.shapes)
 
     def condition(
         self,
@@ -328,6 +330,7 @@ class Unmodelled(DiskMargin):
     weight: Any = ""
     kind = "unmodelled dynamics"
     keys = ("weight",)
+    claimed = proof.Unmodelled
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -411,6 +414,7 @@ class LoopGain(Gain):
     loops: Loops = field(default_factory=lambda: Loops(()))
     margin: str = ""
     shapes: tuple[Shape, ...] = ()
+    claimed: type[proof.DiskMargin] = proof.DiskMargin
 
     @property
     def title(self) -> str:
@@ -440,16 +444,18 @@ class LoopGain(Gain):
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
-        return _claimed(subject, self.loops, level, self.shapes)
+        return _claimed(self.claimed, subject, self.loops, level, self.shapes)
 
 
 def _claimed(
-    subject: proof.Subject, loops: Loops, level: Fraction, shapes: tuple[Shape, ...]
+    claimed: type[proof.DiskMargin],
+    subject: proof.Subject,
+    loops: Loops,
+    level: Fraction,
+    shapes: tuple[Shape, ...],
 ) -> proof.BoundClaim:
-    """Return the claim about opened loops: of unmodelled dynamics, where they have a shape."""
-    if not shapes:
-        return proof.DiskMargin.of(subject, loops, level)
-    return proof.Unmodelled.of(subject, loops, level, tuple(shape.filter for shape in shapes))
+    """Return the claim about opened loops, behind the filters that they have."""
+    return claimed.of(subject, loops, level, tuple(shape.filter for shape in shapes))
 
 
 def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
@@ -510,6 +516,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
         loops=loops,
         margin=asked.title,
         shapes=asked.shapes,
+        claimed=asked.claimed,
     )
 
 

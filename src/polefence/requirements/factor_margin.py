@@ -40,8 +40,9 @@ class FactorMargin(DiskMargin):
     keys = ()  # type: ignore[assignment]
     vector: ClassVar[bool] = False
     by_poles: ClassVar[bool] = True
+    by_gain: ClassVar[bool] = False
     late_as: ClassVar[str | None] = None
-    claimed: ClassVar[type[GainClaim]]
+    poles_claim: ClassVar[type[GainClaim]]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,7 +137,7 @@ class FactorMargin(DiskMargin):
             require_factors(known, exact, place, self.title)
         except FormatError as error:
             raise InputError(str(error)) from error
-        return self.claimed.of(known, exact, place, level)
+        return self.poles_claim.of(known, exact, place, level)
 
     def _place(self, plant: UncertainPlant, law: Any) -> Place:
         loops = self.loops_of(plant, law)
@@ -147,7 +148,7 @@ class FactorMargin(DiskMargin):
     ) -> proof.BoundClaim:
         """Return the claim, without evidence: that is about poles, not about a signal."""
         known = file_plant(sampled_form(plant))
-        return self.claimed.of(known, subject.law, self._place(plant, subject.law), level)
+        return self.poles_claim.of(known, subject.law, self._place(plant, subject.law), level)
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ class GainMargin(FactorMargin):
     """
 
     kind = "gain margin"
-    claimed = GainClaim
+    poles_claim = GainClaim
     none, most = 1.0, 100.0
 
     @property
@@ -199,7 +200,7 @@ class PhaseMargin(FactorMargin):
     """
 
     kind = "phase margin"
-    claimed = PhaseClaim
+    poles_claim = PhaseClaim
     none, most = 0.0, 175.0
 
     @property

@@ -20,6 +20,7 @@ from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
+from polefence.requirements.delay_margin import DelayMargin
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled, inverse
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.factor_margin import GainMargin, PhaseMargin
@@ -52,6 +53,7 @@ KINDS: dict[str, type[Specification]] = {
         Unmodelled,
         GainMargin,
         PhaseMargin,
+        DelayMargin,
         WorstCaseGain,
         GainNorm,
     )

@@ -63,7 +63,7 @@ def broken(
     within : Fraction, optional
         Of which gain they are to be less.
     """
-    if margin.by_poles or not known_exactly(plant):
+    if not (margin.by_gain and known_exactly(plant)):
         return None
     with suppress(InputError, FormatError, np.linalg.LinAlgError):
         blank = _blank(plant, law, margin, alpha)

@@ -247,9 +247,14 @@ class DiskMargin(AtLoops):
             on, known = evidence.word("on", DOMAINS), on
             if on != known and not law.fixed:
                 raise FormatError(f'{evidence.path("on")} must be "{known}", as that of the law')
-        filters = read_filters(table, loops.count) if cls.has_filters else ()
+        filters = cls.filters_of(table, loops.count)
         subject = read_subject(evidence, loops.plant(plant), opened, on, states_of(filters))
         return cls.of(subject, loops, table.number("level"), filters)
+
+    @classmethod
+    def filters_of(cls, table: Table, count: int) -> Filters:
+        """Return the filters of the loops in a file."""
+        return read_filters(table, count) if cls.has_filters else ()
 
     @classmethod
     def of(cls, subject: Subject, loops: Loops, level: Fraction, filters: Filters = ()) -> Self:

@@ -77,7 +77,7 @@ class DiskMargin(Specification):
     power = 1
     late_as = proof.DiskMargin.late_as
     is_margin: ClassVar[bool] = True
-    by_gain: ClassVar[bool] = True
+    by_gain: ClassVar[bool] = True  # whether the gain in which it is posed is the margin itself
     shapes: ClassVar[tuple[Shape, ...]] = ()
     claimed: ClassVar[type[proof.DiskMargin]] = proof.DiskMargin
 

@@ -107,7 +107,6 @@ class Specification(Short):
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
     is_margin: ClassVar[bool] = False  # whether people read 1 over its level, which is to be large
     by_poles: ClassVar[bool] = False  # whether its proof is about poles, not about a signal
-    by_gain: ClassVar[bool] = False  # whether it is what the gain is in which it is posed, no more
 
     @explained_fields
     def __post_init__(self) -> None:

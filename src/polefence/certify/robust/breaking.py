@@ -56,14 +56,14 @@ def broken(
 ) -> Failure | None:
     """Return nearly the least errors with which the loops are unstable at alpha, exactly.
 
-    None where none were found, the plant is not known exactly, or it is another margin.
+    None where none were found, or the plant is not known exactly.
 
     Parameters
     ----------
     within : Fraction, optional
         Of which gain they are to be less.
     """
-    if not (margin.by_gain and known_exactly(plant)):
+    if not known_exactly(plant):
         return None
     with suppress(InputError, FormatError, np.linalg.LinAlgError):
         blank = _blank(plant, law, margin, alpha)

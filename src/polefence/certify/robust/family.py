@@ -20,7 +20,6 @@ from polefence.plant.system import Array, System
 from polefence.proof.matrices import Rationals
 from polefence.proof.work import FormatError
 from polefence.requirements.disk_margin import DiskMargin
-from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.specification import Specification
 from polefence.response.samples import sampled
 
@@ -167,8 +166,8 @@ class Growth:
 
 
 def is_disk(limit: Specification) -> TypeGuard[DiskMargin]:
-    """Whether a limit is a disk margin, or of unmodelled dynamics: not of one factor alone."""
-    return isinstance(limit, DiskMargin) and not isinstance(limit, FactorMargin)
+    """Whether a limit is a disk margin, or of unmodelled dynamics."""
+    return isinstance(limit, DiskMargin) and limit.by_gain
 
 
 def centre_of(parameter: Parameter) -> tuple[Fraction, Fraction]:

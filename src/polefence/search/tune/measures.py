@@ -378,7 +378,7 @@ def _kept(measure: Found, margin: float) -> Found:
     values = measure.values + margin
     above = np.maximum(values, 0.0)
     bent = np.where(values > 0, np.log1p(above), values)
-    return _times(measure, bent, 1 / (1 + above))
+    return _flatter(measure, bent, 1.0, 1 + above)
 
 
 def _scaled(measure: Found, unit: float) -> Found:
@@ -386,15 +386,15 @@ def _scaled(measure: Found, unit: float) -> Found:
     share = measure.values / unit
     above = np.maximum(share - 1, 0.0)
     bent = np.where(share > 1, 1 + np.log1p(above), share)
-    return _times(measure, bent, 1 / (unit * (1 + above)))
+    return _flatter(measure, bent, unit, 1 + above)
 
 
-def _times(measure: Found, values: Array, each: Array) -> Found:
-    """Return other values, whose slopes are so many times as steep, row by row."""
+def _flatter(measure: Found, values: Array, unit: float, each: Array) -> Found:
+    """Return other values, whose slopes are divided by a unit, and each by a number of its own."""
     mixed = measure.mixed
-    mixed = mixed if mixed is None else each[:, None] * mixed / each
+    mixed = mixed if mixed is None else mixed * each / each[:, None]
     return replace(
-        measure, values=values, turned=lambda: measure.dK * each[:, None, None], mixed=mixed
+        measure, values=values, turned=lambda: measure.dK / unit / each[:, None, None], mixed=mixed
     )
 
 

@@ -32,7 +32,7 @@ from polefence.proof.claims.base import (
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.signal import Subject
 from polefence.proof.laws import Evidence, Law, read_cells, read_evidence, total_degree
-from polefence.proof.matrices import ONE, ZERO, Rationals, identity, mix
+from polefence.proof.matrices import ONE, ZERO, Rationals, identity, longest, mix
 from polefence.proof.motion import is_moving
 from polefence.proof.plant import WITHOUT, Output, Plant, split
 from polefence.proof.polynomials import monomials
@@ -42,7 +42,7 @@ from polefence.proof.regions import Disk, HalfPlane, Part
 from polefence.proof.remainder import Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, milliseconds_text, quoted
-from polefence.proof.work import MAX_IN_PARTS, FormatError
+from polefence.proof.work import MAX_IN_PARTS, RATIONAL, FormatError, spend
 
 MAX_ARCS = 200
 
@@ -130,6 +130,9 @@ def grown(poles: Poles, place: Place, patch: Patch) -> Poles:
     """
     corners, law = patch.corners, poles.law
     axes, k = len(corners).bit_length() - 1, place.number
+    length = max(longest(row for M in (*poles.A, *poles.B) for row in M), longest(corners))
+    size, width = len(poles.A[0]), len(poles.A[0]) + len(poles.B[0][0])
+    spend(RATIONAL * 4 * size * width * len(poles.A) * len(corners), length, length)
     A = [patch.wide(M) for M in poles.A for _ in corners]
     B = [
         patch.wide(M) if place.measured else patch.times(f, M, k, row=False)

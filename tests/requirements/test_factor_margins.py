@@ -321,3 +321,16 @@ def test_bad_delays_are_refused(known, line, said):
         parse_specification(line).require_fit(plant)
     with pytest.raises(pf.InputError, match="in continuous time"):
         pf.DelayMargin.least("u1").require_fit(at_sample_time(plant, Fraction(1, 10), 0))
+
+
+def test_a_phase_margin_above_a_right_angle_is_proved_and_not_tuned_for():
+    """5 / (s + k) has a phase margin of 101.5 deg at k = 1, more than any disk implies."""
+    plant = pf.UncertainPlant.from_expressions([pf.Parameter("k", 1, 2)], [["-k"]], [["1"]])
+    asked = pf.PhaseMargin.least("u1", 98.0)
+    asked.require_fit(plant)
+    law = given_law(plant, [[-5.0]])
+    true = 180 - math.degrees(math.atan(math.sqrt(24)))  # size one at sqrt(25 - k^2) rad/s
+    assert kept_bound(plant, law, asked) is not None
+    assert kept_bound(plant, law, pf.PhaseMargin.least("u1", true + 0.1)) is None
+    with pytest.raises(pf.InputError, match="a law is tuned for less than 90 deg"):
+        pf.optimise(plant, None, [asked])

@@ -91,7 +91,7 @@ def largest(plant: UncertainPlant, law: Law, asked: FactorMargin) -> Proved | No
             return _checked(arcs and _up_to(asked, arcs))
         return first(
             _proved(plant, law, asked, level, most)
-            for level, most in zip(levels, PARTS, strict=True)
+            for level, most in zip(levels, PARTS[-len(shares) :], strict=True)
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
@@ -27,6 +27,9 @@ from polefence.requirements.disk_margin import DiskMargin, Posed, inverse
 from polefence.requirements.specification import Specification, is_number
 from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.opened import opened
+
+
+LARGEST_DISK = 2.0  # a balanced disk margin is less: at high frequencies nothing comes back
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class FactorMargin(DiskMargin):
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without the loop, or of which none is proved."""
         self.require_size()
-        self.disk.require_fit(plant)
+        replace(self.disk, at_most=None).require_fit(plant)  # it may be more than that implies
         self.require_late(plant)
         if plant.functions is not None:
             self._refuse("a plant with functions of its parameters")
@@ -92,7 +95,17 @@ class FactorMargin(DiskMargin):
         return plant, law, self
 
     def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
-        """Return the disk margin."""
+        """Return the disk margin.
+
+        Raises
+        ------
+        InputError
+            If no disk margin implies it.
+        """
+        if self.alpha >= LARGEST_DISK:
+            raise InputError(
+                f"{self.title} >= {exactly(self.limit or 0.0)}: a law is tuned for less than 90 deg"
+            )
         return (self.disk,)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002

@@ -534,8 +534,6 @@ def known_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known
 ) -> Bound | None:
     """Return what given evidence proves: the limit, else a level near its own; None if nothing."""
-    if isinstance(specification, FactorMargin):
-        return None
     posed = specification.posed(plant, law)
     if specification.at_most is not None:
         return _of(specification, _proved(*posed, known[0], specification.at_most))

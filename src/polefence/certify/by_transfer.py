@@ -46,8 +46,6 @@ class ByTransfer:
     @classmethod
     def of(cls, plant: UncertainPlant, law: Law, specification: Specification) -> ByTransfer | None:
         """Return it for a plant in its delta form; None where there is no such proof."""
-        if specification.by_poles:
-            return None
         plant, law, specification = specification.posed(plant, law)
         domain = law.domain_of(plant)
         if domain.corners == 1 and plant.shape[0] > MOST_STATES:

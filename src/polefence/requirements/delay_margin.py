@@ -11,18 +11,14 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.explained import explained_fields
-from polefence.law.laws import law_or_table
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.claims.delay_margin import late_by
-from polefence.requirements.disk_margin import DiskMargin, place_of, shaped
-from polefence.requirements.slopes import Channel
+from polefence.requirements.disk_margin import DiskMargin, place_of
 from polefence.requirements.specification import Specification
 from polefence.requirements.weights import Shape
-from polefence.response.loop_margins import margins
-from polefence.response.opened import opened
 
 SAMPLES = 200  # beside the vertices, near which a margin is looked for
 ROUNDS = 30  # of the search for a level: 4 to 12 of loops with one resonance
@@ -96,8 +92,8 @@ class DelayMargin(DiskMargin):
         alpha = seeded(plant, len(plant.vertices) + SAMPLES)
         level = max(float(self.values(plant, law, alpha).max()), LEAST)
         for _ in range(ROUNDS):
-            opened_, beside, gain = replace(self, at_most=level).posed(plant, law)
-            known, level = level, max(float(gain.values(opened_, beside, alpha).max()), LEAST)
+            posed, beside, gain = replace(self, at_most=level).posed(plant, law)
+            known, level = level, max(float(gain.values(posed, beside, alpha).max()), LEAST)
             if abs(level - known) <= 1e-6 * level:
                 break
         return level
@@ -119,17 +115,7 @@ class DelayMargin(DiskMargin):
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the margin at points alpha, zero where there is no limit to it."""
-        law = law.as_law() if hasattr(law, "as_law") else law
-        law = law_or_table(plant, law)
-        self._require_cut(plant, law, self.loops_of(plant, law))
-        found = margins(opened(plant, law, self.names[0], alpha))
+        found = self.sampled(plant, law, alpha)
         with np.errstate(divide="ignore"):
             level = np.asarray(1 / found.delay.value)
         return np.where(found.stable, level, np.inf)
-
-    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return the loop behind its filter as a channel at points alpha."""
-        channel = super().channel(plant, alpha)
-        for k, shape in enumerate(self.shapes):
-            channel = shaped(channel, k, shape.filter)
-        return channel

@@ -35,7 +35,9 @@ from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
 from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
+from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.modes import Modes
+from polefence.response.opened import opened
 from polefence.response.peaks import peaks, response
 from polefence.response.stationary import growth
 
@@ -266,7 +268,10 @@ class DiskMargin(Specification):
         return gain.values(opened, beside, alpha)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return the loops as a channel at points alpha, but for what a law reads there."""
+        """Return the loops, behind their filters, as a channel at points alpha.
+
+        What a law reads there is left out.
+        """
         places = [place_of(plant, name, None) for name in self.names]
         A, B = plant.at(alpha)
         n, count, size = A.shape[-1], len(alpha), len(places)
@@ -278,7 +283,16 @@ class DiskMargin(Specification):
             if kind == "input":
                 E[:, :, k], D[:, k, i] = B[:, :, i], 1.0
             reads.append(i if kind == "input" else self.names[k])
-        return Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
+        channel = Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
+        for k, shape in enumerate(self.shapes):
+            channel = shaped(channel, k, shape.filter)
+        return channel
+
+    def sampled(self, plant: UncertainPlant, law: Any, alpha: Array) -> LoopMargins:
+        """Return the classical margins of its first loop at points alpha."""
+        law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
+        self._require_cut(plant, law, self.loops_of(plant, law))
+        return margins(opened(plant, law, self.names[0], alpha))
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
         """Return peaks of the largest singular value with their slopes, loops weighed anew."""
@@ -384,13 +398,6 @@ class Unmodelled(DiskMargin):
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its weight."""
         return f"{self.title}: no LMI has its weight; leave out the method, so that a law is tuned"
-
-    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
-        """Return the loops behind their weights as a channel at points alpha."""
-        channel = super().channel(plant, alpha)
-        for k, shape in enumerate(self.shapes):
-            channel = shaped(channel, k, shape.filter)
-        return channel
 
 
 def shaped(channel: Channel, k: int, shape: Filter) -> Channel:

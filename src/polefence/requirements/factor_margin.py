@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import law_or_table
 from polefence.plant.delta import sampled_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
@@ -19,15 +18,12 @@ from polefence.proof import claims as proof
 from polefence.proof.claims.factor_margin import GainMargin as GainClaim
 from polefence.proof.claims.factor_margin import PhaseMargin as PhaseClaim
 from polefence.proof.claims.factor_margin import Place, require_factors
-from polefence.proof.laws import Law, read_law
-from polefence.proof.reading import Table
+from polefence.proof.laws import Law
 from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
 from polefence.requirements.disk_margin import DiskMargin, Posed, inverse
-from polefence.requirements.specification import Specification, is_number
-from polefence.response.loop_margins import LoopMargins, margins
-from polefence.response.opened import opened
-
+from polefence.requirements.specification import Specification
+from polefence.response.loop_margins import LoopMargins
 
 LARGEST_DISK = 2.0  # a balanced disk margin is less: at high frequencies nothing comes back
 
@@ -42,7 +38,6 @@ class FactorMargin(DiskMargin):
 
     keys = ()  # type: ignore[assignment]
     vector: ClassVar[bool] = False
-    by_poles: ClassVar[bool] = True
     by_gain: ClassVar[bool] = False
     late_as: ClassVar[str | None] = None
     poles_claim: ClassVar[type[GainClaim]]
@@ -51,13 +46,6 @@ class FactorMargin(DiskMargin):
         super().__post_init__()
         if self.sigma:
             raise InputError(f"a {self.kind} has no sigma; leave it out")
-
-    @classmethod
-    def least(cls, loops: str, at_least: float | None = None) -> Self:  # type: ignore[override]
-        """Return the requirement that the margin is at least so large; None: as large as can be."""
-        if at_least is not None and not (is_number(at_least) and at_least > 0):
-            raise InputError(f"at_least = {at_least!r} must be a positive number")
-        return cls(loops, None if at_least is None else inverse(Fraction(repr(at_least))))
 
     @property
     def disk(self) -> DiskMargin:
@@ -117,10 +105,7 @@ class FactorMargin(DiskMargin):
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the margin at points alpha."""
-        law = law.as_law() if hasattr(law, "as_law") else law
-        law = law_or_table(plant, law)
-        self._require_cut(plant, law, self.loops_of(plant, law))
-        found = margins(opened(plant, law, self.names[0], alpha))
+        found = self.sampled(plant, law, alpha)
         level = np.maximum(self.level_of(found), 1 / self.most)  # beyond it is not looked
         return np.where(found.stable, level, np.inf)
 
@@ -135,33 +120,27 @@ class FactorMargin(DiskMargin):
     none: ClassVar[float]  # of a loop without any
     most: ClassVar[float]  # that is looked for
 
-    def factor_claim(self, plant: UncertainPlant, law: Any, level: Fraction) -> GainClaim:
-        """Return the claim of a level, without evidence.
+    def of_law(self, plant: UncertainPlant, law: Law, level: Fraction) -> GainClaim:
+        """Return the claim of a level about an exact law, without evidence.
 
         Raises
         ------
         InputError
             If no such margin is proved of the plant or the law.
         """
-        known = file_plant(plant)
+        known, loops = file_plant(plant), self.loops_of(plant, law)
+        place = Place((*loops.inputs, *loops.measured)[0], bool(loops.measured))
         try:
-            exact: Law = read_law(Table.of(law.document(), "law"), known)[0]
-            place = self._place(plant, exact)
-            require_factors(known, exact, place, self.title)
+            require_factors(known, law, place, self.title)
         except FormatError as error:
             raise InputError(str(error)) from error
-        return self.poles_claim.of(known, exact, place, level)
-
-    def _place(self, plant: UncertainPlant, law: Any) -> Place:
-        loops = self.loops_of(plant, law)
-        return Place((*loops.inputs, *loops.measured)[0], bool(loops.measured))
+        return self.poles_claim.of(known, law, place, level)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
     ) -> proof.BoundClaim:
         """Return the claim, without evidence: that is about poles, not about a signal."""
-        known = file_plant(sampled_form(plant))
-        return self.poles_claim.of(known, subject.law, self._place(plant, subject.law), level)
+        return self.of_law(sampled_form(plant), subject.law, level)
 
 
 @dataclass(frozen=True)

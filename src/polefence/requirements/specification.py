@@ -106,7 +106,6 @@ class Specification(Short):
     late_as: ClassVar[str | None] = None  # what its claim has of plants with a dead time
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
     is_margin: ClassVar[bool] = False  # whether people read 1 over its level, which is to be large
-    by_poles: ClassVar[bool] = False  # whether its proof is about poles, not about a signal
 
     @explained_fields
     def __post_init__(self) -> None:

@@ -224,10 +224,7 @@ class DiskMargin(Specification):
     ) -> proof.BoundClaim:
         """Return the claim about the margin, of loops that weigh alike."""
         loops = self.loops_of(plant, subject.law)
-        known = loops.plant(file_plant(plant))
-        law = loops.law(subject.law, known)
-        nodes = tuple(replace(v, E=loops.entering(v.B, v.E)) for v in subject.nodes)
-        opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
+        opened = opened_subject(subject, plant, loops)
         return _claimed(self.claimed, opened, loops, level, self.shapes)
 
     def condition(
@@ -452,6 +449,14 @@ class LoopGain(Gain):
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
         return _claimed(self.claimed, subject, self.loops, level, self.shapes)
+
+
+def opened_subject(subject: proof.Subject, plant: UncertainPlant, loops: Loops) -> proof.Subject:
+    """Return what a claim about a plant in its delta form is of, with its loops opened."""
+    known = loops.plant(file_plant(plant))
+    law = loops.law(subject.law, known)
+    nodes = tuple(replace(v, E=loops.entering(v.B, v.E)) for v in subject.nodes)
+    return replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
 
 
 def _claimed(

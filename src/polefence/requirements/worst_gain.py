@@ -37,6 +37,7 @@ from polefence.requirements.disk_margin import (
     Unmodelled,
     named_disturbances,
     open_loops,
+    opened_subject,
     place_of,
     reading_beside,
     rounded,
@@ -216,10 +217,7 @@ class WorstCaseGain(Gain):
     ) -> proof.BoundClaim:
         """Return the claim about loops that weigh alike."""
         loops = self._loops(plant, subject.law)
-        known = loops.plant(file_plant(plant))
-        law = loops.law(subject.law, known)
-        nodes = tuple(replace(v, E=loops.entering(v.B, v.E)) for v in subject.nodes)
-        opened = replace(subject, E=known.E, law=law, remainder=known.remainder, nodes=nodes)
+        opened = opened_subject(subject, plant, loops)
         filters = tuple(shape.filter for shape in self.shapes)
         chosen = tuple(map(Fraction, self.scales(plant)))
         signals = self.exact_outputs(plant)

@@ -60,10 +60,6 @@ class DelayMargin(DiskMargin):
             return ()
         return (Shape(late_by(1 / Fraction(self.at_most))),)
 
-    def unweighted(self) -> DiskMargin:
-        """Return the margin of T itself."""
-        return DiskMargin(self.signal, self.at_most, self.sigma)
-
     def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Return seconds."""
         return "s"

@@ -285,6 +285,10 @@ class DiskMargin(Specification):
             channel = shaped(channel, k, shape.filter)
         return channel
 
+    def unweighted(self) -> DiskMargin:
+        """Return the disk margin without the filters."""
+        return DiskMargin(self.signal, self.at_most, self.sigma) if self.shapes else self
+
     def sampled(self, plant: UncertainPlant, law: Any, alpha: Array) -> LoopMargins:
         """Return the classical margins of its first loop at points alpha."""
         law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
@@ -375,10 +379,6 @@ class Unmodelled(DiskMargin):
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
         """The weight at each loop."""
         return (Shape(shape_of(self.weight, self.kind)),) * len(self.entries)
-
-    def unweighted(self) -> DiskMargin:
-        """Return the margin of T itself."""
-        return DiskMargin(self.signal, self.at_most, self.sigma)
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a sampled plant, and what is no input."""

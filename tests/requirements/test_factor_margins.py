@@ -229,7 +229,7 @@ def test_bad_lines_are_refused(known, line, said):
 
 def test_of_vertices_disk_margins_are_proved():
     plant = pf.UncertainPlant.from_vertices([A, np.array(A) * 0.9], [B, B])
-    with pytest.raises(pf.InputError, match="given by its vertices disk margins are proved"):
+    with pytest.raises(pf.InputError, match="given by its vertices; ask for a disk margin"):
         pf.GainMargin.least("u1", 2.0).require_fit(plant)
 
 

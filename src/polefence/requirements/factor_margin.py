@@ -73,7 +73,9 @@ class FactorMargin(DiskMargin):
             self._refuse("a plant with a dead time")
 
     def _refuse(self, what: str) -> None:
-        raise InputError(f"{self.title}: of {what} disk margins are proved; ask for one of those")
+        raise InputError(
+            f"{self.title}: not available for {what}; ask for a disk margin, which implies it"
+        )
 
     def require_size(self) -> None:
         """Refuse a limit that is no margin."""

@@ -2,8 +2,8 @@
 
 What arrives at an input u_i, or at a signal y_j that the law measures, is f times what was sent. Of
 a gain margin g it is real, from 1 / g to g; of a phase margin it is exp(j phi), |phi| no more than
-that. The law has then its i-th row, or its j-th column, times f, and all poles are to be stable for
-every f and every plant of the family.
+that. So the i-th column of B is multiplied by f, or the j-th row of what is measured. All poles are to
+be stable for every f and every plant of the family.
 
 So this is a claim about poles, of a family with more parameters, in which f is multi-affine. An arc
 of the circle is in the quadrilateral of its ends and of the two points in which the tangents at the
@@ -224,7 +224,7 @@ def require_factors(plant: Plant, law: Any, place: Place, what: str) -> None:
     elif any(name.endswith(WITHOUT) for name in law.measured):
         why = "a law that measures what inputs pass into"
     if why:
-        raise FormatError(f"{what}: of {why} disk margins are proved, which imply it")
+        raise FormatError(f"{what}: not available for {why}; a disk margin implies it")
     count = len(law.C[0]) if law.C else plant.n
     if not 0 <= place.number < (count if place.measured else plant.m):
         raise FormatError(f"{what}: there is no such loop")

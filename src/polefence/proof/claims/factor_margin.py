@@ -2,10 +2,10 @@
 
 What arrives at an input u_i, or at a signal y_j that the law measures, is f times what was sent. Of
 a gain margin g it is real, from 1 / g to g; of a phase margin it is exp(j phi), |phi| no more than
-that. So the i-th column of B is multiplied by f, or the j-th row of what is measured. All poles are to
-be stable for every f and every plant of the family.
+that. It multiplies the i-th column of B, or the j-th row of what is measured. All poles are to be
+stable for every f and every plant of the family.
 
-So this is a claim about poles, of a family with more parameters, in which f is multi-affine. An arc
+This is a claim about poles, of a family with more parameters, in which f is multi-affine. An arc
 of the circle is in the quadrilateral of its ends and of the two points in which the tangents at the
 ends meet that at a point between; a square is mapped onto it. Where f is complex, the loop of real
 and imaginary parts is real, with twice as many states. Plant and law are real, so phases below zero

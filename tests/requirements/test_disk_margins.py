@@ -18,7 +18,7 @@ from polefence.plant.spec import loads
 from polefence.plant.weights import shape_of
 from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
-from polefence.requirements import disk_margin
+from polefence.requirements import scales
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.specification import claim_of
 from polefence.requirements.text import load_specifications, parse_specification
@@ -168,13 +168,14 @@ def test_a_margin_at_samples_is_that_of_the_digital_loop():
     assert worst(0.999 * margin) < 1 < worst(1.002 * margin)
 
 
-@pytest.mark.parametrize("size", [1, 2])
-def test_slopes_are_those_of_central_differences(size, monkeypatch):
+@pytest.mark.parametrize(("size", "time_invariant"), [(1, False), (2, False), (2, True)])
+def test_slopes_are_those_of_central_differences(size, time_invariant, monkeypatch):
     random = np.random.default_rng(3)
     A, B = random.normal(size=(4, 4)), random.normal(size=(4, 2))
     A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(4)
     plant = pf.UncertainPlant.from_vertices([A], [B])
-    own = DiskMargin(["u1", "u2"][:size] if size > 1 else "u1", sigma=-0.5)
+    names = ["u1", "u2"][:size] if size > 1 else "u1"
+    own = DiskMargin(names, sigma=-0.5, time_invariant=time_invariant)
     channel = own.channel(plant, np.ones((1, 1)))
 
     def found(K):
@@ -184,8 +185,9 @@ def test_slopes_are_those_of_central_differences(size, monkeypatch):
     while np.linalg.eigvals(A + B @ K).real.max() > -0.3:
         K /= 1.5
     first = found(K)
-    d = disk_margin._logarithms(channel.closed(K[None], Modes(channel.A + channel.B @ K)))
-    monkeypatch.setattr(disk_margin, "_logarithms", lambda *_: d)  # best is best to 1e-4
+    loops = channel.closed(K[None], Modes(channel.A + channel.B @ K))
+    best = scales.scaled(loops, 0, 1.0, leads=time_invariant)
+    monkeypatch.setattr(scales, "scaled", lambda *_, **__: best)  # best is best to 1e-4
     top = int(first.values.argmax())
     slopes = channel.slopes(first)[top]
     for _ in range(4):

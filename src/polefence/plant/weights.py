@@ -39,11 +39,10 @@ from polefence.plant.transfer import (
     read_quotient,
     realised,
 )
-from polefence.proof.filters import Filter
+from polefence.proof.filters import Entering, Filter, Filters
 from polefence.proof.matrices import LONGEST, ONE, ZERO, common_denominator, whole_numbers
 from polefence.proof.plant import OF_WEIGHT
 from polefence.proof.regions import Disk, HalfPlane
-from polefence.proof.remainder import Remainder, Rows, Source
 from polefence.proof.roots import characteristic, roots_inside
 
 WEIGHTED, ERROR = "weighted ", "error of "
@@ -323,59 +322,46 @@ def _before(
     plant: UncertainPlant, j: int, made: _Weight, labels: Sequence[str], named: tuple[str, str]
 ) -> UncertainPlant:
     """Return the plant with a weight before disturbance j: z' = A z + B v, and C z + D v acts."""
-    (n, m), k = plant.shape, len(made.A)
-    (c,), d = made.C if k else ((),), made.D[0][0]
-
-    def widened(M: Sequence[Sequence[Fraction]], first: int) -> Rows:
-        """Return rows of [x, ..., w] with those of z behind x; ``first`` is the first of w."""
-        return tuple(
-            (*row[:n], *(x * row[first + j] for x in c), *row[n : first + j], row[first + j] * d,
-             *row[first + j + 1 :])
-            for row in M
-        )  # fmt: skip
-
-    vertices = []
-    for vertex in plant.vertices:
-        E = vertex.exact_E or ()
-        whole = [(*a, *b, *e) for a, b, e in zip(vertex.exact_A, vertex.exact_B, E, strict=True)]
-        rows = widened(whole, n + m)
-        driven = [tuple(x * int(i == j) for i in range(len(E[0]))) for (x,) in made.B]
-        A = [row[: n + k] for row in rows] + [(*(ZERO,) * n, *row) for row in made.A]
-        B = [row[n + k : n + k + m] for row in rows] + [(ZERO,) * m] * k
-        E = (*(row[n + k + m :] for row in rows), *driven)
-        vertices.append(System(tuple(A), tuple(B), E, vertex.name))
-
-    def behind(y: Output) -> Output:
-        C, _, F = y.exact(plant)
-        rows = [(*a, *f) for a, f in zip(C, F, strict=True)]
-        wide = widened(rows, n)
-        return replace(
-            y,
-            C=[row[: n + k] for row in wide],
-            F=[row[n + k :] for row in wide],
-            near=_mapped(y.near, lambda M: widened(M, n + m)),
-        )
-
-    def taller(M: Rows) -> Rows:
-        return (*widened(M, n + m), *((ZERO,) * (n + k + m + plant.disturbance_count),) * k)
-
     (name, unit), own = named, disturbances(plant)
+    a, b, c = (list(map(list, M)) for M in (made.A, made.B, made.C if made.A else ((),)))
+    filter_j = Filter(a, b, c, name, made.D[0][0])
+    filters = tuple(filter_j if i == j else None for i in range(len(own)))
     acting = Output(name, unit or own[j].unit, F=[int(i == j) for i in range(len(own))])
+    return driven_through(replace(plant, outputs=(*plant.outputs, acting)), filters, labels)
+
+
+def driven_through(
+    plant: UncertainPlant, filters: Filters, labels: Sequence[str]
+) -> UncertainPlant:
+    """Return the plant with filters before its disturbances: one each, or none.
+
+    Parameters
+    ----------
+    filters : tuple of Filter or None
+        In z of a plant in discrete time.
+    labels : sequence of str
+        Of their states, which come behind those of the plant.
+    """
+    entering, vertices = Entering(*plant.shape, filters), []
+    for v in plant.vertices:
+        known = (list(map(list, M)) for M in (v.exact_A, v.exact_B, v.exact_E or ()))
+        A, B, E = (tuple(map(tuple, M)) for M in entering.plant(*known))
+        vertices.append(System(A, B, E, v.name))
     return replace(
         plant,
         vertices=tuple(vertices),
         states=(*(x.label for x in states(plant)), *labels),
-        outputs=tuple(behind(y) for y in (*plant.outputs, acting)),
-        remainder=_mapped(plant.remainder, taller),
+        outputs=tuple(seen_through(y, plant, filters) for y in plant.outputs),
+        remainder=plant.remainder and entering.remainder(plant.remainder),
     )
 
 
-def _mapped(remainder: Remainder | None, change: Any) -> Remainder | None:
-    """Return the remainder of functions whose matrices are changed."""
-    source = remainder and remainder.source
-    if not source:
-        return None
-    return Source(source.functions, tuple(map(change, source.directions))).on_box
+def seen_through(output: Output, plant: UncertainPlant, filters: Filters) -> Output:
+    """Return an output of a plant as one of `driven_through` with these filters."""
+    entering, (C, _, F) = Entering(*plant.shape, filters), output.exact(plant)
+    seen, through = zip(*map(entering.row, C, F), strict=True)
+    near = output.near and entering.near(output.near)
+    return replace(output, C=seen, F=through, near=near)
 
 
 def _require_unsampled(plant: UncertainPlant, where: str) -> None:

@@ -3,6 +3,8 @@
 Nothing in the plant depends on z, and no law knows it. So what is claimed of a signal behind a
 filter is what is claimed of c z + d y in a larger plant, whose law leaves z alone: of the same
 poles, and those of a. In discrete time a and b are those of the filter's delta form.
+
+A filter before a disturbance w is alike: z' = a z + b w, and c z + d w acts in the place of w.
 """
 
 from __future__ import annotations
@@ -10,12 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from polefence.proof.matrices import ONE, ZERO, Rationals, mix, product
 from polefence.proof.plant import Node, Output
 from polefence.proof.ranges import corner_weights
 from polefence.proof.reading import Table, plain
+from polefence.proof.remainder import Remainder, Rows
 from polefence.proof.work import RATIONAL, FormatError, spend
 
 if TYPE_CHECKING:
@@ -122,6 +126,141 @@ def in_series(
         nodes=tuple(Node(node.at, *matrices) for node, *matrices in known),
     )
     return larger, tuple(filtered)
+
+
+@dataclass(frozen=True)
+class Entering:
+    """Filters before disturbances of a plant with n states and m inputs."""
+
+    n: int
+    m: int
+    filters: Filters
+
+    def rows(self, M: Sequence[Sequence[Fraction]], first: int, *, sizes: bool = False) -> Rows:
+        """Return rows of [x, ..., w], w from column ``first`` on, as rows of [x, z, ..., w]."""
+        of = abs if sizes else Fraction
+        rows = list[tuple[Fraction, ...]]()
+        for row in M:
+            at_states, acting = list[Fraction](), list[Fraction]()
+            for applied, x in zip(self.filters, row[first:], strict=True):
+                at_states += () if applied is None else (of(x * c) for c in applied.c[0])
+                acting.append(x if applied is None else of(x * applied.d))
+            rows.append((*row[: self.n], *at_states, *row[self.n : first], *acting))
+        return tuple(rows)
+
+    def own(self) -> tuple[Rationals, Rationals]:
+        """Return [x, z] and w of the rates of z."""
+        more, q, at = states_of(self.filters), len(self.filters), 0
+        A, E = list[list[Fraction]](), list[list[Fraction]]()
+        for k, applied in enumerate(self.filters):
+            if applied is None:
+                continue
+            after = (ZERO,) * (more - at - applied.states)
+            for row, (b,) in zip(applied.a, applied.b, strict=True):
+                A.append([*(ZERO,) * (self.n + at), *row, *after])
+                E.append([b if j == k else ZERO for j in range(q)])
+            at += applied.states
+        return A, E
+
+    def plant(self, A: Rationals, B: Rationals, E: Rationals) -> tuple[Rationals, ...]:
+        """Return A, B and E of the larger plant."""
+        n, m, more = self.n, self.m, states_of(self.filters)
+        rows = self.rows([[*a, *b, *e] for a, b, e in zip(A, B, E, strict=True)], n + m)
+        below, driven = self.own()
+        last = n + more
+        return (
+            [*(list(row[:last]) for row in rows), *below],
+            [*(list(row[last : last + m]) for row in rows), *([ZERO] * m for _ in range(more))],
+            [*(list(row[last + m :]) for row in rows), *driven],
+        )
+
+    def remainder(self, known: Remainder) -> Remainder:
+        """Return that of the larger plant."""
+        n, m, more = self.n, self.m, states_of(self.filters)
+
+        def taller(M: Rows, *, sizes: bool = False) -> Rows:
+            none = (ZERO,) * (n + more + m + len(self.filters))
+            return (*self.rows(M, n + m, sizes=sizes), *(none,) * more)
+
+        return known.mapped(taller, partial(taller, sizes=True))
+
+    def row(
+        self, c: Sequence[Fraction], f: Sequence[Fraction]
+    ) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+        """Return a row C and a row F of what the plant's are."""
+        (row,), last = self.rows([[*c, *f]], self.n), self.n + states_of(self.filters)
+        return row[:last], row[last:]
+
+    def near(self, known: Remainder) -> Remainder:
+        """Return what a row [C, D, F] is off by, of what it is of the plant's."""
+        first = self.n + self.m
+        return known.mapped(
+            lambda M: self.rows(M, first), lambda M: self.rows(M, first, sizes=True)
+        )
+
+    def signal(self, output: Output) -> Output:
+        """Return an output of the larger plant."""
+        none: list[Rationals] = [[[ZERO] * len(self.filters)]] * len(output.C)
+        pairs = [self.row(c, f) for (c,), (f,) in zip(output.C, output.F or none, strict=True)]
+        F = tuple([list(f)] for _, f in pairs)
+        F = F if any(any(f) for (f,) in F) else ()
+        near = output.near and self.near(output.near)
+        return replace(output, C=[[list(c)] for c, _ in pairs], F=F, near=near)
+
+    def law(self, law: Law) -> Law:
+        """Return a law of the larger plant."""
+        n, more = self.n, states_of(self.filters)
+        if not law.F:
+            return _wider(law, n, more)
+        C, F = list[Rationals](), list[Rationals]()
+        for rows, passed in zip(law.C, law.F, strict=True):
+            wide = list(map(self.row, rows, passed))
+            C.append([list(c) for c, _ in wide])
+            F.append([list(f) for _, f in wide])
+        return replace(law, C=tuple(C), F=tuple(F))
+
+
+def in_turn(one: Filter | None, other: Filter | None) -> Filter | None:
+    """Return two filters, the second behind the first; None stands for one."""
+    if one is None or other is None:
+        return one or other
+    below = [[*into, *own] for into, own in zip(product(other.b, one.c), other.a, strict=True)]
+    return Filter(
+        [*([*row, *(ZERO,) * other.states] for row in one.a), *below],
+        [*one.b, *([x * one.d] for (x,) in other.b)],
+        [[*(other.d * x for x in one.c[0]), *other.c[0]]],
+        one.name,
+        one.d * other.d,
+    )
+
+
+def before(
+    subject: Subject, outputs: Sequence[Output], filters: Filters
+) -> tuple[Subject, tuple[Output, ...]]:
+    """Return the loop with filters before some disturbances, and its outputs.
+
+    Raises
+    ------
+    FormatError
+        If there is not one filter, or none, for each disturbance.
+    """
+    if len(filters) != subject.q:
+        raise FormatError(f"there are {subject.q} disturbances, and filters of {len(filters)}")
+    entering, nodes = Entering(subject.n, subject.m, filters), subject.nodes
+    size = subject.n + states_of(filters)
+    spend(RATIONAL * (len(subject.A) + len(nodes)) * size * (size + subject.m + subject.q), 64, 64)
+    vertices = zip(subject.A, subject.B, subject.E, strict=True)
+    A, B, E = (list(M) for M in zip(*(entering.plant(*v) for v in vertices), strict=True))
+    larger = replace(
+        subject,
+        A=A,
+        B=B,
+        E=E,
+        law=entering.law(subject.law),
+        remainder=subject.remainder and entering.remainder(subject.remainder),
+        nodes=tuple(Node(v.at, *entering.plant(v.A, v.B, v.E)) for v in nodes),
+    )
+    return larger, tuple(map(entering.signal, outputs))
 
 
 def _wider(law: Law, n: int, more: int) -> Law:

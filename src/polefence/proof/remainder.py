@@ -234,16 +234,18 @@ class Remainder(Short):
         """Whether a row is known only near, or is more than the combination of the vertices."""
         return any(any(M[state]) for M in (self.entries, *self.curve))
 
-    def mapped(self, change: Callable[[Rows], Rows]) -> Remainder:
-        """Return it with every matrix changed."""
-        entries, rounding = change(self.entries), change(self.rounding) if self.bends else ()
-        curve, bends, third = (
-            tuple(map(change, matrices)) for matrices in (self.curve, self.bends, self.third)
-        )
+    def mapped(
+        self, change: Callable[[Rows], Rows], sizes: Callable[[Rows], Rows] | None = None
+    ) -> Remainder:
+        """Return it with every matrix changed, those of sizes by ``sizes`` where that is given."""
+        of_sizes = sizes or change
+        entries, rounding = of_sizes(self.entries), of_sizes(self.rounding) if self.bends else ()
+        bends, third = (tuple(map(of_sizes, matrices)) for matrices in (self.bends, self.third))
+        curve = tuple(map(change, self.curve))
         source = self.source and replace(
             self.source, directions=tuple(map(change, self.source.directions))
         )
-        kinks = self.kinks and replace(self.kinks, sizes=tuple(map(change, self.kinks.sizes)))
+        kinks = self.kinks and replace(self.kinks, sizes=tuple(map(of_sizes, self.kinks.sizes)))
         return Remainder(
             entries, curve, self.degree, rounding, bends, third, self.middles, source, kinks
         )

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 
-from polefence.base.errors import InputError, suggest
+from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.law.laws import FixedGain, Law, PolynomialGain, law_or_table
 from polefence.lmi.conditions import performance as conditions
@@ -27,10 +27,11 @@ from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
 from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops, through
-from polefence.proof.filters import Filter
+from polefence.proof.filters import Filter, Filters, in_turn
 from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.requirements import scales
 from polefence.requirements.gain import SAMPLES, Gain
-from polefence.requirements.slopes import Channel, Slopes, Turned
+from polefence.requirements.slopes import Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
 from polefence.requirements.weights import Shape, behind
@@ -38,18 +39,11 @@ from polefence.response.closed import close
 from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.modes import Modes
 from polefence.response.opened import opened
-from polefence.response.peaks import peaks, response
 from polefence.response.stationary import growth
 
 Posed = tuple[UncertainPlant, Law, Specification]
 
 FEW = 20  # samples beside the vertices for which loops are weighed, as many as for a bound
-BITS = 12  # of the weight of a loop: rounding to them costs less than 1e-3 of a margin
-# Of 60 random loops with units from 1e-3 to 1e3, 2 to 4 opened at once, none took more than 35
-# steps for known peaks, more than 7 rounds, or logarithms of weights more than 13 apart.
-MOST_STEPS, ROUNDS, FARTHEST = 60, 20, 30.0
-ENOUGH = 1e-4  # how near the least that known peaks allow
-HASTY = 3  # rounds while a law is tuned: a van with three loops has 1.737, 1.163, 1.162 at 1 to 3
 
 
 @dataclass(frozen=True)
@@ -69,11 +63,14 @@ class DiskMargin(Specification):
         Of 1 over the margin; `at_least` of a limit is in its place.
     sigma : float
         The skew of the disk.
+    time_invariant : bool
+        Of factors that do not vary in time alone: of several loops more is proved of these.
     """
 
     sigma: float = 0.0
+    time_invariant: bool = field(default=False, kw_only=True)
     kind = "disk margin"
-    keys = ("sigma",)
+    keys = ("sigma", "time_invariant")
     vector = True
     direct = True
     power = 1
@@ -90,15 +87,22 @@ class DiskMargin(Specification):
             raise InputError(f"a {self.kind} takes no disturbances; leave them out")
         if not is_number(self.sigma) or abs(self.sigma) > 100:
             raise InputError(f"sigma = {self.sigma!r} of a {self.kind} must be from -100 to 100")
+        require_flag(self.time_invariant, self.kind)
 
     @classmethod
     def least(
-        cls, loops: str | Sequence[str], at_least: float | None = None, sigma: float = 0.0
+        cls,
+        loops: str | Sequence[str],
+        at_least: float | None = None,
+        sigma: float = 0.0,
+        *,
+        time_invariant: bool = False,
     ) -> Self:
         """Return the requirement that a margin is at least so large; None: as large as can be."""
         if at_least is not None and not (is_number(at_least) and at_least > 0):
             raise InputError(f"at_least = {at_least!r} must be a positive number")
-        return cls(loops, None if at_least is None else inverse(Fraction(repr(at_least))), sigma)
+        level = None if at_least is None else inverse(Fraction(repr(at_least)))
+        return cls(loops, level, sigma, time_invariant=time_invariant)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -110,7 +114,7 @@ class DiskMargin(Specification):
     def title(self) -> str:
         """Kind, loops and skew, as a line has them."""
         skew = f" with sigma {exactly(self.sigma)}" if self.sigma else ""
-        return f"{super().title}{skew}"
+        return f"{super().title}{skew}{invariant_words(self.time_invariant)}"
 
     @property
     def limit(self) -> float | None:
@@ -183,7 +187,8 @@ class DiskMargin(Specification):
         opened = open_loops(plant, loops, beside)
         if loops.count > 1:
             gain = _gain(self, opened, loops, beside)
-            loops = replace(loops, weights=_weights(opened, beside, gain))
+            weights, leads = _scale(opened, beside, gain)
+            loops = replace(loops, weights=weights, leads=leads)
         return opened, beside, _gain(self, opened, loops, beside)
 
     def _require_cut(self, plant: UncertainPlant, law: Any, loops: Loops) -> None:
@@ -225,7 +230,8 @@ class DiskMargin(Specification):
         """Return the claim about the margin, of loops that weigh alike."""
         loops = self.loops_of(plant, subject.law)
         opened = opened_subject(subject, plant, loops)
-        return _claimed(self.claimed, opened, loops, level, self.shapes)
+        invariant = self.time_invariant
+        return _claimed(self.claimed, opened, loops, level, self.shapes, invariant=invariant)
 
     def condition(
         self,
@@ -287,7 +293,8 @@ class DiskMargin(Specification):
 
     def unweighted(self) -> DiskMargin:
         """Return the disk margin without the filters."""
-        return DiskMargin(self.signal, self.at_most, self.sigma) if self.shapes else self
+        known = {"time_invariant": self.time_invariant}
+        return DiskMargin(self.signal, self.at_most, self.sigma, **known) if self.shapes else self
 
     def sampled(self, plant: UncertainPlant, law: Any, alpha: Array) -> LoopMargins:
         """Return the classical margins of its first loop at points alpha."""
@@ -297,25 +304,21 @@ class DiskMargin(Specification):
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
         """Return peaks of the largest singular value with their slopes, loops weighed anew."""
-        gain = Gain(self.names[0])
         if loops.E.shape[-1] == 1:
-            return gain.slopes(loops)
-        d = np.exp(_logarithms(loops, HASTY))
-        weighed = gain.slopes(_weighed(loops, d))
+            return Gain(self.names[0]).slopes(loops)
+        return scales.slopes(loops, 0, 1.0, leads=self.time_invariant)
 
-        def turned() -> list[Turned]:  # those of the weights are zero, where they are best
-            (own,) = weighed.turned()
-            E, F = own.E, own.F
-            return [
-                Turned(
-                    own.A,
-                    own.C * d[:, None],
-                    None if E is None else E / d,
-                    None if F is None else d[:, None] * F / d,
-                )
-            ]
 
-        return replace(weighed, turned=turned)
+def require_flag(time_invariant: Any, kind: str) -> None:
+    """Refuse what is neither true nor false."""
+    if not isinstance(time_invariant, bool):
+        written = shown(time_invariant)
+        raise InputError(f"time_invariant = {written} of a {kind} must be true or false")
+
+
+def invariant_words(time_invariant: bool) -> str:
+    """Return what a title says of errors that do not vary in time."""
+    return " with time_invariant" if time_invariant else ""
 
 
 def inverse(margin: Fraction) -> float:
@@ -344,7 +347,7 @@ class Unmodelled(DiskMargin):
 
     weight: Any = ""
     kind = "unmodelled dynamics"
-    keys = ("weight",)
+    keys = ("weight", "time_invariant")
     claimed = proof.Unmodelled
 
     @explained_fields
@@ -360,20 +363,27 @@ class Unmodelled(DiskMargin):
         """Return what a row says."""
         if "weight" not in row.table:
             raise InputError('weight is missing; write weight = "(3*s + 18.5)/(s + 46.3)"')
-        return cls(row.table["signal"], **row.given(), weight=row.table["weight"])
+        own = {key: row.table[key] for key in cls.keys if key in row.table}
+        return cls(row.table["signal"], **row.given(), **own)
 
     @property
     def title(self) -> str:
         """Kind, loops and weight, as a line has them."""
-        return f"{self.kind} of {self.name} with weight {self.shapes[0].name}"
+        whole = f"{self.kind} of {self.name} with weight {self.shapes[0].name}"
+        return whole + invariant_words(self.time_invariant)
 
     @classmethod
     def least(  # type: ignore[override]
-        cls, loops: str | Sequence[str], weight: Any, at_least: float | None = None
+        cls,
+        loops: str | Sequence[str],
+        weight: Any,
+        at_least: float | None = None,
+        *,
+        time_invariant: bool = False,
     ) -> Self:
         """Return the requirement that so many times a weight are borne; None: as many as can be."""
         margin = DiskMargin.least(loops, at_least)
-        return cls(loops, margin.at_most, weight=weight)
+        return cls(loops, margin.at_most, weight=weight, time_invariant=time_invariant)
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
@@ -416,6 +426,7 @@ class LoopGain(Gain):
     """The gain at opened loops, whose claim is that of a disk margin."""
 
     loops: Loops = field(default_factory=lambda: Loops(()))
+    invariant: bool = False
     margin: str = ""
     shapes: tuple[Shape, ...] = ()
     claimed: type[proof.DiskMargin] = proof.DiskMargin
@@ -427,16 +438,28 @@ class LoopGain(Gain):
 
     @property
     def filters(self) -> tuple[Any, ...]:
-        """The shapes of unmodelled dynamics."""
-        return self.shapes or super().filters
+        """The shapes of unmodelled dynamics, and what the loops' leads are behind them."""
+        leads = self.loops.behind
+        if not leads:
+            return self.shapes or super().filters
+        whole: Filters = tuple(shape.filter if shape else None for shape in self.shapes)
+        whole = whole or (None,) * len(self.entries)
+        at_loops = map(in_turn, whole[-len(leads) :], leads)
+        return tuple(one and Shape(one) for one in (*whole[: -len(leads)], *at_loops))
+
+    @property
+    def before(self) -> Filters:
+        """What the loops' leads are before disturbances."""
+        return self.loops.before
 
     def filtered(self, signals: Sequence[str | Output]) -> Specification:
         """Return it of the signals behind their filters."""
-        return replace(self, signal=tuple(signals) if len(signals) > 1 else signals[0], shapes=())
+        bare, signal = replace(self.loops, leads=()), tuple(signals)
+        return replace(self, signal=signal if len(signal) > 1 else signal[0], shapes=(), loops=bare)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return the gain, of signals behind their filters."""
-        if not self.shapes:
+        if not any(self.filters):
             return super().values(plant, law, alpha)
         wide = behind(plant, law, self)
         return wide.specification.values(wide.plant, wide.law, alpha)
@@ -448,7 +471,8 @@ class LoopGain(Gain):
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
         """Return the claim about the margin."""
-        return _claimed(self.claimed, subject, self.loops, level, self.shapes)
+        invariant = self.invariant
+        return _claimed(self.claimed, subject, self.loops, level, self.shapes, invariant=invariant)
 
 
 def opened_subject(subject: proof.Subject, plant: UncertainPlant, loops: Loops) -> proof.Subject:
@@ -465,9 +489,12 @@ def _claimed(
     loops: Loops,
     level: Fraction,
     shapes: tuple[Shape, ...],
+    *,
+    invariant: bool,
 ) -> proof.BoundClaim:
     """Return the claim about opened loops, behind the filters that they have."""
-    return claimed.of(subject, loops, level, tuple(shape.filter for shape in shapes))
+    filters = tuple(shape.filter for shape in shapes)
+    return claimed.of(subject, loops, level, filters, invariant=invariant)
 
 
 def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> UncertainPlant:
@@ -526,6 +553,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
         at=SAMPLES,
         disturbances=chosen,
         loops=loops,
+        invariant=asked.time_invariant,
         margin=asked.title,
         shapes=asked.shapes,
         claimed=asked.claimed,
@@ -597,8 +625,10 @@ def _signal(plant: UncertainPlant, name: str) -> Output:
     return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 
-def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction, ...]:
-    """Return weights of loops for which the gain of D M D^-1 is about least at a few points."""
+def _scale(
+    plant: UncertainPlant, law: Any, gain: LoopGain
+) -> tuple[tuple[Fraction, ...], tuple[tuple[Fraction, Fraction], ...]]:
+    """Return weights and leads for which the gain of D M D^-1 is about least at a few points."""
     alpha = seeded(plant, len(plant.vertices) + FEW)
     wide = behind(plant, law, gain)
     closed, plant = close(wide.plant, wide.law, alpha), wide.plant
@@ -606,88 +636,5 @@ def _weights(plant: UncertainPlant, law: Any, gain: LoopGain) -> tuple[Fraction,
         closed.K, Modes(closed.closed, closed.step), closed.passed
     )
     if not np.all(growth(loops.modes.poles, closed.step) < 0):
-        return gain.loops.weights
-    d = np.exp(_logarithms(loops))
-    return tuple(map(rounded, d.tolist()))
-
-
-def rounded(weight: float, bits: int = BITS) -> Fraction:
-    """Return a weight of few bits."""
-    share, power = math.frexp(weight)
-    return Fraction(math.ldexp(round(share * 2**bits), power - bits))
-
-
-def _weighed(loops: ClosedLoops, d: Array) -> ClosedLoops:
-    """Return loops whose response is D M D^-1."""
-    return replace(loops, E=loops.E / d, C=loops.C * d[:, None], F=d[:, None] * loops.F / d)
-
-
-def _logarithms(loops: ClosedLoops, rounds: int = ROUNDS) -> Array:
-    """Return the logarithms of the weights for which the highest peak of D M D^-1 is about least.
-
-    It is convex in them. Peaks over the frequency are found anew for the weights that are best for
-    those found before, until none is higher.
-    """
-    known = list[Array]()
-    x = np.zeros(loops.E.shape[-1])
-    least, best = np.inf, x
-    for k in range(rounds):
-        weighed = _weighed(loops, np.exp(x))
-        points, w, height = peaks(weighed.modes, weighed.E, weighed.C, weighed.F)
-        if not np.all(np.isfinite(height)):
-            break
-        if height.max() < least:
-            least, best = float(height.max()), x
-        s = 1j * w / (1 - 0.5j * w * loops.modes.step)
-        A, E, C, F = (M[points] for M in (loops.A, loops.E, loops.C, loops.F))
-        known += list(response(A, E, C, F, s[:, None])[:, 0])
-        x, reached = _balanced(np.array(known), best if k else _osborne(np.array(known)))
-        if least <= reached * (1 + ENOUGH):
-            break
-    return np.asarray(best - best[0])
-
-
-def _osborne(M: Array) -> Array:
-    """Return logarithms of weights that even out rows and columns of |M|, largest of all."""
-    size = np.abs(M).max(axis=0)
-    size -= np.diag(np.diag(size))
-    x = np.zeros(len(size))
-    for _ in range(MOST_STEPS):
-        for i in range(len(size)):
-            row, column = size[i] @ np.exp(-x), np.exp(x) @ size[:, i]
-            if row > 0 and column > 0:
-                x[i] = (np.log(column) - np.log(row)) / 2
-    return np.asarray(np.clip(x - x[0], -FARTHEST, FARTHEST))
-
-
-def _last(z: Array) -> float:
-    return float(z[-1])
-
-
-def _balanced(M: Array, x: Array) -> tuple[Array, float]:
-    """Return x for which the largest singular value of e^X M_k e^-X is least, and that value.
-
-    The first weight is fixed.
-    """
-    from scipy.optimize import minimize  # deferred: slow to import
-
-    def levels(free: Array) -> tuple[Array, Array]:
-        d = np.exp(np.concatenate([x[:1], free]))
-        u, values, vt = np.linalg.svd(d[:, None] * M / d)
-        slopes = np.abs(u[:, :, 0]) ** 2 - np.abs(vt[:, 0]) ** 2
-        return np.log(values[:, 0]), slopes[:, 1:]
-
-    start = np.append(x[1:], levels(x[1:])[0].max())
-    settings: dict[str, Any] = {
-        "jac": lambda z: np.append(np.zeros(len(z) - 1), 1.0),
-        "method": "SLSQP",
-        "bounds": [(x[0] - FARTHEST, x[0] + FARTHEST)] * (len(x) - 1) + [(None, None)],
-        "constraints": {
-            "type": "ineq",
-            "fun": lambda z: z[-1] - levels(z[:-1])[0],
-            "jac": lambda z: np.hstack([-levels(z[:-1])[1], np.ones((len(M), 1))]),
-        },
-        "options": {"maxiter": MOST_STEPS, "ftol": 1e-9},
-    }
-    free = minimize(_last, start, **settings).x[:-1]
-    return np.concatenate([x[:1], free]), float(np.exp(levels(free)[0].max()))
+        return gain.loops.weights, ()
+    return scales.scaled(loops, 0, 1.0, leads=gain.invariant).scale.exact

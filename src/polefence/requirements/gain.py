@@ -193,6 +193,8 @@ class Highest:
     s : (rows,) array
         Where the peak is [1/s].
     A, E, C : (rows, ., .) arrays
+    out, into : (rows, p), (rows, q) arrays
+        What outputs and disturbances are multiplied by: G is diag(out) G0 diag(into).
     """
 
     values: Array
@@ -203,25 +205,39 @@ class Highest:
     A: Array
     E: Array
     C: Array
+    out: Any = 1.0
+    into: Any = 1.0
 
     @classmethod
-    def of(cls, loops: Loops, known: tuple[Array, Array] | None = None) -> Self:
-        """Return those of the peaks of loops, or of peaks that are known: their loops and w."""
+    def of(
+        cls,
+        loops: Loops,
+        known: tuple[Array, Array] | None = None,
+        sides: tuple[Any, Any] | None = None,
+    ) -> Self:
+        """Return those of the peaks of loops, or of peaks that are known: their loops and w.
+
+        Of peaks that are known, with what outputs and disturbances are multiplied by at each.
+        """
         A, E, C, F = loops.A, loops.E, loops.C, loops.F
         step = loops.modes.step
         points, w = known or peaks(loops.modes, E, C, F)[:2]
         s = 1j * w / (1 - 0.5j * w * step)
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, s[:, None])[:, 0]
+        out, into = sides or (np.ones(G.shape[:2]), np.ones(G.shape[::2]))
+        if sides:
+            G = out[:, :, None] * G * into[:, None]
         u, values, vt = np.linalg.svd(G, full_matrices=False)
         some, which = np.nonzero(values >= 0.7 * values[:, :1])
         u, v, values = u[some, :, which], vt[some, which].conj(), values[some, which]
-        points, s, A, E, C = (array[some] for array in (points, s, A, E, C))
-        return cls(values, points, u, v, s, A, E, C)
+        points, s, A, E, C, out, into = (x[some] for x in (points, s, A, E, C, out, into))
+        return cls(values, points, u, v, s, A, E, C, out, into)
 
     def turned(self) -> Turned:
         """Return the slopes of the values with respect to the loops."""
-        s, A, E, C, u, v = self.s, self.A, self.E, self.C, self.u, self.v
+        s, A, E, C = self.s, self.A, self.E, self.C
+        u, v = np.conj(self.out) * self.u, self.into * self.v
         away = s[:, None, None] * np.eye(A.shape[-1]) - A
         right = np.linalg.solve(away, E @ v[:, :, None])[:, None, :, 0]
         back, seen = np.swapaxes(away.conj(), 1, 2), np.swapaxes(C, 1, 2) @ u[:, :, None]

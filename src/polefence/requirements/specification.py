@@ -230,6 +230,11 @@ class Specification(Short):
         """The filter that each of its outputs goes through first."""
         return (None,) * len(self.entries)
 
+    @property
+    def before(self) -> tuple[Any, ...]:
+        """The filter before each disturbance, in the delta form of samples; empty without any."""
+        return ()
+
     def filtered(self, signals: Sequence[str | Output]) -> Specification:
         """Return it of the signals behind their filters."""
         return replace(self, signal=signals)

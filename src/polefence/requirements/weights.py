@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.law.laws import GainTable, Law, given_law
+from polefence.law.laws import GainTable, Law, PolynomialGain, given_law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import with_dynamics
 from polefence.plant.outputs import Output, padded
 from polefence.plant.system import Exact
-from polefence.proof.filters import Filter, Filters
+from polefence.plant.weights import driven_through, seen_through
+from polefence.proof.filters import Filter, Filters, states_of
 from polefence.proof.matrices import Integers, Rationals, plus, transposed
 from polefence.response.weighting import WD, WE, WF, WK, Weighting
 
@@ -52,10 +53,37 @@ class Behind:
 
 def behind(plant: UncertainPlant, law: Any, specification: Specification) -> Behind:
     """Return the requirement on the plant with its filters, unchanged if it has none."""
+    if any(specification.before):
+        plant, law, specification = _driven(plant, law, specification)
     if not any(specification.filters):
         return Behind(plant, law, specification)
     larger, (requirement,) = with_weights(plant, (specification,))
     return Behind(larger, wider(law, plant, larger), requirement)
+
+
+def _driven(
+    plant: UncertainPlant, law: Any, specification: Specification
+) -> tuple[UncertainPlant, Any, Specification]:
+    """Return the plant with the filters that a requirement has before disturbances."""
+    T = plant.sample_time
+    filters = tuple(one and _in_z(one, T) for one in specification.before)
+    labels = [f"before disturbance {i + 1}" for i in range(states_of(filters))]
+    larger = driven_through(plant, filters, labels)
+    outputs = [seen_through(y, plant, filters) for y in specification.outputs(plant)]
+    wide = wider(law, plant, larger)
+    if isinstance(law, PolynomialGain) and law.passes:
+        measured = tuple(seen_through(y, plant, filters) for y in law.measured)
+        wide = replace(wide, measured=measured)
+    signal = outputs if len(outputs) > 1 else outputs[0]
+    return larger, wide, replace(specification, signal=signal)
+
+
+def _in_z(form: Filter, T: Fraction | None) -> Filter:
+    """Return a filter in the form of a plant: of samples, not of their delta form."""
+    if T is None:
+        return form
+    a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(form.a)]
+    return replace(form, a=a, b=[[T * x for x in row] for row in form.b])
 
 
 def with_weights(
@@ -176,10 +204,8 @@ def _with_filter(
 ) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
     form, T = filter_of(weighting, plant.period), plant.sample_time
-    a, b = form.a, form.b
-    if T is not None:  # the plant is not in its delta form
-        a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(a)]
-        b = [[T * x for x in row] for row in b]
+    in_z = _in_z(form, T)
+    a, b = in_z.a, in_z.b
     label = f"{signal.name}, {weighting.name}"
     if label in [known.name for known in plant.signals]:
         raise InputError(f"{plant.name} has a signal {label!r} already; rename it")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,39 +25,31 @@ from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
 from polefence.proof.claims.disk_margin import Loops, through
 from polefence.proof.claims.worst_gain import SKEW, alone, demands, is_sent
+from polefence.requirements import scales
 from polefence.requirements.disk_margin import (
-    ENOUGH,
-    FARTHEST,
     FEW,
-    HASTY,
-    MOST_STEPS,
-    ROUNDS,
     LoopGain,
     Posed,
     Unmodelled,
+    invariant_words,
     named_disturbances,
     open_loops,
     opened_subject,
     place_of,
     reading_beside,
-    rounded,
+    require_flag,
     shaped,
 )
-from polefence.requirements.gain import Gain, Highest
-from polefence.requirements.slopes import Channel, Slopes, Turned
+from polefence.requirements.gain import Gain
+from polefence.requirements.slopes import Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification
 from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
 from polefence.response.modes import Modes
-from polefence.response.peaks import largest, peaks, response
+from polefence.response.peaks import largest, response
 from polefence.response.stationary import growth
 
-BITS = 24  # of the weight of a loop
-ALIKE = 1e-3  # of the highest value, those that are alike where weights are best
-LEAST_SHARE = 0.02  # of a peak that is of z: slopes of the others are taken as of this one
-SOME, AT_ONCE = 40, 16  # loops and responses of them that weights are first found for
-NEAR = 0.8  # of the highest peak: those that weights are found for
 FREQUENCIES = 3  # of a point, at which dynamics are sought; and points that are looked at closely
 CLOSELY, ZOOMS, WITHIN = 20, 6, 9
 TURNS, NEARER = 12, 4  # of a circle, and how often the best is looked at more closely
@@ -79,12 +71,15 @@ class WorstCaseGain(Gain):
         Inputs, by their names.
     weight : str or mapping
         W, the share by which an input may be off at each frequency, as `with_weight` takes one.
+    time_invariant : bool
+        Of dynamics delta that do not vary in time alone: no more is proved, and sooner.
     """
 
     inputs: Any = field(default=(), kw_only=True)
     weight: Any = field(default="", kw_only=True)
+    time_invariant: bool = field(default=False, kw_only=True)
     kind = "worst-case gain"
-    keys = ("disturbances", "inputs", "weight")
+    keys = ("disturbances", "inputs", "weight", "time_invariant")
 
     @explained_fields
     def __post_init__(self) -> None:
@@ -97,6 +92,7 @@ class WorstCaseGain(Gain):
                 f'inputs = {written} must name inputs, each once; write inputs = ["NAME"]'
             )
         self._settle("inputs", tuple(named))
+        require_flag(self.time_invariant, self.kind)
         if isinstance(self.weight, str):
             self._settle("weight", "".join(self.weight.split()))
         _ = self.shapes
@@ -108,14 +104,15 @@ class WorstCaseGain(Gain):
         for key, written in (("inputs", '["NAME"]'), ("weight", '"(3*s + 18.5)/(s + 46.3)"')):
             if key not in table:
                 raise InputError(f"{key} is missing; write {key} = {written}")
-        own = {key: table[key] for key in ("inputs", "weight")}
+        own = {key: table[key] for key in ("inputs", "weight", "time_invariant") if key in table}
         return cls(table["signal"], **row.given(), **own)
 
     @property
     def title(self) -> str:
         """Kind, signal, chosen disturbances, inputs and weight, as a line has them."""
         inputs = ", ".join(self.inputs)
-        return f"{super().title} with inputs [{inputs}] with weight {self.shapes[0].name}"
+        whole = f"{super().title} with inputs [{inputs}] with weight {self.shapes[0].name}"
+        return whole + invariant_words(self.time_invariant)
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
@@ -129,7 +126,8 @@ class WorstCaseGain(Gain):
     @property
     def presumed(self) -> tuple[Specification, ...]:
         """That the loop stays stable: else there is no such gain."""
-        return (Unmodelled(self.inputs, 1.0, weight=self.weight),)
+        same = {"weight": self.weight, "time_invariant": self.time_invariant}
+        return (Unmodelled(self.inputs, 1.0, **same),)
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a sampled plant, and what is no input."""
@@ -154,29 +152,29 @@ class WorstCaseGain(Gain):
 
     def posed(self, plant: UncertainPlant, law: Any) -> Posed:
         """Return the plant with its loops opened, the law beside it, and the gain to be bounded."""
-        level, weights = self._weighed(plant, law)
+        level, found = self._scaled(plant, law)
         if not np.isfinite(level):
             raise InputError(f"{self.title}: dynamics within the weight make the loop unstable")
-        return self._opened(plant, law, level, weights)
+        return self._opened(plant, law, level, *found.times(level).exact)
 
     def nearest(self, plant: UncertainPlant, law: Any) -> float:
         """Return about the least level that can be proved of it; infinite where there is none."""
-        return self._weighed(plant, law)[0]
+        return self._scaled(plant, law)[0]
 
-    def _weighed(self, plant: UncertainPlant, law: Any) -> tuple[float, tuple[Fraction, ...]]:
-        """Return the level, and a weight for each loop, that are about best at a few points."""
+    def _scaled(self, plant: UncertainPlant, law: Any) -> tuple[float, scales.Scale]:
+        """Return the level, and a scale of the loops, that are about best at a few points."""
         alpha = seeded(plant, len(plant.vertices) + FEW)
         loops = self._closed(plant, law, alpha)
+        none = scales.Scale(np.zeros((len(self.inputs), 1)))
         if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
-            return np.inf, ()
-        x, level, _ = scaled(loops, len(self.entries), self.at_most)
-        level = self.at_most or level
-        if not np.isfinite(level):
-            return np.inf, ()
-        return level, tuple(rounded(d, BITS) for d in (level * np.exp(x)).tolist())
+            return np.inf, none
+        invariant = self.time_invariant
+        found = scales.scaled(loops, len(self.entries), self.at_most, leads=invariant)
+        level = self.at_most or found.level
+        return (level, found.scale) if np.isfinite(level) else (np.inf, none)
 
     def _closed(self, plant: UncertainPlant, law: Any, alpha: Array) -> ClosedLoops:
-        """Return the loops from [w; w_k] to [z; v_k], none weighed."""
+        """Return the loops from [w; w_k] to [z; v_k], none scaled."""
         opened, beside, gain = self._opened(plant, law, 1.0, (Fraction(1),) * len(self.inputs))
         wide = behind(opened, beside, gain)
         closed = close(wide.plant, wide.law, alpha)
@@ -184,10 +182,15 @@ class WorstCaseGain(Gain):
         return channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
 
     def _opened(
-        self, plant: UncertainPlant, law: Any, level: float, weights: tuple[Fraction, ...]
+        self,
+        plant: UncertainPlant,
+        law: Any,
+        level: float,
+        weights: tuple[Fraction, ...],
+        leads: tuple[tuple[Fraction, Fraction], ...] = (),
     ) -> Posed:
-        """Return the opened loops at a level, for weights of the loops."""
-        loops = replace(self._loops(plant, law), weights=weights)
+        """Return the opened loops at a level, for weights and leads of the loops."""
+        loops = replace(self._loops(plant, law), weights=weights, leads=leads)
         beside = reading_beside(plant, law, loops)
         opened = open_loops(plant, loops, beside)
         chosen = self.scales(plant)
@@ -200,6 +203,7 @@ class WorstCaseGain(Gain):
             level,
             disturbances={name: scale for name, scale in acting.items() if scale},
             loops=loops,
+            invariant=self.time_invariant,
             margin=self.title,
             shapes=(*(None for _ in self.entries), *self.shapes),  # type: ignore[arg-type]
             chosen=tuple(map(Fraction, chosen)),
@@ -221,7 +225,8 @@ class WorstCaseGain(Gain):
         filters = tuple(shape.filter for shape in self.shapes)
         chosen = tuple(map(Fraction, self.scales(plant)))
         signals = self.exact_outputs(plant)
-        return proof.WorstCaseGain.of(opened, signals, loops, level, filters, chosen)
+        known = {"invariant": self.time_invariant}
+        return proof.WorstCaseGain.of(opened, signals, loops, level, filters, chosen, **known)
 
     # --- what samples show, and slopes -----------------------------------------------------------
 
@@ -237,7 +242,7 @@ class WorstCaseGain(Gain):
             loops = self._closed(plant, law, alpha[first : first + CHUNK])
             if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
                 raise InputError(f"{self.title}: a loop is not stable")
-            known = known or _weights_of(loops, p)
+            known = known or _scale_of(loops, p)
             values.append(_on_grid(loops, p, *known))
         found = np.concatenate(values)
         worst = np.argsort(-found)[:CLOSELY]
@@ -272,76 +277,8 @@ class WorstCaseGain(Gain):
         return channel
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
-        """Return what is bounded at peaks with its slopes, loops weighed anew.
-
-        Under a limit it is the gain for weights at that level: it exists where the loop does not
-        stay stable too.
-        """
-        p = len(self.entries)
-        x, level, known = scaled(loops, p, self.at_most, HASTY)
-        if not np.isfinite(level):
-            return _nothing(loops)
-        out, into = sides(loops, p, x, self.at_most or level)
-        found = Highest.of(weighed(loops, out, into), known)
-        values, each = found.values, np.ones(len(found.values))
-        share = each
-        if self.at_most is None:  # the level for which a peak is as high: it turns weights too
-            share = np.maximum((np.abs(found.u[:, :p]) ** 2).sum(axis=1), LEAST_SHARE)
-            values = level * (found.values / level) ** (1 / share)
-            each = values / found.values / share
-
-        q = loops.E.shape[-1] - len(x)
-        along = np.abs(found.u[:, p:]) ** 2 - np.abs(found.v[:, q:]) ** 2
-        mixed = following(values, values[:, None] * along / share[:, None])
-
-        def turned() -> list[Turned]:
-            own, times = found.turned(), each[:, None, None]
-            E, F = own.E, own.F
-            return [
-                Turned(
-                    own.A * times,
-                    own.C * out[:, None] * times,
-                    None if E is None else E * into * times,
-                    None if F is None else out[:, None] * F * into * times,
-                )
-            ]
-
-        return Slopes(values, found.points, turned, mixed)
-
-
-def following(values: Array, along: Array) -> Array:
-    """Return what slopes of values are of those for weights that stay, (rows, rows).
-
-    Where weights are best several of the highest values are alike, and stay so while weights follow
-    the law: without that a search ends where no law lowers all of them for weights that stay.
-
-    Parameters
-    ----------
-    along : (rows, loops) array
-        Slopes with respect to logarithms of the weights.
-    """
-    from scipy.optimize import nnls  # deferred: slow to import
-
-    top = float(values.max())
-    high = np.flatnonzero(values >= top * (1 - ALIKE))
-    size = max(float(np.abs(along[high]).max()), 1e-300)
-    sides = np.vstack([along[high].T / size, np.ones(len(high))])
-    kept = high[nnls(sides, np.append(np.zeros(along.shape[1]), 1.0))[0] > 1e-6]
-    mixed = np.eye(len(values))
-    if len(kept) > 1:
-        solved = np.linalg.pinv(np.hstack([along[kept], -np.ones((len(kept), 1))]))
-        mixed[:, kept] -= along @ solved[:-1]
-    return mixed
-
-
-def _nothing(loops: ClosedLoops) -> Slopes:
-    """Return that there is no level at any point."""
-    count, (n, p) = len(loops.E), (loops.A.shape[-1], loops.C.shape[1])
-
-    def turned() -> list[Turned]:
-        return [Turned(np.zeros((count, n, n)), np.zeros((count, p, n)), 0 * loops.E, 0 * loops.F)]
-
-    return Slopes(np.full(count, np.inf), np.arange(count), turned)
+        """Return what is bounded at peaks with its slopes, loops scaled anew."""
+        return scales.slopes(loops, len(self.entries), self.at_most, leads=self.time_invariant)
 
 
 @dataclass(frozen=True)
@@ -356,7 +293,9 @@ class OpenedGain(LoopGain):
         """Return the claim about the worst-case gain."""
         signals = [alone(y, self.loops.own) for y in self.exact_outputs(plant)[: -self.loops.count]]
         filters = tuple(shape.filter for shape in self.shapes if shape is not None)
-        return proof.WorstCaseGain.of(subject, signals, self.loops, level, filters, self.chosen)
+        known = {"invariant": self.invariant}
+        loops, chosen = self.loops, self.chosen
+        return proof.WorstCaseGain.of(subject, signals, loops, level, filters, chosen, **known)
 
 
 def _measured(law: Any) -> list[str]:
@@ -397,231 +336,27 @@ def _sent(opened: UncertainPlant, loops: Loops) -> list[Output]:
     ]
 
 
-# --- weights of loops, and the level ------------------------------------------------------------
-
-
-def sides(loops: ClosedLoops, p: int, x: Array, level: float) -> tuple[Array, Array]:
-    """Return what outputs and disturbances are multiplied by, for logarithms x of weights.
-
-    The gain is then at most the level where the worst-case gain is.
-    """
-    d, q = np.exp(x), loops.E.shape[-1] - len(x)
-    return np.concatenate([np.ones(p), level * d]), np.concatenate([np.ones(q), 1 / d])
-
-
-def weighed(loops: ClosedLoops, out: Array, into: Array) -> ClosedLoops:
-    """Return loops whose outputs and disturbances are multiplied."""
-    column = out[:, None]
-    return replace(loops, E=loops.E * into, C=loops.C * column, F=column * loops.F * into)
-
-
-class Weighed(NamedTuple):
-    """What weights of the loops lead to.
-
-    Attributes
-    ----------
-    x : (loops,) array
-        Their logarithms.
-    level : float
-        What is least with them: infinite where there is none.
-    peaks : tuple of arrays, optional
-        Numbers of loops and frequencies of the peaks of loops that are weighed so, if known.
-    """
-
-    x: Array
-    level: float
-    peaks: tuple[Array, Array] | None = None
-
-
-def scaled(loops: ClosedLoops, p: int, limit: float | None, rounds: int = ROUNDS) -> Weighed:
-    """Return weights of the loops, and what is least with them.
-
-    Without a limit that is the level that the gain of loops weighed for it does not exceed, else
-    the gain of those weighed for the limit. Both are convex in logarithms of the weights. Peaks
-    over the frequency are found anew for what is best for those found before, until none is higher.
-
-    Parameters
-    ----------
-    p : int
-        How many outputs are not at loops.
-    """
-    known = _at_some(loops, p, limit)
-    search = Search(known, p, limit)
-    x, level = search.least(search.even)
-    best = Weighed(x, np.inf)
-    for _ in range(rounds):
-        if not np.isfinite(level):
-            return Weighed(x, np.inf)
-        points, w, height = peaks_of(weighed(loops, *sides(loops, p, x, limit or level)))
-        if not np.all(np.isfinite(height)):
-            return Weighed(x, np.inf)
-        top = float(height.max())
-        if limit is None or top < best.level:
-            best = Weighed(x, max(top, level) if limit is None else top, (points, w))
-        if top <= level * (1 + ENOUGH):
-            return best
-        near = height >= NEAR * top
-        s = 1j * w[near]
-        A, E, C, F = (M[points[near]] for M in (loops.A, loops.E, loops.C, loops.F))
-        found = response(A, E, C, F, s[:, None])[:, 0]
-        search = search._replace(M=np.concatenate([search.M, found]))
-        x, level = search.least(x)
-    return best
-
-
-def _at_some(loops: ClosedLoops, p: int, limit: float | None) -> Any:
-    """Return responses (count, ., .) at those frequencies of a grid that may bound the gain."""
-    some = np.linspace(0, len(loops.A) - 1, min(len(loops.A), SOME)).astype(int)
-    A, E, C, F = (M[np.unique(some)] for M in (loops.A, loops.E, loops.C, loops.F))
-    poles = loops.modes.poles[np.unique(some)]
-    G = response(A, E, C, F, 1j * _frequencies(poles))
-    M = G.reshape(-1, *G.shape[2:])
-    search = Search(M, p, limit)
-    q = M.shape[2] - search.size
-    alone = largest(M[:, :p, :q])
-    height = search.heights(search.even, limit or float(alone.max()) or 1.0)[0]
-    return M[np.unique([*np.argsort(-height)[:AT_ONCE], *np.argsort(-alone)[: AT_ONCE // 4]])]
-
-
-def _frequencies(poles: Any) -> Array:
-    """Return frequencies (count, f): those of the poles, and some between and beyond."""
-    sizes = np.abs(poles)
-    fast = np.maximum(sizes.max(axis=1, keepdims=True), 1e-300)
-    slow = np.maximum(sizes.min(axis=1, keepdims=True), 1e-6 * fast)
-    even = slow / 5 * (25 * fast / slow) ** np.linspace(0, 1, 32)
-    return np.concatenate([0 * slow, sizes, np.abs(poles.imag), even], axis=1)
-
-
-def peaks_of(loops: ClosedLoops) -> tuple[Array, Array, Array]:
-    """Return the peaks of loops: their numbers, frequencies and heights."""
-    return peaks(loops.modes, loops.E, loops.C, loops.F)
-
-
-class Search(NamedTuple):
-    """Weights of loops for responses M (count, p + loops, q + loops) that are known."""
-
-    M: Any
-    p: int
-    limit: float | None
-
-    @property
-    def size(self) -> int:
-        """How many loops there are."""
-        return int(self.M.shape[1]) - self.p
-
-    @property
-    def even(self) -> Array:
-        """Logarithms of weights that even out what comes from loops, and what goes to them."""
-        p, q = self.p, self.M.shape[2] - self.size
-        M, x = np.abs(self.M).max(axis=0), np.zeros(self.size)
-        M[:p] /= self.limit or float(M[:p, :q].max()) or 1.0
-        for _ in range(MOST_STEPS):
-            for i in range(self.size):
-                d = np.exp(x)
-                row = M[p + i] * np.concatenate([np.ones(q), 1 / d])
-                column = M[:, q + i] * np.concatenate([np.ones(p), d])
-                row[q + i] = column[p + i] = 0.0
-                if row.sum() > 0 and column.sum() > 0:
-                    x[i] = np.log(column.sum() / row.sum()) / 2
-        return np.asarray(np.clip(x, -FARTHEST, FARTHEST))
-
-    def heights(self, x: Array, level: float) -> tuple[Array, Array, Array]:
-        """Return logarithms of singular values, of z over the level, and slopes.
-
-        With respect to x, and to the logarithm of the level.
-        """
-        p, d = self.p, np.exp(x)
-        q = self.M.shape[2] - self.size
-        out = np.concatenate([np.full(p, 1 / level), d])
-        into = np.concatenate([np.ones(q), 1 / d])
-        u, values, vt = np.linalg.svd(out[:, None] * self.M * into, full_matrices=False)
-        one, other = np.abs(u[:, :, 0]) ** 2, np.abs(vt[:, 0]) ** 2
-        slopes = one[:, p:] - other[:, q:]
-        return np.log(np.maximum(values[:, 0], 1e-300)), slopes, -one[:, :p].sum(axis=1)
-
-    def level(self, x: Array) -> float:
-        """Return the least level for weights, infinite where there is none.
-
-        Its square is the largest eigenvalue of W^-1 Z'Z, Z the rows of z, W = diag(1, d^2) - Y'Y.
-        """
-        d = np.exp(x)
-        q = self.M.shape[2] - self.size
-        into = np.concatenate([np.ones(q), 1 / d])
-        Z, Y = self.M[:, : self.p] * into, d[:, None] * self.M[:, self.p :] * into
-        W = np.eye(self.M.shape[2]) - np.swapaxes(Y.conj(), 1, 2) @ Y
-        try:
-            L = np.linalg.cholesky(W)
-        except np.linalg.LinAlgError:
-            return np.inf
-        return float(largest(np.linalg.solve(L, np.swapaxes(Z.conj(), 1, 2))).max())
-
-    def least(self, x: Array) -> tuple[Array, float]:
-        """Return the best weights, and the level or the gain that is least with them."""
-        if self.limit is not None:
-            x, t = self._searched(x, float(np.log(self.limit)))
-            return x, self.limit * float(np.exp(t))
-        level = self.level(x)
-        if not np.isfinite(level):  # first those for which loops stay stable
-            top = float(np.abs(self.M).max())
-            x = self._searched(x, float(np.log(top) + FARTHEST / 2))[0]
-            level = self.level(x)
-        if np.isfinite(level):
-            x = self._searched(x, None, float(np.log(level)))[0]
-            level = self.level(x)
-        return x, level
-
-    def _searched(self, x: Array, g: float | None, start: float = 0.0) -> tuple[Array, float]:
-        """Return weights with the least height at the level e^g; without one the least level."""
-        from scipy.optimize import minimize  # deferred: slow to import
-
-        def heights(z: Array) -> tuple[Array, Array]:
-            top, slopes, of_level = self.heights(z[:-1], float(np.exp(z[-1] if g is None else g)))
-            last = -of_level if g is None else np.ones(len(top))
-            margin = -top if g is None else z[-1] - top
-            return margin, np.hstack([-slopes, last[:, None]])
-
-        z = np.append(x, start if g is None else self.heights(x, float(np.exp(g)))[0].max())
-        settings: dict[str, Any] = {
-            "jac": lambda z: np.append(np.zeros(len(z) - 1), 1.0),
-            "method": "SLSQP",
-            "bounds": [(a - FARTHEST, a + FARTHEST) for a in x] + [(None, None)],
-            "constraints": {
-                "type": "ineq",
-                "fun": lambda z: heights(z)[0],
-                "jac": lambda z: heights(z)[1],
-            },
-            "options": {"maxiter": MOST_STEPS, "ftol": 1e-10},
-        }
-        found = minimize(_last, z, **settings).x[:-1]
-        if g is None:
-            return (found, 0.0) if self.level(found) <= self.level(x) else (x, 0.0)
-        top = float(self.heights(found, float(np.exp(g)))[0].max())
-        return (found, top) if top <= z[-1] else (x, float(z[-1]))
-
-
-def _last(z: Array) -> float:
-    return float(z[-1])
-
-
 # --- the worst dynamics at a frequency ----------------------------------------------------------
 
 
-def _weights_of(loops: ClosedLoops, p: int) -> tuple[Array, float]:
-    """Return logarithms of weights and a level for which peaks tell where dynamics are worst."""
-    found = scaled(loops, p, None, HASTY)
+def _scale_of(loops: ClosedLoops, p: int) -> tuple[scales.Scale, float]:
+    """Return a scale and a level for which peaks tell where dynamics are worst."""
+    found = scales.scaled(loops, p, None, scales.HASTY)
     if np.isfinite(found.level):
-        return found.x, found.level
+        return found.scale, found.level
     still = response(loops.A, loops.E, loops.C, loops.F, np.zeros((len(loops.A), 1)))
-    level = float(largest(still[..., :p, : loops.E.shape[-1] - len(found.x)]).max()) or 1.0
-    return scaled(loops, p, level, HASTY).x, level
+    q = loops.E.shape[-1] - len(found.scale.theta)
+    level = float(largest(still[..., :p, :q]).max()) or 1.0
+    return scales.scaled(loops, p, level, scales.HASTY).scale, level
 
 
-def _on_grid(loops: ClosedLoops, p: int, x: Array, level: float) -> Array:
+def _on_grid(loops: ClosedLoops, p: int, scale: scales.Scale, level: float) -> Array:
     """Return the worst gain at each point, at those frequencies of a grid where it may be."""
-    w = _frequencies(loops.modes.poles)
-    out, into = sides(loops, p, x, level)
+    w = scales.frequencies(loops.modes.poles)
+    q = loops.E.shape[-1] - len(scale.theta)
+    out, into = scales.sides(scale, p, q, level, 1j * w[0])
     G = response(loops.A, loops.E, loops.C, loops.F, 1j * w)
-    some = np.argsort(-largest(out[:, None] * G * into), axis=1)[:, :FREQUENCIES]
+    some = np.argsort(-largest(out[:, :, None] * G * into[:, None]), axis=1)[:, :FREQUENCIES]
     worst = worst_of_dynamics(np.take_along_axis(G, some[:, :, None, None], axis=1), p)
     return np.asarray(worst.max(axis=1))
 

@@ -39,10 +39,18 @@ class DelayMargin(DiskMargin):
     kind: ClassVar[str] = "delay margin"
 
     @classmethod
-    def of(cls, subject: Subject, loops: Loops, level: Fraction, filters: Filters = ()) -> Self:
+    def of(
+        cls,
+        subject: Subject,
+        loops: Loops,
+        level: Fraction,
+        filters: Filters = (),
+        *,
+        invariant: bool = False,
+    ) -> Self:
         """Return the claim, behind the filter of its own level."""
         own = filters or ((late_by(1 / level),) if level > 0 else ())
-        return super().of(subject, loops, level, own)
+        return super().of(subject, loops, level, own, invariant=invariant)
 
     @classmethod
     def filters_of(cls, table: Table, count: int) -> Filters:

@@ -9,6 +9,9 @@ Packard & Gahinet, IEEE Control Systems 40(5), 2020).
 
 So this is a gain: of the plant whose disturbances are those at the loops, B's columns or a column
 of what the law reads, and whose outputs are what arrives there, less (1 - s) / 2 of it.
+
+Where d does not vary in time, entries of D may be leads, d_k (s + a_k) / (s + b_k): stable, and so
+are their inverses, and each commutes with what is in its loop alone.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from polefence.proof.claims.signal import (
     read_subject,
     write_evidence,
 )
-from polefence.proof.filters import Filters, states_of
+from polefence.proof.filters import Filter, Filters, before, in_series, in_turn, states_of
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
 from polefence.proof.matrices import ONE, ZERO, Rationals, beside, identity
@@ -60,6 +63,8 @@ class Loops(Short):
         How many disturbances of the plant itself act besides, before those at the loops.
     demands : tuple of int
         Numbers of states that are filters of what is sent: what is added at inputs is not in them.
+    leads : tuple of pairs
+        a and b of each loop's lead, alike of one without; empty where no loop has one.
     """
 
     inputs: tuple[int, ...]
@@ -69,6 +74,7 @@ class Loops(Short):
     through: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
     own: int = 0
     demands: tuple[int, ...] = ()
+    leads: tuple[tuple[Fraction, Fraction], ...] = ()
 
     @property
     def count(self) -> int:
@@ -79,6 +85,11 @@ class Loops(Short):
     def scales(self) -> tuple[Fraction, ...]:
         """How many times each disturbance acts."""
         return tuple(1 / weight for weight in self.weights)
+
+    @property
+    def alike(self) -> Self:
+        """The same loops, that weigh alike."""
+        return replace(self, weights=(ONE,) * self.count, leads=())
 
     def require(self, m: int, r: int) -> None:
         """Refuse loops that a plant of m inputs, and a law of r signals, has not.
@@ -94,6 +105,36 @@ class Loops(Short):
             raise FormatError(f"inputs, measured: a margin is of 1 to {MAX_ENTRIES} loops")
         if len(self.weights) != self.count or min(self.weights) <= 0:
             raise FormatError(f"weights must be {self.count} positive numbers, one a loop")
+
+    def require_leads(self, step: Fraction) -> None:
+        """Refuse leads that are not stable both ways.
+
+        Raises
+        ------
+        FormatError
+        """
+        if len(self.leads) not in (0, self.count):
+            raise FormatError(f"zeros, poles: there must be {self.count}, one a loop")
+        for x in (x for lead in self.leads for x in lead):
+            if x <= 0 or step * x >= 2:
+                below = f" and below {number_text(2 / step)}" if step else ""
+                raise FormatError(f"zeros, poles: they are numbers above zero{below}")
+
+    @property
+    def before(self) -> Filters:
+        """The inverse of each lead, before its disturbance."""
+        own: Filters = (None,) * self.own
+        return (*own, *(_lead(pole, zero) for zero, pole in self.leads))
+
+    @property
+    def behind(self) -> Filters:
+        """Each lead, behind what arrives in its loop."""
+        return tuple(_lead(*lead) for lead in self.leads)
+
+    @property
+    def lead_states(self) -> int:
+        """How many states leads have, on both sides."""
+        return states_of(self.before) + states_of(self.behind)
 
     def entering(self, B: Rationals, E: Rationals) -> Rationals:
         """Return E of the disturbances, those at the loops last."""
@@ -186,14 +227,66 @@ class Loops(Short):
         return tuple(outputs)
 
 
+def _lead(zero: Fraction, pole: Fraction) -> Filter | None:
+    """Return (s + zero) / (s + pole); none where it is one."""
+    if zero == pole:
+        return None
+    return Filter([[-pole]], [[pole]], [[(zero - pole) / pole]], "lead", ONE)
+
+
 @dataclass(frozen=True)
 class AtLoops(Gain):
-    """A gain that disturbances at opened loops have a part in."""
+    """A gain that disturbances at opened loops have a part in.
+
+    ``invariant``: of what is in the loops that does not vary in time.
+    """
 
     loops: Loops = field(kw_only=True)
+    invariant: bool = field(default=False, kw_only=True)
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the evidence is of a larger loop than the subject."""
+        return bool(self.filters or self.loops.leads)
+
+    @property
+    def series(self) -> Self:
+        """The same claim about the loop with leads and filters, which has none."""
+        loops, outputs = self.loops, self.outputs
+        if not loops.leads:
+            return super().series
+        filters = self.filters or (None,) * len(outputs)
+        filters = (
+            *filters[: -loops.count],
+            *map(in_turn, filters[-loops.count :], loops.behind),
+        )
+        subject, outputs = in_series(*before(self.subject, outputs, loops.before), filters)
+        bare = replace(loops, leads=())
+        return replace(self, subject=subject, outputs=outputs, filters=(), loops=bare)
+
+    def require(self) -> None:
+        """Refuse leads that do not fit; then as any other claim."""
+        self.loops.require_leads(self.subject.step)
+        if self.loops.leads and not self.invariant:
+            raise FormatError("leads: they are for what does not vary in time; say invariant")
+        super().require()
+
+    def write_leads(self) -> dict[str, Any]:
+        """Return what `read_leads` reads."""
+        table: dict[str, Any] = {"invariant": True} if self.invariant else {}
+        for k, key in enumerate(("zeros", "poles") if self.loops.leads else ()):
+            table[key] = plain([lead[k] for lead in self.loops.leads])
+        return table
+
+    @property
+    def invariant_text(self) -> str:
+        """Say that what is in the loops does not vary in time, where it may not."""
+        return " (errors that do not vary in time)" if self.invariant else ""
 
     def require_late(self, late: Late) -> None:
         """Refuse what does not hold for a dead time: what is added at an input is late as it is."""
+        if self.loops.leads:
+            raise FormatError("leads: with a dead time there are none")
         n, m = self.subject.n, self.subject.m
         columns = self.loops.columns(n, m)
         entering = tuple(
@@ -241,15 +334,17 @@ class DiskMargin(AtLoops):
         )
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
-        loops = replace(loops, through=through(plant, law.measured))
+        invariant, leads = read_leads(table, loops.count, plant.step)
+        loops = replace(loops, through=through(plant, law.measured), leads=leads)
         evidence, opened = table.table("evidence"), loops.law(law, plant)
         if loops.measured:
             on, known = evidence.word("on", DOMAINS), on
             if on != known and not law.fixed:
                 raise FormatError(f'{evidence.path("on")} must be "{known}", as that of the law')
         filters = cls.filters_of(table, loops.count)
-        subject = read_subject(evidence, loops.plant(plant), opened, on, states_of(filters))
-        return cls.of(subject, loops, table.number("level"), filters)
+        more = states_of(filters) + loops.lead_states
+        subject = read_subject(evidence, loops.plant(plant), opened, on, more)
+        return cls.of(subject, loops, table.number("level"), filters, invariant=invariant)
 
     @classmethod
     def filters_of(cls, table: Table, count: int) -> Filters:
@@ -257,16 +352,25 @@ class DiskMargin(AtLoops):
         return read_filters(table, count) if cls.has_filters else ()
 
     @classmethod
-    def of(cls, subject: Subject, loops: Loops, level: Fraction, filters: Filters = ()) -> Self:
+    def of(
+        cls,
+        subject: Subject,
+        loops: Loops,
+        level: Fraction,
+        filters: Filters = (),
+        *,
+        invariant: bool = False,
+    ) -> Self:
         """Return the claim about a loop whose E and law are those of opened loops."""
         outputs = loops.outputs(subject.law, subject.n, subject.m, len(subject.A))
-        return cls(subject, outputs, level, scales=loops.scales, loops=loops, filters=filters)
+        known: dict[str, Any] = {"scales": loops.scales, "filters": filters}
+        return cls(subject, outputs, level, **known, loops=loops, invariant=invariant)
 
     @property
     def bare(self) -> Self:
         """What is claimed: weights of loops are a part of what proves it."""
-        alike = replace(self.loops, weights=(ONE,) * self.loops.count)
-        return self.of(super().bare.subject, alike, self.level, self.filters)
+        subject, alike = super().bare.subject, self.loops.alike
+        return self.of(subject, alike, self.level, self.filters, invariant=self.invariant)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -276,6 +380,7 @@ class DiskMargin(AtLoops):
             table |= {key: [k + 1 for k in numbers]} if numbers else {}
         table |= {"skew": plain(loops.skew)} if loops.skew else {}
         table |= {"weights": plain(loops.weights), "level": plain(self.level)}
+        table |= self.write_leads()
         if self.filters:
             table["filters"] = [
                 {} if applied is None else applied.write() for applied in self.filters
@@ -298,7 +403,7 @@ class DiskMargin(AtLoops):
     def named(self, plant: Plant) -> str:
         """Say which margin of which loops it is."""
         skew = f" of skew {number_text(self.loops.skew)}" if self.loops.skew else ""
-        return f"{self.kind}{skew} {self.loops_text(plant)}"
+        return f"{self.kind}{skew} {self.loops_text(plant)}{self.invariant_text}"
 
     def acting_words(self, plant: Plant) -> str:  # noqa: ARG002
         """Nothing: no disturbance of the plant acts."""
@@ -351,8 +456,20 @@ class Unmodelled(DiskMargin):
     def named(self, plant: Plant) -> str:
         """Say which dynamics at which loops it is about."""
         shapes = ", ".join(quoted(shape.name) for shape in self.filters if shape is not None)
-        of = f"{self.kind} {self.loops_text(plant)}"
+        of = f"{self.kind} {self.loops_text(plant)}{self.invariant_text}"
         return f"{of} in multiples of {shapes} (as the file defines it),"
+
+
+def read_leads(
+    table: Table, count: int, step: Fraction
+) -> tuple[bool, tuple[tuple[Fraction, Fraction], ...]]:
+    """Return whether what is in the loops does not vary in time, and the loops' leads."""
+    if "zeros" not in table and "poles" not in table:
+        return table.flag("invariant"), ()
+    both = (table.numbers(key, count) for key in ("zeros", "poles"))
+    leads = tuple(zip(*both, strict=True))
+    Loops((), weights=(ONE,) * count, leads=leads).require_leads(step)
+    return table.flag("invariant"), leads
 
 
 def through(plant: Plant, measured: Sequence[str]) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:

@@ -662,6 +662,11 @@ class SignalClaim(Short, Claim):
         )
 
     @property
+    def filtered(self) -> bool:
+        """Whether the evidence is of a larger loop than the subject: of ``series``."""
+        return bool(self.filters)
+
+    @property
     def series(self) -> Self:
         """The same claim about the loop with its filters, which has none."""
         if not self.filters:
@@ -671,7 +676,7 @@ class SignalClaim(Short, Claim):
 
     def require(self) -> None:
         """Refuse what is incomplete, of shapes that do not fit, or out of all proportion."""
-        if self.filters:
+        if self.filtered:
             self.series.require()
             return
         evidence = self.subject.evidence
@@ -801,7 +806,7 @@ class SignalClaim(Short, Claim):
 
     def inequalities(self) -> Iterator[Inequality]:
         """Yield what proves the claim; all that is about its loop is raised to one degree."""
-        if self.filters:
+        if self.filtered:
             yield from self.series.inequalities()
             return
         for k, piece in enumerate(self.subject.evidence.cells):
@@ -812,7 +817,7 @@ class SignalClaim(Short, Claim):
 
     def decided(self) -> Verdict:
         """Prove it; cells must make up the box."""
-        if self.filters:
+        if self.filtered:
             return self.series.decided()
         if self.subject.evidence.transfer:
             return self._by_transfer()

@@ -7,7 +7,8 @@ than ``level`` if for positive numbers a_k that of
     [ z; a_1 v_1; ... ]    from    [ w; (a_1 / level) w_1; ... ]
 
 is: of the two sums of squares those at loops leave, as |w_k| <= |v_k|, those of z and level w.
-Stability is a part of it: where w is zero this is the small gain theorem.
+Stability is a part of it: where w is zero this is the small gain theorem. Of delta_k that do not
+vary in time a_k may be a lead, as of a disk margin.
 
 w_k is beside u_k wherever the plant's input is: in the rates of states, and in outputs of states.
 Not so in what is of the law's demand alone: an output of inputs, or of states of their weights.
@@ -21,7 +22,7 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, require_law
-from polefence.proof.claims.disk_margin import AtLoops, Loops, through
+from polefence.proof.claims.disk_margin import AtLoops, Loops, read_leads, through
 from polefence.proof.claims.signal import (
     Subject,
     acting_text,
@@ -74,7 +75,8 @@ class WorstCaseGain(AtLoops):
         known = demands(plant)
         loops = Loops(inputs, (), SKEW, table.numbers("weights"), own=plant.q, demands=known)
         loops.require(plant.m, 0)
-        loops = replace(loops, through=through(plant, law.measured))
+        invariant, leads = read_leads(table, loops.count, plant.step)
+        loops = replace(loops, through=through(plant, law.measured), leads=leads)
         signals, filters = read_outputs(table, plant, cls.most), read_filters(table, loops.count)
         if not filters or None in filters:
             raise FormatError(
@@ -82,9 +84,11 @@ class WorstCaseGain(AtLoops):
             )
         opened = loops.law(law, plant)
         evidence = table.table("evidence")
-        subject = read_subject(evidence, loops.plant(plant), opened, on, states_of(filters))
+        more = states_of(filters) + loops.lead_states
+        subject = read_subject(evidence, loops.plant(plant), opened, on, more)
         chosen = table.numbers("disturbances", plant.q) if "disturbances" in table else ()
-        return cls.of(subject, signals, loops, table.number("level"), filters, chosen)
+        level = table.number("level")
+        return cls.of(subject, signals, loops, level, filters, chosen, invariant=invariant)
 
     @classmethod
     def of(
@@ -95,6 +99,8 @@ class WorstCaseGain(AtLoops):
         level: Fraction,
         filters: Filters,
         chosen: tuple[Fraction, ...] = (),
+        *,
+        invariant: bool = False,
     ) -> Self:
         """Return the claim about a loop whose E and law are those of opened loops.
 
@@ -111,7 +117,8 @@ class WorstCaseGain(AtLoops):
             *loops.outputs(subject.law, *shape),
         )
         behind = (*(None for _ in signals), *filters)
-        return cls(subject, outputs, level, filters=behind, loops=loops, chosen=chosen)
+        known: dict[str, Any] = {"loops": loops, "chosen": chosen, "invariant": invariant}
+        return cls(subject, outputs, level, filters=behind, **known)
 
     @property
     def signals(self) -> tuple[Output, ...]:
@@ -121,7 +128,7 @@ class WorstCaseGain(AtLoops):
     @property
     def bare(self) -> Self:
         """What is claimed: weights of loops are a part of what proves it."""
-        alike = replace(self.loops, weights=(ONE,) * self.loops.count)
+        alike = self.loops.alike
         subject = super().bare.subject
         outputs = (*self.signals, *alike.outputs(subject.law, subject.n, subject.m, len(subject.A)))
         return replace(self, subject=subject, outputs=outputs, loops=alike)
@@ -132,6 +139,7 @@ class WorstCaseGain(AtLoops):
         table |= write_outputs([alone(signal, self.loops.own) for signal in self.signals])
         table["inputs"] = [k + 1 for k in self.loops.inputs]
         table |= {"weights": plain(self.loops.weights), "level": plain(self.level)}
+        table |= self.write_leads()
         at_loops = self.filters[len(self.signals) :]
         table["filters"] = [{} if shape is None else shape.write() for shape in at_loops]
         table |= {"disturbances": plain(self.chosen)} if self.chosen else {}
@@ -171,7 +179,7 @@ class WorstCaseGain(AtLoops):
         shapes = ", ".join(quoted(shape.name) for shape in self.filters if shape is not None)
         return (
             f"for all unmodelled dynamics {self.loops_text(plant)} within {shapes} (as the file "
-            "defines it)"
+            f"defines it){self.invariant_text}"
         )
 
     def statement(self, plant: Plant) -> str:

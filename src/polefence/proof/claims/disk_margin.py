@@ -334,7 +334,7 @@ class DiskMargin(AtLoops):
         )
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
-        invariant, leads = read_leads(table, loops.count, plant.step)
+        invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
         evidence, opened = table.table("evidence"), loops.law(law, plant)
         if loops.measured:
@@ -460,15 +460,12 @@ class Unmodelled(DiskMargin):
         return f"{of} in multiples of {shapes} (as the file defines it),"
 
 
-def read_leads(
-    table: Table, count: int, step: Fraction
-) -> tuple[bool, tuple[tuple[Fraction, Fraction], ...]]:
+def read_leads(table: Table, count: int) -> tuple[bool, tuple[tuple[Fraction, Fraction], ...]]:
     """Return whether what is in the loops does not vary in time, and the loops' leads."""
     if "zeros" not in table and "poles" not in table:
         return table.flag("invariant"), ()
     both = (table.numbers(key, count) for key in ("zeros", "poles"))
     leads = tuple(zip(*both, strict=True))
-    Loops((), weights=(ONE,) * count, leads=leads).require_leads(step)
     return table.flag("invariant"), leads
 
 

@@ -75,7 +75,7 @@ class WorstCaseGain(AtLoops):
         known = demands(plant)
         loops = Loops(inputs, (), SKEW, table.numbers("weights"), own=plant.q, demands=known)
         loops.require(plant.m, 0)
-        invariant, leads = read_leads(table, loops.count, plant.step)
+        invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
         signals, filters = read_outputs(table, plant, cls.most), read_filters(table, loops.count)
         if not filters or None in filters:

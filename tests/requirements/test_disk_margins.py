@@ -488,7 +488,7 @@ def test_bad_weights_are_refused_in_a_line(tmp_path, keys, said):
 
 def test_unmodelled_dynamics_are_of_inputs_in_continuous_time():
     plant, asked = loads(MASS_ON_SPRING), Unmodelled("force", weight=WEIGHT)
-    with pytest.raises(InputError, match="'position' is no input; ask for its disk margin"):
+    with pytest.raises(InputError, match="'position' is no input; name a path from it"):
         Unmodelled("position", weight=WEIGHT).require_fit(plant)
     with pytest.raises(InputError, match="leave out the sample time, or ask for a disk margin"):
         asked.require_fit(pf.at_sample_time(plant, 0.01))

@@ -28,6 +28,7 @@ from polefence.plant.spec import load_dampers
 from polefence.proof.claims.failure import Error
 from polefence.proof.text import digits_down, digits_up
 from polefence.region.regions import Region
+from polefence.requirements.disk_margin import TO, DiskMargin
 from polefence.requirements.specification import limit_text
 from polefence.search.rows import plant_summary
 
@@ -191,7 +192,9 @@ def _worst(worst: Attained) -> dict[str, Any]:
         "at": None if worst.values is None else dict(worst.values),
     }
     if worst.failure is not None:
-        names, errors = worst.failure.names, worst.failure.errors
+        errors = worst.failure.errors
+        paths = asked.names if isinstance(asked, DiskMargin) else ()
+        names = [*worst.failure.names, *(name for name in paths if TO in name)]
         pairs = zip(names, errors, strict=True)
         row["refuted"] = float(worst.failure.gain)
         row["errors"] = [{"loop": name, **_error(error)} for name, error in pairs]

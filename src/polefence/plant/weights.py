@@ -218,22 +218,27 @@ class _Weight:
         )
 
 
-def shape_of(weight: Any, what: str) -> Filter:
+def shape_of(weight: Any, what: str, *, constant: bool = False) -> Filter:
     """Return a weight in continuous time as a filter, named by what was written.
+
+    Parameters
+    ----------
+    constant : bool
+        Whether it may be a number.
 
     Raises
     ------
     InputError
-        If it is none, improper, constant, or not stable.
+        If it is none, improper, constant where it may not be, or not stable.
     """
     where = f"weight of {what}"
     name = weight if isinstance(weight, str) else json.dumps(dict(weight), default=str)
     plain = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
     made = _Weight.read(plain, weight, where)
     made.require_stable(plain, where)
-    if not made.A:
+    if not made.A and not constant:
         raise InputError(f"{where} is constant; ask for a disk margin with sigma = -1")
-    a, b, c = (list(map(list, M)) for M in (made.A, made.B, made.C))
+    a, b, c = (list(map(list, M)) for M in (made.A, made.B, made.C if made.A else ((),)))
     return Filter(a, b, c, name, made.D[0][0])
 
 

@@ -31,7 +31,7 @@ MAX_STATES = 20  # of one filter
 
 @dataclass(frozen=True)
 class Filter:
-    """Matrices a (k x k), b (k x 1) and c (1 x k), a name, and a number d."""
+    """Matrices a (k x k), b (k x 1) and c (1 x k), a name, and a number d, alone where k is 0."""
 
     a: Rationals
     b: Rationals
@@ -42,6 +42,8 @@ class Filter:
     @classmethod
     def read(cls, table: Table) -> Filter:
         """Read a filter."""
+        if "a" not in table:  # a number
+            return cls([], [], [[]], table.text("name", ""), table.number("d"))
         a = table.matrix("a")
         k = len(a)
         if not 1 <= k <= MAX_STATES:
@@ -51,7 +53,10 @@ class Filter:
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        table = {"name": self.name} | {key: plain(getattr(self, key)) for key in "abc"}
+        table: dict[str, Any] = {"name": self.name}
+        if not self.a:
+            return table | {"d": plain(self.d)}
+        table |= {key: plain(getattr(self, key)) for key in "abc"}
         return table | ({"d": plain(self.d)} if self.d else {})
 
     @property

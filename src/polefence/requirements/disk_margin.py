@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
@@ -19,19 +19,20 @@ from polefence.plant.delta import delta_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import DEMAND, FILTER, INTEGRAL, as_read
-from polefence.plant.outputs import Output, inputs, states
+from polefence.plant.outputs import Output, disturbances, inputs, states
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, System
 from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
 from polefence.proof import laws as proof_laws
-from polefence.proof.claims.disk_margin import Loops, through
+from polefence.proof.claims.disk_margin import Loops, Path, beside_loops, through
 from polefence.proof.filters import Filter, Filters, in_turn
+from polefence.proof.remainder import Rows
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.requirements import scales
 from polefence.requirements.gain import SAMPLES, Gain
-from polefence.requirements.slopes import Channel, Slopes
+from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
 from polefence.requirements.weights import Shape, behind
@@ -43,6 +44,7 @@ from polefence.response.stationary import growth
 
 Posed = tuple[UncertainPlant, Law, Specification]
 
+TO = " -> "  # in the name of a path
 FEW = 20  # samples beside the vertices for which loops are weighed, as many as for a bound
 
 
@@ -156,7 +158,7 @@ class DiskMargin(Specification):
         for name in self.names:
             place_of(plant, name, None)
         self.require_late(plant)
-        limit, straight = self.limit, any(y.D for y in plant.every_output)
+        limit, straight = self.limit, any(y.D or y.F for y in plant.every_output)
         least = abs(1 + self.sigma) / 2  # of |S + (sigma - 1) / 2| where nothing comes back
         if limit is not None and limit * least > 1 and not straight:
             raise InputError(
@@ -220,9 +222,10 @@ class DiskMargin(Specification):
         inputs, measured = (
             tuple(k for kind, k in places if kind == key) for key in ("input", "measured")
         )
-        weights = (Fraction(1),) * len(places)
+        weights, paths = (Fraction(1),) * len(places), paths_of(plant, self.names)
         straight = through(file_plant(plant), _read(plant, law))
-        return Loops(inputs, measured, Fraction(repr(float(self.sigma))), weights, straight)
+        skew = Fraction(repr(float(self.sigma)))
+        return Loops(inputs, measured, skew, weights, straight, paths=paths)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -275,18 +278,20 @@ class DiskMargin(Specification):
 
         What a law reads there is left out.
         """
-        places = [place_of(plant, name, None) for name in self.names]
+        names = sorted(self.names, key=lambda name: TO in name)  # paths come last
+        places = [place_of(plant, name, None) for name in names]
         A, B = plant.at(alpha)
         n, count, size = A.shape[-1], len(alpha), len(places)
         E, F = np.zeros((count, n, size)), np.zeros((count, size, size))
         C, D = np.zeros((count, size, n)), np.zeros((count, size, B.shape[-1]))
-        reads = list[str | int]()
+        reads = list[str | int | Acting]()
         for k, (kind, i) in enumerate(places):
             F[:, k, k] = (1 + self.sigma) / 2
             if kind == "input":
                 E[:, :, k], D[:, k, i] = B[:, :, i], 1.0
-            reads.append(i if kind == "input" else self.names[k])
+            reads.append(i if kind == "input" else names[k])
         channel = Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
+        channel = with_paths(channel, plant, alpha, self.loops_of(plant, None))
         for k, shape in enumerate(self.shapes):
             channel = shaped(channel, k, shape.filter)
         return channel
@@ -388,7 +393,8 @@ class Unmodelled(DiskMargin):
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
         """The weight at each loop."""
-        return (Shape(shape_of(self.weight, self.kind)),) * len(self.entries)
+        shape = shape_of(self.weight, self.kind, constant=all_paths(self.names))
+        return (Shape(shape),) * len(self.entries)
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a sampled plant, and what is no input."""
@@ -398,27 +404,73 @@ class Unmodelled(DiskMargin):
                 f"{self.title}: dynamics that no model has are proved of loops in continuous time; "
                 "leave out the sample time, or ask for a disk margin"
             )
-        for name in self.names:
-            if place_of(plant, name, None)[0] != "input":
-                raise InputError(f"{self.title}: {name!r} is no input; ask for its disk margin")
+        require_dynamics(plant, self.names, self.title)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its weight."""
         return f"{self.title}: no LMI has its weight; leave out the method, so that a law is tuned"
 
 
+def all_paths(names: Sequence[str]) -> bool:
+    """Whether no name is that of an input."""
+    return all(TO in name for name in names)
+
+
+def require_dynamics(plant: UncertainPlant, names: Sequence[str], title: str) -> None:
+    """Refuse what is neither an input nor a path: a name that the law measures."""
+    for name in names:
+        if place_of(plant, name, None)[0] == "measured":
+            paths = f'a path from it, such as "{name}{TO}DISTURBANCE"'
+            raise InputError(
+                f"{title}: {name!r} is no input; name {paths}, or ask for its disk margin"
+            )
+
+
+def with_paths(
+    channel: Channel,
+    plant: UncertainPlant,
+    alpha: Array,
+    loops: Loops,
+    acting: tuple[float, ...] = (),
+) -> Channel:
+    """Return a channel with its last loops, those of paths, put in.
+
+    Parameters
+    ----------
+    acting : tuple of float, optional
+        How many times each disturbance before those of loops acts; one where left out.
+    """
+    if not loops.paths:
+        return channel
+    E, C, D, F = (getattr(channel, key).copy() for key in "ECDF")
+    reads, driven, own = list(channel.reads), plant.driven(alpha), len(acting)
+    for k, path in enumerate(loops.paths):
+        column = k - len(loops.paths)
+        E[:, :, column] = driven[:, :, path.disturbance]
+        reads[column] = Acting(path.disturbance)
+        wide = beside_loops(path.output, loops)
+        ends = ((C, wide.C), (D, wide.D), (F, wide.F))
+        for M, rows in ((M, rows) for M, rows in ends if rows):
+            M[:, column] = np.tensordot(alpha, np.array(rows, dtype=float)[:, 0], 1)
+        F[:, column, :own] *= acting
+    return replace(channel, E=E, C=C, D=D, F=F, reads=tuple(reads))
+
+
 def shaped(channel: Channel, k: int, shape: Filter) -> Channel:
-    """Return a channel with a filter behind its k-th output, which is of inputs alone."""
-    a, b, c = (np.array(M, dtype=float) for M in (shape.a, shape.b, shape.c))
-    count, n, more = len(channel.A), channel.A.shape[-1], len(a)
+    """Return a channel with a filter behind its k-th output."""
+    count, n, more = len(channel.A), channel.A.shape[-1], shape.states
+    a = np.array(shape.a, dtype=float).reshape(more, more)
+    b, c = (np.array(M, dtype=float).reshape(more) for M in (shape.b, shape.c))
+    b = b[:, None]
     A = np.zeros((count, n + more, n + more))
-    A[:, :n, :n], A[:, n:, n:] = channel.A, a
+    A[:, :n, :n], A[:, n:, :n], A[:, n:, n:] = channel.A, b * channel.C[:, k : k + 1], a
     B = np.concatenate([channel.B, b * channel.D[:, k : k + 1]], axis=1)
-    E = np.pad(channel.E, ((0, 0), (0, more), (0, 0)))
+    E = np.concatenate([channel.E, b * channel.F[:, k : k + 1]], axis=1)
     C = np.pad(channel.C, ((0, 0), (0, 0), (0, more)))
-    D = channel.D.copy()
-    C[:, k, n:], D[:, k] = c, float(shape.d) * channel.D[:, k]
-    return replace(channel, A=A, B=B, E=E, C=C, D=D, filters=channel.filters + more)
+    D, F, d = channel.D.copy(), channel.F.copy(), float(shape.d)
+    C[:, k] *= d
+    C[:, k, n:], D[:, k], F[:, k] = c, d * D[:, k], d * F[:, k]
+    return replace(channel, A=A, B=B, E=E, C=C, D=D, F=F, filters=channel.filters + more)
 
 
 @dataclass(frozen=True)
@@ -517,7 +569,7 @@ def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> Uncertai
         noise=(),
         vehicle=None,
         remainder=loops.remainder(plant.remainder, n, m),
-        opened=() if loops.own else (*loops.inputs, *(None for _ in loops.measured)),
+        opened=() if loops.own else (*loops.inputs, *(None,) * (loops.count - len(loops.inputs))),
     )
 
 
@@ -533,7 +585,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
     size, m = loops.count, opened.shape[1]
     passed = (1 + loops.skew) / 2
     rows = law.measured if isinstance(law, PolynomialGain) else ()
-    for k, weight in enumerate(loops.weights):
+    for k, weight in enumerate(loops.weights[: size - len(loops.paths)]):
         F = [weight * passed * (j == k) for j in range(size)]
         if k < len(loops.inputs):
             D = [weight * (i == loops.inputs[k]) for i in range(m)]
@@ -545,6 +597,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
         at_inputs = [[row[i] for i in loops.inputs] for row in straight]
         every = [[*row, *own] for row in at_inputs or [F[: len(loops.inputs)]]]
         outputs.append(Output(f"loop {k + 1}", "", C=C, D=straight, F=every))
+    outputs += seen_paths(loops)
     scales = {f"loop {k + 1}": float(x) for k, x in enumerate(loops.scales)}
     chosen = None if set(scales.values()) == {1.0} else scales
     return LoopGain(
@@ -572,15 +625,26 @@ def reading_beside(plant: UncertainPlant, law: Any, loops: Loops) -> Any:
     if not isinstance(law, PolynomialGain) or not (loops.measured or loops.through or law.passes):
         return law
     known = law.measured or states(plant)
-    F = [loops.passing(j, len(known)) for j in range(len(plant.vertices))]
-    own = [y.exact(plant)[2] if loops.own else ((),) * len(F) for y in known]
-    return replace(
-        law,
-        measured=tuple(
-            replace(y, F=[[*before, *M[j]] for before, M in zip(own[j], F, strict=True)])
-            for j, y in enumerate(known)
-        ),
-    )
+    own = [y.exact(plant)[2] for y in known]
+    vertices = range(len(plant.vertices))
+    F = [loops.passing(j, [list(rows[j]) for rows in own]) for j in vertices]
+    seen = (replace(y, F=[M[j] for M in F]) for j, y in enumerate(known))
+    return replace(law, measured=tuple(seen))
+
+
+def seen_paths(loops: Loops) -> list[Output]:
+    """Return what is sent into paths, times the weights."""
+    first, outputs = loops.count - len(loops.paths), list[Output]()
+    for k, (path, weight) in enumerate(zip(loops.paths, loops.weights[first:], strict=True)):
+        wide = beside_loops(path.output, loops)
+        C, D, F = ([[weight * x for x in row] for (row,) in M] for M in (wide.C, wide.D, wide.F))
+        near = wide.near and wide.near.mapped(partial(_times, weight))
+        outputs.append(Output(f"loop {first + k + 1}", "", C=C, D=D, F=F, near=near))
+    return outputs
+
+
+def _times(weight: Fraction, M: Rows) -> Rows:
+    return tuple(tuple(weight * x for x in row) for row in M)
 
 
 def _on_the_way(plant: UncertainPlant) -> list[int]:
@@ -591,8 +655,29 @@ def _on_the_way(plant: UncertainPlant) -> list[int]:
     return list(range(n, n + plant.sampling.delay * m))
 
 
+def paths_of(plant: UncertainPlant, names: Sequence[str]) -> tuple[Path, ...]:
+    """Return the loops of names that are paths, from a signal to a disturbance."""
+    paths = list[Path]()
+    for name in names:
+        if TO in name:
+            _, j = place_of(plant, name, None)
+            (exact,) = Gain(name.split(TO)[0]).exact_outputs(plant)
+            paths.append(Path(exact, j))
+    return tuple(paths)
+
+
 def place_of(plant: UncertainPlant, name: str, law: Any) -> tuple[str, int]:
-    """Return whether a loop is at an input or at what a law measures, and its number there."""
+    """Return whether a loop is at an input or at what a law measures, and its number there.
+
+    Of a path, written "SIGNAL -> DISTURBANCE", that of the disturbance.
+    """
+    if TO in name:
+        signal, acting = name.split(TO, 1)
+        plant.signal(signal)
+        own = [w.name for w in disturbances(plant)]
+        if acting not in own:
+            raise InputError(f"{name!r}: no disturbance {acting!r}; {suggest(acting, own)}")
+        return "path", own.index(acting)
     known = [signal.name for signal in inputs(plant)]
     for alias in (name, f"{DEMAND}{name}"):
         if alias in known:
@@ -622,6 +707,8 @@ def _read(plant: UncertainPlant, law: Any) -> list[str]:
 
 def _signal(plant: UncertainPlant, name: str) -> Output:
     kind, i = place_of(plant, name, None)
+    if kind == "path":
+        return plant.signal(name.split(TO)[0])
     return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 

@@ -18,6 +18,12 @@ GAP = 5e-3
 ALIKE = 0.9  # of the largest at a point: peaks in time whose slopes are asked for
 
 
+class Acting(NamedTuple):
+    """A disturbance of the plant, by its number."""
+
+    number: int
+
+
 @dataclass(frozen=True, eq=False)
 class Channel:
     """x' = A x + B u + E w, z = C x + D u + F w at ``count`` points: what one requirement is of.
@@ -37,9 +43,9 @@ class Channel:
         Of a period, in sample times: A and B are then of samples so far apart.
     beside : tuple of Channel
         The same for periods of other lengths, where they may follow one another in any order.
-    reads : tuple of str, int or None
-        Of opened loops: the signal of a law, or the number of the input, that each of w adds to;
-        None of a disturbance of the plant's own.
+    reads : tuple of str, int or Acting
+        Of opened loops: the signal of a law, or the number of the input, that each of w adds to,
+        or a disturbance of the plant's own.
     """
 
     A: Array
@@ -53,7 +59,7 @@ class Channel:
     more: Any = 0.0
     length: float = 1.0
     beside: tuple[Channel, ...] = ()
-    reads: tuple[str | int | None, ...] = ()
+    reads: tuple[str | int | Acting, ...] = ()
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more

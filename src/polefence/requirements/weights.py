@@ -210,7 +210,7 @@ def _with_filter(
     if label in [known.name for known in plant.signals]:
         raise InputError(f"{plant.name} has a signal {label!r} already; rename it")
     labels = [f"{label} state {i + 1}" for i in range(form.states)]
-    larger = with_dynamics(plant, (signal,), _tuples(a), _tuples(b), labels)
+    larger = with_dynamics(plant, (signal,), _tuples(a), _tuples(b), labels) if a else plant
     straight = [[[form.d * x for x in row] for row in rows] for rows in signal.exact(plant)]
     C, D, F = straight
     F = F if plant.disturbance_count else []

@@ -23,25 +23,30 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
-from polefence.proof.claims.disk_margin import Loops, through
-from polefence.proof.claims.worst_gain import SKEW, alone, demands, is_sent
+from polefence.proof.claims.disk_margin import Loops, beside_loops, is_sent, through
+from polefence.proof.claims.worst_gain import SKEW, alone, demands
 from polefence.requirements import scales
 from polefence.requirements.disk_margin import (
     FEW,
+    TO,
     LoopGain,
     Posed,
     Unmodelled,
+    all_paths,
     invariant_words,
     named_disturbances,
     open_loops,
     opened_subject,
+    paths_of,
     place_of,
     reading_beside,
     require_flag,
+    seen_paths,
     shaped,
+    with_paths,
 )
 from polefence.requirements.gain import Gain
-from polefence.requirements.slopes import Channel, Slopes
+from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification
 from polefence.requirements.weights import Shape, behind
@@ -117,7 +122,8 @@ class WorstCaseGain(Gain):
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
         """The weight at each input."""
-        return (Shape(shape_of(self.weight, self.kind)),) * len(self.inputs)
+        shape = shape_of(self.weight, self.kind, constant=all_paths(self.inputs))
+        return (Shape(shape),) * len(self.inputs)
 
     def unweighted(self) -> Gain:
         """Return the gain without dynamics."""
@@ -199,7 +205,11 @@ class WorstCaseGain(Gain):
         at_loops = (float(Fraction(level) / weight) for weight in weights)
         acting = dict(zip(names, (*own, *at_loops), strict=True))
         gain = OpenedGain(
-            (*(_beside(y, plant, loops) for y in self.outputs(plant)), *_sent(opened, loops)),
+            (
+                *(_beside(y, plant, loops) for y in self.outputs(plant)),
+                *_sent(opened, loops),
+                *seen_paths(loops),
+            ),
             level,
             disturbances={name: scale for name, scale in acting.items() if scale},
             loops=loops,
@@ -211,10 +221,11 @@ class WorstCaseGain(Gain):
         return opened, beside, gain
 
     def _loops(self, plant: UncertainPlant, law: Any) -> Loops:
-        inputs = tuple(place_of(plant, name, None)[1] for name in self.inputs)
-        weights, known = (Fraction(1),) * len(inputs), file_plant(plant)
-        straight = through(known, _measured(law))
-        return Loops(inputs, (), SKEW, weights, straight, plant.disturbance_count, demands(known))
+        weights, known = (Fraction(1),) * len(self.inputs), file_plant(plant)
+        straight, q = through(known, _measured(law)), plant.disturbance_count
+        paths, own = paths_of(plant, self.inputs), demands(known)
+        inputs = tuple(place_of(plant, x, None)[1] for x in self.inputs if TO not in x)
+        return Loops(inputs, (), SKEW, weights, straight, q, own, paths=paths)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -252,26 +263,32 @@ class WorstCaseGain(Gain):
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the signal, and the loops behind their weights, as a channel at points alpha."""
         channel = super().channel(plant, alpha)
-        places = [place_of(plant, name, None)[1] for name in self.inputs]
-        p, q, size = channel.C.shape[1], channel.E.shape[2], len(places)
-        n, m = channel.B.shape[1:]
         loops = self._loops(plant, None)
-        added = channel.B[:, :, places]
+        places = list(loops.inputs)
+        p, q, size = channel.C.shape[1], channel.E.shape[2], loops.count
+        (n, m), last = channel.B.shape[1:], q + len(places)
+        added = np.zeros((len(alpha), n, size))
+        added[:, :, : len(places)] = channel.B[:, :, places]
         added[:, list(loops.demands)] = 0.0
         E = np.concatenate([channel.E, added], axis=2)
         C = np.concatenate([channel.C, np.zeros((len(alpha), size, n))], axis=1)
-        sent = np.broadcast_to(np.eye(m)[places], (len(alpha), size, m))
+        sent = np.zeros((len(alpha), size, m))
+        sent[:, range(len(places)), places] = 1.0
         D = np.concatenate([channel.D, sent], axis=1)
         F = np.zeros((len(alpha), p + size, q + size))
         F[:, :p, :q] = channel.F
         for j, y in enumerate(self.outputs(plant)):
             if not _is_sent(y, plant, loops):
-                F[:, j, q:] = channel.D[:, j, places]
+                F[:, j, q:last] = channel.D[:, j, places]
+            passing = np.tensordot(alpha, y.arrays(plant)[2], 1)
+            F[:, j, last:] = passing[:, [path.disturbance for path in loops.paths]]
         S = np.zeros((q + size, q + size))
         S[:q, :q] = np.eye(q) if channel.S is None else channel.S
         S[q:, q:] = np.eye(size)
-        reads = (*(None for _ in range(q)), *places)
+        own: list[str | int | Acting] = [Acting(j) for j in range(q)]
+        reads = (*own, *places, *(Acting(path.disturbance) for path in loops.paths))
         channel = replace(channel, E=E, C=C, D=D, F=F, S=S, reads=reads)
+        channel = with_paths(channel, plant, alpha, loops, self.scales(plant))
         for k, shape in enumerate(self.shapes):
             channel = shaped(channel, p + k, shape.filter)
         return channel
@@ -311,25 +328,15 @@ def _is_sent(output: Output, plant: UncertainPlant, loops: Loops) -> bool:
 
 def _beside(output: Output, plant: UncertainPlant, loops: Loops) -> Output:
     """Return an output of a plant with the disturbances at loops too."""
-    sent, n = _is_sent(output, plant, loops), plant.shape[0]
-
-    def wider(M: Any) -> Any:
-        return tuple(
-            (*row, *(Fraction(0) if sent else row[n + i] for i in loops.inputs)) for row in M
-        )
-
-    _, D, own = output.exact(plant)
-    F = [
-        [*f, *(Fraction(0) if sent else d[i] for i in loops.inputs)]
-        for f, d in zip(own, D, strict=True)
-    ]
-    return replace(output, F=F, near=output.near and output.near.mapped(wider))
+    (exact,) = Gain(output).exact_outputs(plant)
+    wide = beside_loops(exact, loops)
+    return replace(output, F=[row for (row,) in wide.F], near=wide.near)
 
 
 def _sent(opened: UncertainPlant, loops: Loops) -> list[Output]:
     """Return what is sent to the inputs of loops, times the weights."""
     m = opened.shape[1]
-    pairs = zip(loops.inputs, loops.weights, strict=True)
+    pairs = zip(loops.inputs, loops.weights, strict=False)
     return [
         Output(f"loop {k + 1}", "", D=[weight * (i == j) for j in range(m)])
         for k, (i, weight) in enumerate(pairs)

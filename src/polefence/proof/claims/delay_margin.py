@@ -69,7 +69,8 @@ class DelayMargin(DiskMargin):
     def require_extra(self) -> None:
         """Refuse another skew, and loops that are not one input."""
         super().require_extra()
-        if self.loops.skew != -1 or len(self.loops.inputs) != 1 or self.loops.measured:
+        loops = self.loops
+        if loops.skew != -1 or len(loops.inputs) != 1 or loops.count > 1:
             raise FormatError("skew must be -1, of one loop at an input: what is late is all of it")
 
     def require(self) -> None:

@@ -16,7 +16,7 @@ are their inverses, and each commutes with what is in its loop alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -26,20 +26,38 @@ from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     Subject,
+    outputs_text,
     read_filters,
+    read_outputs,
     read_subject,
     write_evidence,
+    write_outputs,
 )
 from polefence.proof.filters import Filter, Filters, before, in_series, in_turn, states_of
 from polefence.proof.late import Late
 from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
-from polefence.proof.matrices import ONE, ZERO, Rationals, beside, identity
+from polefence.proof.matrices import ONE, ZERO, Rationals, identity
 from polefence.proof.plant import WITHOUT, Node, Output, Plant, split
 from polefence.proof.reading import Table, plain
 from polefence.proof.remainder import Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, number_text, quoted
 from polefence.proof.work import FormatError
+
+
+@dataclass(frozen=True)
+class Path(Short):
+    """A loop that no model has: from an output of the plant to one of its disturbances.
+
+    Attributes
+    ----------
+    output : Output
+    disturbance : int
+        Its number, from 0.
+    """
+
+    output: Output
+    disturbance: int
 
 
 @dataclass(frozen=True)
@@ -63,6 +81,8 @@ class Loops(Short):
         How many disturbances of the plant itself act besides, before those at the loops.
     demands : tuple of int
         Numbers of states that are filters of what is sent: what is added at inputs is not in them.
+    paths : tuple of Path
+        Loops that are not of the law; they come last.
     leads : tuple of pairs
         a and b of each loop's lead, alike of one without; empty where no loop has one.
     """
@@ -75,11 +95,12 @@ class Loops(Short):
     own: int = 0
     demands: tuple[int, ...] = ()
     leads: tuple[tuple[Fraction, Fraction], ...] = ()
+    paths: tuple[Path, ...] = ()
 
     @property
     def count(self) -> int:
         """How many loops there are."""
-        return len(self.inputs) + len(self.measured)
+        return len(self.inputs) + len(self.measured) + len(self.paths)
 
     @property
     def scales(self) -> tuple[Fraction, ...]:
@@ -94,6 +115,8 @@ class Loops(Short):
     def require(self, m: int, r: int) -> None:
         """Refuse loops that a plant of m inputs, and a law of r signals, has not.
 
+        Those of paths are refused where a file is read.
+
         Raises
         ------
         FormatError
@@ -103,6 +126,8 @@ class Loops(Short):
                 raise FormatError(f"{key} must be different numbers from 1 to {most}")
         if not 1 <= self.count <= MAX_ENTRIES:
             raise FormatError(f"inputs, measured: a margin is of 1 to {MAX_ENTRIES} loops")
+        if self.measured and self.paths:
+            raise FormatError("measured: beside paths there are inputs alone")
         if len(self.weights) != self.count or min(self.weights) <= 0:
             raise FormatError(f"weights must be {self.count} positive numbers, one a loop")
 
@@ -138,16 +163,20 @@ class Loops(Short):
 
     def entering(self, B: Rationals, E: Rationals) -> Rationals:
         """Return E of the disturbances, those at the loops last."""
-        none, own = [ZERO] * len(self.measured), E if self.own else [[]] * len(B)
-        return [
-            [*before, *(ZERO if k in self.demands else row[i] for i in self.inputs), *none]
-            for k, (before, row) in enumerate(zip(own, B, strict=True))
-        ]
+        none = [ZERO] * len(self.measured)
+        rows: Rationals = []
+        for k, (row, driven) in enumerate(zip(B, E or [[]] * len(B), strict=True)):
+            at_inputs = (ZERO if k in self.demands else row[i] for i in self.inputs)
+            own = driven if self.own else ()
+            rows.append([*own, *at_inputs, *none, *(driven[p.disturbance] for p in self.paths)])
+        return rows
 
     def columns(self, n: int, m: int) -> tuple[int | None, ...]:
         """Return which column of [A, B, E] each state, input and disturbance has; None: none."""
         known = range(n + m + self.own)
-        return (*known, *(n + i for i in self.inputs), *(None for _ in self.measured))
+        none, first = (None for _ in self.measured), n + m
+        last = (first + path.disturbance for path in self.paths)
+        return (*known, *(n + i for i in self.inputs), *none, *last)
 
     def remainder(self, known: Remainder | None, n: int, m: int) -> Remainder | None:
         """Return a remainder of [A, B, E] as that of these disturbances."""
@@ -178,7 +207,7 @@ class Loops(Short):
 
         What is added at an input passes into a signal of which the code takes off what it sent.
         """
-        if not (self.measured or self.through or (self.own and law.F)):
+        if not (self.measured or self.through or ((self.own or self.paths) and law.F)):
             return replace(law, F=())
         if law.K is None:
             raise FormatError("measured: a law Z W^-1 measures all states; open it at inputs")
@@ -190,25 +219,29 @@ class Loops(Short):
             powers = ((0,) * (len(plant.ranges) or len(plant.A)),)
             law = replace(law, powers=powers, measured=names)
         C = law.C or (identity(plant.n),) * len(plant.A)
-        F = [self.passing(j, len(C[0])) for j in range(len(plant.A))]
-        if self.own:
-            none: Rationals = [[ZERO] * self.own] * len(C[0])
-            F = list(map(beside, zip(law.F or [none] * len(F), F, strict=True)))
-        return replace(law, C=C, F=tuple(F))
+        most = max((self.own, *(path.disturbance + 1 for path in self.paths)))
+        none: Rationals = [[ZERO] * most] * len(C[0])
+        known = law.F or [none] * len(plant.A)
+        return replace(law, C=C, F=tuple(self.passing(j, known[j]) for j in range(len(plant.A))))
 
-    def passing(self, vertex: int, r: int) -> Rationals:
-        """Return what passes from the disturbances at the loops into r measured signals."""
-        F, first = [[ZERO] * self.count for _ in range(r)], len(self.inputs)
-        for k, j in enumerate(self.measured):
-            F[j][first + k] = ONE
-        for row, D in zip(F, self.through[vertex] if self.through else (), strict=False):
-            row[:first] = [D[i] for i in self.inputs]
+    def passing(self, vertex: int, known: Rationals) -> Rationals:
+        """Return what passes into measured signals, of what does of the plant's disturbances."""
+        F, first = list[list[Fraction]](), len(self.inputs)
+        for j, own in enumerate(known):
+            row = [ZERO] * self.count
+            for k, measured in enumerate(self.measured):
+                row[first + k] = ONE * (measured == j)
+            if self.through:
+                row[:first] = [self.through[vertex][j][i] for i in self.inputs]
+            row[self.count - len(self.paths) :] = [own[p.disturbance] for p in self.paths]
+            F.append([*own[: self.own], *row])
         return F
 
     def outputs(self, law: Law, n: int, m: int, count: int) -> tuple[Output, ...]:
         """Return D (S + (s - 1) / 2) as outputs, of a law as `law` returns it."""
         outputs, passed, first = list[Output](), (1 + self.skew) / 2, len(self.inputs)
-        for k, weight in enumerate(self.weights):
+        paths = [_times(beside_loops(path.output, self), w) for path, w in self._weighed]
+        for k, weight in enumerate(self.weights[: self.count - len(paths)]):
             alone = [ZERO] * (self.own + self.count)
             alone[self.own + k] = weight * passed
             if k < first:
@@ -224,7 +257,54 @@ class Loops(Short):
                 for D in Ds
             ]
             outputs.append(Output(C, Ds, "", tuple(F)))
-        return tuple(outputs)
+        return (*outputs, *paths)
+
+    @property
+    def _weighed(self) -> Iterator[tuple[Path, Fraction]]:
+        """Each path with its weight."""
+        return zip(self.paths, self.weights[self.count - len(self.paths) :], strict=True)
+
+
+def _times(output: Output, weight: Fraction) -> Output:
+    """Return so many times an output, without a name."""
+
+    def times(M: Rows) -> Rows:
+        return tuple(tuple(weight * x for x in row) for row in M)
+
+    C, D, F = (
+        [[[weight * x for x in row] for row in rows] for rows in M]
+        for M in (output.C, output.D, output.F)
+    )
+    return Output(C, D, "", tuple(F), near=output.near and output.near.mapped(times))
+
+
+def beside_loops(output: Output, loops: Loops) -> Output:
+    """Return an output of a plant as one of the plant with the disturbances at loops."""
+    n, m = len(output.C[0][0]), len(output.D[0][0])
+    sent = is_sent(output.C, output.near, loops)
+    none = [ZERO] * len(loops.measured)
+
+    def at_loops(of_u: Sequence[Fraction], of_w: Sequence[Fraction]) -> list[Fraction]:
+        at_inputs = [ZERO if sent else of_u[i] for i in loops.inputs]
+        return [*at_inputs, *none, *(of_w[path.disturbance] for path in loops.paths)]
+
+    def wider(M: Rows) -> Rows:
+        last = n + m + loops.own
+        return tuple((*row[:last], *at_loops(row[n : n + m], row[n + m :])) for row in M)
+
+    most = max((loops.own, *(path.disturbance + 1 for path in loops.paths)))
+    known = output.F or [[[ZERO] * most]] * len(output.C)
+    F = tuple(
+        [[*f[: loops.own], *at_loops(d, f)]] for (f,), (d,) in zip(known, output.D, strict=True)
+    )
+    F = F if any(any(row) for (row,) in F) else ()
+    return replace(output, F=F, near=output.near and output.near.mapped(wider))
+
+
+def is_sent(C: Sequence[Rationals], near: Remainder | None, loops: Loops) -> bool:
+    """Whether an output is of demands alone, and not of what arrives."""
+    others = (x for (row,) in C for j, x in enumerate(row) if j not in loops.demands)
+    return near is None and not any(others)
 
 
 def _lead(zero: Fraction, pole: Fraction) -> Filter | None:
@@ -312,9 +392,11 @@ class AtLoops(Gain):
         for j in self.loops.measured:
             name = f"{quoted(read[j])} = " if j < len(read) else ""
             names.append(f"{name}y{j + 1}, as the law reads it")
+        names += (path_text(path, plant) for path in self.loops.paths)
+        at = "" if names[0].startswith("from ") else "at "
         if len(names) == 1:
-            return f"of the loop at {names[0]}"
-        return f"of the loops at {', '.join(names)}, all at once,"
+            return f"of the loop {at}{names[0]}"
+        return f"of the loops {at}{', '.join(names)}, all at once,"
 
 
 @dataclass(frozen=True)
@@ -333,6 +415,7 @@ class DiskMargin(AtLoops):
             for key in ("inputs", "measured")
         )
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
+        loops = replace(loops, paths=read_paths(table, plant))
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
         invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
@@ -378,6 +461,7 @@ class DiskMargin(AtLoops):
         table: dict[str, Any] = {"kind": self.kind}
         for key, numbers in (("inputs", loops.inputs), ("measured", loops.measured)):
             table |= {key: [k + 1 for k in numbers]} if numbers else {}
+        table |= write_paths(loops)
         table |= {"skew": plain(loops.skew)} if loops.skew else {}
         table |= {"weights": plain(loops.weights), "level": plain(self.level)}
         table |= self.write_leads()
@@ -395,6 +479,8 @@ class DiskMargin(AtLoops):
         self.loops.require(subject.m, len(subject.law.C[0]) if subject.law.C else subject.n)
         if not self.level:
             raise FormatError("level must be positive")
+        if self.loops.paths and not self.has_filters:
+            raise FormatError("paths: no factor acts on them")
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Nothing: no name is of the claim's own."""
@@ -458,6 +544,35 @@ class Unmodelled(DiskMargin):
         shapes = ", ".join(quoted(shape.name) for shape in self.filters if shape is not None)
         of = f"{self.kind} {self.loops_text(plant)}{self.invariant_text}"
         return f"{of} in multiples of {shapes} (as the file defines it),"
+
+
+def path_text(path: Path, plant: Plant) -> str:
+    """Say from where to where a path goes."""
+    w, acting = path.disturbance, plant.disturbances
+    to = f"{quoted(split(acting[w])[0])} = " if w < len(acting) else ""
+    return f"from {outputs_text([path.output], plant)} to {to}w{w + 1}"
+
+
+def read_paths(table: Table, plant: Plant) -> tuple[Path, ...]:
+    """Read loops from outputs to disturbances."""
+    if "paths" not in table:
+        return ()
+    rows = table.table("paths")
+    outputs = read_outputs(rows, plant, MAX_ENTRIES)
+    numbers = rows.wholes("disturbances", MAX_MEASURED)
+    if len(numbers) != len(outputs) or not all(1 <= k <= plant.q for k in numbers):
+        raise FormatError(
+            f"{rows.path('disturbances')} must be {len(outputs)} numbers from 1 to {plant.q}"
+        )
+    return tuple(Path(y, k - 1) for y, k in zip(outputs, numbers, strict=True))
+
+
+def write_paths(loops: Loops) -> dict[str, Any]:
+    """Return what `read_paths` reads."""
+    if not loops.paths:
+        return {}
+    numbers = [path.disturbance + 1 for path in loops.paths]
+    return {"paths": write_outputs([p.output for p in loops.paths]) | {"disturbances": numbers}}
 
 
 def read_leads(table: Table, count: int) -> tuple[bool, tuple[tuple[Fraction, Fraction], ...]]:

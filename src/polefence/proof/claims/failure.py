@@ -19,7 +19,13 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, Verdict, require_law, undecided
-from polefence.proof.claims.disk_margin import Loops, through
+from polefence.proof.claims.disk_margin import (
+    Loops,
+    path_text,
+    read_paths,
+    through,
+    write_paths,
+)
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.signal import read_filters
 from polefence.proof.filters import Filter, Filters
@@ -153,9 +159,10 @@ class Failure(Short, Claim):
             tuple(k - 1 for k in table.wholes(key)) if key in table else ()
             for key in ("inputs", "measured")
         )
-        count = len(inputs) + len(measured)
+        paths = read_paths(table, self.plant)
+        count = len(inputs) + len(measured) + len(paths)
         weights, straight = (ONE,) * count, through(self.plant, self.law.measured)
-        loops = Loops(inputs, measured, table.number("skew", 0), weights, straight)
+        loops = Loops(inputs, measured, table.number("skew", 0), weights, straight, paths=paths)
         loops.require(self.plant.m, len(self.law.C[0]) if self.law.C else self.plant.n)
         rows = table.tables("errors", count)
         filters = read_filters(table, count) if "filters" in table else ()
@@ -170,6 +177,7 @@ class Failure(Short, Claim):
             below: dict[str, Any] = {}
             for key, numbers in (("inputs", loops.inputs), ("measured", loops.measured)):
                 below |= {key: [k + 1 for k in numbers]} if numbers else {}
+            below |= write_paths(loops)
             below |= {"skew": plain(loops.skew)} if loops.skew else {}
             below["errors"] = [error.write() for error in self.errors]
             if self.filters:
@@ -210,6 +218,8 @@ class Failure(Short, Claim):
             raise FormatError("loops: of a plant with a remainder none is opened")
         if len(self.errors) != self.loops.count or len(self.filters) not in (0, self.loops.count):
             raise FormatError("loops: there must be one error a loop, and one filter or none")
+        if self.loops.paths and not self.filters:
+            raise FormatError("loops: errors of paths have filters")
         if any(f is None for f in self.filters) or (self.filters and self.loops.skew != -1):
             raise FormatError("loops: dynamics that no model has act on T, each with a filter")
         if self.filters and plant.step:
@@ -290,13 +300,13 @@ class Failure(Short, Claim):
         if self.filters:
             shapes = ", ".join(quoted(f.name) for f in self.filters if f is not None)
             what = f"multiple of {shapes} (as the file defines it)"
-        one = f" in the loop at {quoted(self.names[0])}" if len(self.errors) == 1 else ""
+        one = f" in the loop {self.places[0]}" if len(self.errors) == 1 else ""
         most = digits_up(self.gain, 7)
         return f"{text}, with delta = {self.errors_text}{one}: the {what} is at most {most}"
 
     @property
     def names(self) -> list[str]:
-        """The loops' names."""
+        """The names of the loops that are opened, those of paths aside."""
         if self.loops is None:
             return []
         inputs, states = ([split(x)[0] for x in y] for y in (self.plant.inputs, self.plant.states))
@@ -307,13 +317,20 @@ class Failure(Short, Claim):
         ]
 
     @property
+    def places(self) -> list[str]:
+        """Where the loops are, in words."""
+        paths = () if self.loops is None else self.loops.paths
+        named = (f"at {quoted(name)}" for name in self.names)
+        return [*named, *(path_text(path, self.plant) for path in paths)]
+
+    @property
     def errors_text(self) -> str:
         """The errors in words, each with its loop where there are several."""
         said = [error.text(self.plant.step) for error in self.errors]
         if len(said) == 1:
             return said[0]
-        pairs = zip(said, self.names, strict=True)
-        return ", ".join(f"{text} at {quoted(name)}" for text, name in pairs)
+        pairs = zip(said, self.places, strict=True)
+        return ", ".join(f"{text} {place}" for text, place in pairs)
 
     def where(self, plant: Plant) -> str:
         """Say at which parameters."""

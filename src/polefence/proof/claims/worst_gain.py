@@ -22,7 +22,15 @@ from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Claim, require_law
-from polefence.proof.claims.disk_margin import AtLoops, Loops, read_leads, through
+from polefence.proof.claims.disk_margin import (
+    AtLoops,
+    Loops,
+    beside_loops,
+    read_leads,
+    read_paths,
+    through,
+    write_paths,
+)
 from polefence.proof.claims.signal import (
     Subject,
     acting_text,
@@ -37,10 +45,10 @@ from polefence.proof.claims.signal import (
 )
 from polefence.proof.filters import Filters, states_of
 from polefence.proof.laws import MAX_MEASURED
-from polefence.proof.matrices import ONE, ZERO, Rationals
+from polefence.proof.matrices import ONE
 from polefence.proof.plant import OF_WEIGHT, Output, Plant
 from polefence.proof.reading import Table, plain
-from polefence.proof.remainder import Remainder, Rows
+from polefence.proof.remainder import Rows
 from polefence.proof.text import digits_up, quoted
 from polefence.proof.work import FormatError
 
@@ -72,8 +80,9 @@ class WorstCaseGain(AtLoops):
         if not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
         inputs = tuple(k - 1 for k in table.wholes("inputs", MAX_MEASURED))
-        known = demands(plant)
+        known, paths = demands(plant), read_paths(table, plant)
         loops = Loops(inputs, (), SKEW, table.numbers("weights"), own=plant.q, demands=known)
+        loops = replace(loops, paths=paths)
         loops.require(plant.m, 0)
         invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
@@ -138,6 +147,7 @@ class WorstCaseGain(AtLoops):
         table: dict[str, Any] = {"kind": self.kind}
         table |= write_outputs([alone(signal, self.loops.own) for signal in self.signals])
         table["inputs"] = [k + 1 for k in self.loops.inputs]
+        table |= write_paths(self.loops)
         table |= {"weights": plain(self.loops.weights), "level": plain(self.level)}
         table |= self.write_leads()
         at_loops = self.filters[len(self.signals) :]
@@ -205,29 +215,6 @@ def demands(plant: Plant) -> tuple[int, ...]:
         outside = {j for i in range(n) if i not in own for j in moved[i]}
         own = {i for i in own if moved[i] <= own and i not in outside}
     return tuple(sorted(own))
-
-
-def beside_loops(output: Output, loops: Loops) -> Output:
-    """Return an output of a plant with the disturbances at loops too."""
-    n = len(output.C[0][0])
-    sent = is_sent(output.C, output.near, loops)
-
-    def wider(M: Rows) -> Rows:
-        return tuple((*row, *(ZERO if sent else row[n + i] for i in loops.inputs)) for row in M)
-
-    none = [[[ZERO] * loops.own]] * len(output.C)
-    F = tuple(
-        [[*f, *(ZERO if sent else d[i] for i in loops.inputs)]]
-        for (f,), (d,) in zip(output.F or none, output.D, strict=True)
-    )
-    F = F if any(any(row) for (row,) in F) else ()
-    return replace(output, F=F, near=output.near and output.near.mapped(wider))
-
-
-def is_sent(C: Sequence[Rationals], near: Remainder | None, loops: Loops) -> bool:
-    """Whether an output is of demands alone, and not of what arrives."""
-    others = (x for (row,) in C for j, x in enumerate(row) if j not in loops.demands)
-    return near is None and not any(others)
 
 
 def alone(output: Output, own: int) -> Output:

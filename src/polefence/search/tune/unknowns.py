@@ -16,7 +16,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import as_read
 from polefence.plant.system import Array
 from polefence.proof.plant import WITHOUT
-from polefence.requirements.slopes import Channel
+from polefence.requirements.slopes import Acting, Channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,13 +163,13 @@ class At:
         F, D = (None if M is None else M[some] for M in (self.F, self.through))
         return At(self.unknowns, self.terms[some], self.C[some], F, D)
 
-    def seen(self, reads: Sequence[str | int | None] = ()) -> tuple[Array, Array | None]:
+    def seen(self, reads: Sequence[str | int | Acting] = ()) -> tuple[Array, Array | None]:
         """Return C and F of what is measured; F is None where no disturbance passes.
 
         Parameters
         ----------
-        reads : sequence of str, int or None, optional
-            Of opened loops: what disturbances are; None of the plant's own, which come first.
+        reads : sequence of str, int or Acting, optional
+            Of opened loops: what disturbances are, those of the plant's own among them.
         """
         if not reads:
             return self.C, self.F
@@ -177,9 +177,9 @@ class At:
         for k, name in enumerate(reads):
             if isinstance(name, str):
                 F[:, self.unknowns.read(name), k] = 1.0
-            elif name is None and self.F is not None:
-                F[:, :, k] = self.F[:, :, k]
-            elif name is not None and self.through is not None:
+            elif isinstance(name, Acting):
+                F[:, :, k] = 0.0 if self.F is None else self.F[:, :, name.number]
+            elif self.through is not None:
                 F[:, :, k] = self.through[:, :, name]
         return self.C, F if np.any(F) else None
 

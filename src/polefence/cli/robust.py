@@ -152,6 +152,8 @@ def _worst_text(found: Robustness, worst: Attained) -> str:
             proved = f"{digits_down(1 / Fraction(bound.level), DIGITS)} is proved"
         return f"{asked.title}: {proved}, {gain} fails{where}, delta = {errors}"
     how = "attained" if worst.exact else "sampled"
+    if worst.frequency is not None:
+        where += f"{',' if where else ''} at {worst.frequency:.4g} rad/s"
     return f"{asked.title}: {proved}, {asked.sampled_text(reached)} {how}{where}"
 
 
@@ -191,6 +193,8 @@ def _worst(worst: Attained) -> dict[str, Any]:
         "exact": worst.exact,
         "at": None if worst.values is None else dict(worst.values),
     }
+    if worst.frequency is not None:
+        row["frequency"] = worst.frequency
     if worst.failure is not None:
         errors = worst.failure.errors
         paths = asked.names if isinstance(asked, DiskMargin) else ()

@@ -164,6 +164,14 @@ class Gain(Specification):
         stationary(plant, law, alpha, 0.0, self.outputs(plant))  # refuses what is not stable
         return self._of(self.channel(delta_form(plant), alpha), close(plant, law, alpha))
 
+    def worst_frequency(self, plant: UncertainPlant, law: Any, alpha: Array) -> float | None:
+        """Return where it is worst at a point (N,) [rad/s]."""
+        channel = self.channel(delta_form(plant), alpha[None])
+        closed = close(plant, law, alpha[None])
+        loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
+        _, w, height = peaks(loops.modes, loops.E, loops.C, loops.F)
+        return sampled_frequency(float(w[height.argmax()]), closed.step)
+
     @staticmethod
     def _of(channel: Channel, closed: ClosedLoops) -> Array:
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
@@ -178,6 +186,13 @@ class Gain(Specification):
         """Return peaks of the largest singular value with their slopes."""
         found = Highest.of(loops)
         return Slopes(found.values, found.points, lambda: [found.turned()])
+
+
+def sampled_frequency(w: float, step: float) -> float | None:
+    """Return the frequency of a sine whose samples have w of the bilinear transform."""
+    if not np.isfinite(w):
+        return None
+    return 2 * float(np.arctan(w * step / 2)) / step if step else w
 
 
 @dataclass(frozen=True, eq=False)

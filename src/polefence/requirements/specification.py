@@ -296,6 +296,15 @@ class Specification(Short):
         scales = tuple(float(chosen.get(name, 0.0)) for name in names)
         return () if all(scale == 1 for scale in scales) else scales
 
+    def worst_frequency(
+        self,
+        plant: UncertainPlant,  # noqa: ARG002
+        law: Any,  # noqa: ARG002
+        alpha: Array,  # noqa: ARG002
+    ) -> float | None:
+        """Return where it is worst at a point (N,) [rad/s]; None of what has no frequency."""
+        return None
+
     @property
     def noise_density(self) -> float | None:
         """One-sided density of the noise that moves the signal; None where no noise does."""

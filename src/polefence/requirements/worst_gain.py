@@ -257,8 +257,14 @@ class WorstCaseGain(Gain):
             values.append(_on_grid(loops, p, *known))
         found = np.concatenate(values)
         worst = np.argsort(-found)[:CLOSELY]
-        found[worst] = np.maximum(found[worst], _closely(self._closed(plant, law, alpha[worst]), p))
+        closely = _closely(self._closed(plant, law, alpha[worst]), p)[0]
+        found[worst] = np.maximum(found[worst], closely)
         return found
+
+    def worst_frequency(self, plant: UncertainPlant, law: Any, alpha: Array) -> float | None:
+        """Return where dynamics are worst at a point (N,) [rad/s]."""
+        law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
+        return float(_closely(self._closed(plant, law, alpha[None]), len(self.entries))[1][0])
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the signal, and the loops behind their weights, as a channel at points alpha."""
@@ -368,8 +374,8 @@ def _on_grid(loops: ClosedLoops, p: int, scale: scales.Scale, level: float) -> A
     return np.asarray(worst.max(axis=1))
 
 
-def _closely(loops: ClosedLoops, p: int) -> Array:
-    """Return the worst gain at each point, at the frequency where it is worst."""
+def _closely(loops: ClosedLoops, p: int) -> tuple[Array, Array]:
+    """Return the worst gain at each point, and the frequency where it is worst."""
     sizes = np.abs(loops.modes.poles)
     fast, slow = sizes.max(axis=1), np.maximum(sizes.min(axis=1), 1e-6 * sizes.max(axis=1))
     w = slow[:, None] / 10 * ((100 * fast / slow)[:, None]) ** np.linspace(0, 1, 150)
@@ -382,7 +388,7 @@ def _closely(loops: ClosedLoops, p: int) -> Array:
         w = low + (high - low) * np.linspace(0, 1, WITHIN)
         values = worst_of_dynamics(response(loops.A, loops.E, loops.C, loops.F, 1j * w), p)
         best = np.maximum(best, values.max(axis=1))
-    return np.asarray(best)
+    return np.asarray(best), w[rows, values.argmax(axis=1)]
 
 
 def worst_of_dynamics(G: Any, p: int) -> Array:

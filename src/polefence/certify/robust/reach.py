@@ -163,6 +163,8 @@ class Attained(Short):
         The parameters' values there.
     exact : bool
         Whether it is at least that in exact arithmetic; else it is sampled, in floats.
+    frequency : float or None
+        Of a gain, where it is that [rad/s].
     failure : Failure or None
         Of a margin, the claim that errors of that size make the loop unstable, and its proof.
     """
@@ -173,6 +175,7 @@ class Attained(Short):
     values: Mapping[str, float] | None
     exact: bool
     failure: Failure | None = None
+    frequency: float | None = None
 
     def __repr__(self) -> str:
         level = "none" if self.bound is None else f"{self.bound.level:.6g}"
@@ -663,7 +666,8 @@ def _worst(family: Family, limit: Specification) -> Attained:
         return Attained(limit, bound, reached, where, failure is not None, failure)
     square = attained(plant, law, free, exact_point)
     reached = worst if square is None else root_down(square)
-    return Attained(limit, bound, reached, where, square is not None)
+    frequency = free.worst_frequency(plant, law, point)
+    return Attained(limit, bound, reached, where, square is not None, frequency=frequency)
 
 
 def _claim(

@@ -79,7 +79,7 @@ class WorstCaseGain(AtLoops):
         law = require_law(law, cls.kind)
         if not plant.E:
             raise FormatError(f"{table.where}: the plant has no E: no disturbance acts on it")
-        inputs = tuple(k - 1 for k in table.wholes("inputs", MAX_MEASURED))
+        inputs = read_inputs(table)
         known, paths = demands(plant), read_paths(table, plant)
         loops = Loops(inputs, (), SKEW, table.numbers("weights"), own=plant.q, demands=known)
         loops = replace(loops, paths=paths)
@@ -146,8 +146,8 @@ class WorstCaseGain(AtLoops):
         """Return what `read` reads."""
         table: dict[str, Any] = {"kind": self.kind}
         table |= write_outputs([alone(signal, self.loops.own) for signal in self.signals])
-        table["inputs"] = [k + 1 for k in self.loops.inputs]
-        table |= write_paths(self.loops)
+        inputs = [k + 1 for k in self.loops.inputs]
+        table |= ({"inputs": inputs} if inputs else {}) | write_paths(self.loops)
         table |= {"weights": plain(self.loops.weights), "level": plain(self.level)}
         table |= self.write_leads()
         at_loops = self.filters[len(self.signals) :]
@@ -198,6 +198,13 @@ class WorstCaseGain(AtLoops):
         what, acting = outputs_text(signals, plant), self.acting_words(plant)
         level, on = digits_up(self.level), f"on the {self.subject.on}"
         return f"{self.kind} of {what} <= {level}{acting}, {self.dynamics_text(plant)}, {on}"
+
+
+def read_inputs(table: Table) -> tuple[int, ...]:
+    """Return the inputs of loops; none where they are paths alone."""
+    if "inputs" not in table and "paths" in table:
+        return ()
+    return tuple(k - 1 for k in table.wholes("inputs", MAX_MEASURED))
 
 
 def demands(plant: Plant) -> tuple[int, ...]:

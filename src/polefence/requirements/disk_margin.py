@@ -323,7 +323,7 @@ def require_flag(time_invariant: Any, kind: str) -> None:
 
 def invariant_words(time_invariant: bool) -> str:
     """Return what a title says of errors that do not vary in time."""
-    return " with time_invariant" if time_invariant else ""
+    return " with time_invariant true" if time_invariant else ""
 
 
 def inverse(margin: Fraction) -> float:

@@ -313,6 +313,8 @@ def _value(word: str) -> Any:
             Fraction(entry) if re.fullmatch(_NUMBER, entry) else entry
             for entry in map(str.strip, word[1:-1].split(","))
         ]
+    if word in ("true", "false"):
+        return word == "true"
     return Fraction(word) if re.fullmatch(_NUMBER, word) else word
 
 

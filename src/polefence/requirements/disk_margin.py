@@ -44,6 +44,7 @@ from polefence.response.stationary import growth
 
 Posed = tuple[UncertainPlant, Law, Specification]
 
+FLAG = "time_invariant"  # a key
 TO = " -> "  # in the name of a path
 FEW = 20  # samples beside the vertices for which loops are weighed, as many as for a bound
 
@@ -78,6 +79,7 @@ class DiskMargin(Specification):
     power = 1
     late_as = proof.DiskMargin.late_as
     is_margin: ClassVar[bool] = True
+    of_dynamics: ClassVar[bool] = False  # whether dynamics are added, and no factor acts
     by_gain: ClassVar[bool] = True  # whether the gain in which it is posed is the margin itself
     shapes: ClassVar[tuple[Shape, ...]] = ()
     claimed: ClassVar[type[proof.DiskMargin]] = proof.DiskMargin
@@ -109,8 +111,9 @@ class DiskMargin(Specification):
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
-        given = row.given(*(key for key in cls.keys if key in row.table))
-        return cls(row.table["signal"], **given)
+        given = row.given(*(key for key in cls.keys if key in row.table and key != FLAG))
+        flag = {FLAG: row.table[FLAG]} if FLAG in row.table else {}
+        return cls(row.table["signal"], **given, **flag)
 
     @property
     def title(self) -> str:
@@ -156,7 +159,8 @@ class DiskMargin(Specification):
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant without a loop of that name."""
         for name in self.names:
-            place_of(plant, name, None)
+            if place_of(plant, name, None)[0] == "path" and not self.of_dynamics:
+                raise InputError(f"{self.title}: {name!r} is a path; ask for unmodelled dynamics")
         self.require_late(plant)
         limit, straight = self.limit, any(y.D or y.F for y in plant.every_output)
         least = abs(1 + self.sigma) / 2  # of |S + (sigma - 1) / 2| where nothing comes back
@@ -314,6 +318,13 @@ class DiskMargin(Specification):
         return scales.slopes(loops, 0, 1.0, leads=self.time_invariant)
 
 
+def written_weight(weight: Any) -> Any:
+    """Return a weight's text without spaces, that of a number too."""
+    if is_number(weight) or isinstance(weight, Fraction):
+        return exactly(float(weight))
+    return "".join(weight.split()) if isinstance(weight, str) else weight
+
+
 def require_flag(time_invariant: Any, kind: str) -> None:
     """Refuse what is neither true nor false."""
     if not isinstance(time_invariant, bool):
@@ -353,14 +364,14 @@ class Unmodelled(DiskMargin):
     weight: Any = ""
     kind = "unmodelled dynamics"
     keys = ("weight", "time_invariant")
+    of_dynamics = True
     claimed = proof.Unmodelled
 
     @explained_fields
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "sigma", -1.0)
-        if isinstance(self.weight, str):
-            object.__setattr__(self, "weight", "".join(self.weight.split()))
+        object.__setattr__(self, "weight", written_weight(self.weight))
         _ = self.shapes
 
     @classmethod

@@ -44,6 +44,7 @@ from polefence.requirements.disk_margin import (
     seen_paths,
     shaped,
     with_paths,
+    written_weight,
 )
 from polefence.requirements.gain import Gain
 from polefence.requirements.slopes import Acting, Channel, Slopes
@@ -98,8 +99,7 @@ class WorstCaseGain(Gain):
             )
         self._settle("inputs", tuple(named))
         require_flag(self.time_invariant, self.kind)
-        if isinstance(self.weight, str):
-            self._settle("weight", "".join(self.weight.split()))
+        self._settle("weight", written_weight(self.weight))
         _ = self.shapes
 
     @classmethod

@@ -419,6 +419,7 @@ class DiskMargin(AtLoops):
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
         invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
+        loops.require_leads(plant.step)
         evidence, opened = table.table("evidence"), loops.law(law, plant)
         if loops.measured:
             on, known = evidence.word("on", DOMAINS), on

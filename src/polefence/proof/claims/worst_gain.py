@@ -86,6 +86,7 @@ class WorstCaseGain(AtLoops):
         loops.require(plant.m, 0)
         invariant, leads = read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
+        loops.require_leads(plant.step)
         signals, filters = read_outputs(table, plant, cls.most), read_filters(table, loops.count)
         if not filters or None in filters:
             raise FormatError(

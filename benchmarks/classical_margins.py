@@ -56,8 +56,6 @@ def main() -> None:
         print(f"{name:22}", end="", flush=True)
         for kind in KINDS:
             asked = kind.least(loop)
-            if plant.period and kind is pf.DelayMargin:
-                continue
             bound = best_bound(plant, law, asked)
             worst = asked.values(plant, law, seeded(plant, len(plant.vertices) + 2000)).max()
             proved = "none" if bound is None else asked.proved_text(bound.level)

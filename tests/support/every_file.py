@@ -115,7 +115,7 @@ FILES = (
     "cells/design.json", "damper/law.json", "damper/limit.json", "late/design.json",
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
-    "passing/design.json", "margins/design.json", "failing/margins.json",
+    "passing/design.json", "margins/design.json", "failing/margins.json", "delayed/design.json",
 )  # fmt: skip
 PASSING = (
     SPEC
@@ -247,6 +247,11 @@ MARGINS = (
     "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
 )  # fmt: skip
 
+LATE_SAMPLES = [
+    "verify", "discrete.toml", "--gain", "discrete/design.json", "--limit", "delay margin of u",
+    "-o", "delayed",
+]  # fmt: skip
+
 FAILING = (
     "robust", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
     "--limit", "disk margin of [u, x] with sigma 0.5",
@@ -287,6 +292,7 @@ def write_every_file(made: Path) -> None:
         [*MOVING, "-o", "moving"],
         [*HALF, "-o", "half"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],
+        LATE_SAMPLES,
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],
         ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],

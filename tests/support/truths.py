@@ -898,6 +898,8 @@ def false_worst_case(plant, law, claim):
 def false_delay_margin(plant, law, claim):
     """Whether the loop is on the edge of stability with a shorter delay."""
     i, margin = claim["inputs"][0] - 1, 1 / number(claim["level"])
+    if plant.T:
+        return late_by_samples(plant, law, i, int(margin / plant.T))
     w = np.geomspace(1e-3, 1e3, 2000)
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
         (A, B, _), K = plant.at(alpha), law.gain(alpha)
@@ -907,6 +909,20 @@ def false_delay_margin(plant, law, claim):
         size = np.abs(L) - 1
         for k in np.flatnonzero(size[:-1] * size[1:] < 0):  # 1 = L exp(-j w t)
             if (np.angle(L[k]) % (2 * np.pi)) / w[k] < margin * (1 - 1e-2):
+                return True
+    return False
+
+
+def late_by_samples(plant, law, i, most):
+    """Whether the loop is unstable with an input late by some number of samples up to this."""
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        (A, B, _), K = plant.at(alpha), law.gain(alpha)
+        n, rest = len(A), A + B @ K - B[:, i : i + 1] @ K[i : i + 1]
+        for late in range(1, min(most, 60) + 1):
+            Z = np.zeros((n + late, n + late))
+            Z[:n, :n], Z[:n, n], Z[-1, :n] = rest, B[:, i], K[i]
+            Z[n:-1, n + 1 :] = np.eye(late - 1)
+            if np.abs(np.linalg.eigvals(Z)).max() > 1 + SLACK:
                 return True
     return False
 

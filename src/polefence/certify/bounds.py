@@ -211,11 +211,18 @@ def best_bound(
     if isinstance(specification, FactorMargin):
         return _of_poles(plant, specification, factor_margins.largest(plant, law, specification))
     with stage(f"bound on {specification.title}"):
-        nearest = specification.nearest(delta_form(plant), law)
-        if nearest is not None:
-            return _of(specification, _least_kept(plant, law, specification, nearest))
-        posed = specification.posed(delta_form(plant), law)
-        return _of(specification, _best_bound(*posed, known))
+        best: Bound | None = None
+        for nearest, way in specification.ways(delta_form(plant), law):
+            if best is not None and (nearest is None or best.level <= nearest):
+                break
+            bound = (
+                _best_bound(*way.posed(delta_form(plant), law), known)
+                if nearest is None
+                else _least_kept(plant, law, way, nearest)
+            )
+            if bound is not None and (best is None or bound.level < best.level):
+                best = bound
+        return _of(specification, best)
 
 
 def _least_kept(
@@ -598,9 +605,11 @@ def kept_bound(
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
         return _of_poles(plant, specification, factor_margins.kept(plant, law, specification))
-    posed = specification.posed(delta_form(plant), law)
+    delta = delta_form(plant)
     with stage(f"limit on {specification.title}"):
-        return _of(specification, _kept_bound(*posed, known))
+        limit, ways = specification.at_most or 0.0, specification.ways(delta, law)
+        near = (way for x, way in ways if not limit < (x or 0.0) < np.inf)
+        return _of(specification, first(_kept_bound(*way.posed(delta, law), known) for way in near))
 
 
 def _kept_bound(

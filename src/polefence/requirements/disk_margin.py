@@ -297,7 +297,7 @@ class DiskMargin(Specification):
         channel = Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
         channel = with_paths(channel, plant, alpha, self.loops_of(plant, None))
         for k, shape in enumerate(self.shapes):
-            channel = shaped(channel, k, shape.filter)
+            channel = shaped(channel, k, shape.at(plant.period))
         return channel
 
     def unweighted(self) -> DiskMargin:

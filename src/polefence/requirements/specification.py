@@ -193,13 +193,6 @@ class Specification(Short):
         """Limits without which it has no value, of a stable loop: none, in most kinds."""
         return ()
 
-    def nearest(self, plant: UncertainPlant, law: Any) -> float | None:  # noqa: ARG002
-        """Return a level from which its least one is looked for, where it is posed for a level.
-
-        None of a kind that is posed alike for every level, as most are.
-        """
-        return None
-
     def posed(self, plant: UncertainPlant, law: Law) -> tuple[UncertainPlant, Law, Specification]:
         """Return the plant, the law and the bound in which it is proved: themselves, in most."""
         return plant, law, self
@@ -238,6 +231,22 @@ class Specification(Short):
     def filtered(self, signals: Sequence[str | Output]) -> Specification:
         """Return it of the signals behind their filters."""
         return replace(self, signal=signals)
+
+    def arriving(self, plant: UncertainPlant, n: int) -> UncertainPlant:  # noqa: ARG002
+        """Return the plant with its filters, from the n-th state on, as what it asks is of."""
+        return plant
+
+    def ways(
+        self,
+        plant: UncertainPlant,  # noqa: ARG002
+        law: Any,  # noqa: ARG002
+    ) -> tuple[tuple[float | None, Specification], ...]:
+        """Return what proves it, the most promising first.
+
+        Each with a level from which its least one is looked for, where it is posed for a level;
+        None of a kind that is posed alike for every level, as most are.
+        """
+        return ((None, self),)
 
     def unweighted(self) -> Specification:
         """Return it of the signal itself."""

@@ -58,6 +58,7 @@ def behind(plant: UncertainPlant, law: Any, specification: Specification) -> Beh
     if not any(specification.filters):
         return Behind(plant, law, specification)
     larger, (requirement,) = with_weights(plant, (specification,))
+    larger = specification.arriving(larger, plant.shape[0])
     return Behind(larger, wider(law, plant, larger), requirement)
 
 
@@ -150,6 +151,10 @@ class Shape:
         """Its name."""
         return self.filter.name
 
+    def at(self, T: Fraction) -> Filter:  # noqa: ARG002
+        """Return the filter at a sample time, in its delta form; zero in continuous time."""
+        return self.filter
+
 
 def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
     """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
@@ -159,7 +164,7 @@ def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
     T : Fraction
         The sample time [s]; zero in continuous time.
     """
-    return weighting.filter if isinstance(weighting, Shape) else _standard(weighting, T)
+    return weighting.at(T) if isinstance(weighting, Shape) else _standard(weighting, T)
 
 
 @lru_cache(maxsize=64)

@@ -167,6 +167,12 @@ class WorstCaseGain(Gain):
         """Return about the least level that can be proved of it; infinite where there is none."""
         return self._scaled(plant, law)[0]
 
+    def ways(
+        self, plant: UncertainPlant, law: Any
+    ) -> tuple[tuple[float | None, Specification], ...]:
+        """Return it with that level."""
+        return ((self.nearest(plant, law), self),)
+
     def _scaled(self, plant: UncertainPlant, law: Any) -> tuple[float, scales.Scale]:
         """Return the level, and a scale of the loops, that are about best at a few points."""
         alpha = seeded(plant, len(plant.vertices) + FEW)

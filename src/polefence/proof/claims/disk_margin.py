@@ -425,15 +425,15 @@ class DiskMargin(AtLoops):
             on, known = evidence.word("on", DOMAINS), on
             if on != known and not law.fixed:
                 raise FormatError(f'{evidence.path("on")} must be "{known}", as that of the law')
-        filters = cls.filters_of(table, loops.count)
-        more = states_of(filters) + loops.lead_states
+        filters = read_filters(table, loops.count) if cls.has_filters else ()
+        more = states_of(filters) + loops.lead_states + cls.states_in(table, plant)
         subject = read_subject(evidence, loops.plant(plant), opened, on, more)
         return cls.of(subject, loops, table.number("level"), filters, invariant=invariant)
 
     @classmethod
-    def filters_of(cls, table: Table, count: int) -> Filters:
-        """Return the filters of the loops in a file."""
-        return read_filters(table, count) if cls.has_filters else ()
+    def states_in(cls, table: Table, plant: Plant) -> int:  # noqa: ARG003
+        """Return how many states there are besides those of the plant and of filters."""
+        return 0
 
     @classmethod
     def of(

@@ -37,6 +37,7 @@ from polefence.proof.claims.rounding import Rounded
 from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.saturation import Saturation
+from polefence.proof.claims.sector import SectorBound
 from polefence.proof.claims.worst_gain import WorstCaseGain
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
@@ -69,6 +70,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             PhaseMargin,
             DelayMargin,
             WorstCaseGain,
+            SectorBound,
             GainNorm,
             Estimate,
             GainError,

@@ -105,6 +105,7 @@ class Specification(Short):
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
     late_as: ClassVar[str | None] = None  # what its claim has of plants with a dead time
     power: ClassVar[int] = 2  # of the bound, that grows with the r of a condition
+    of_loops: ClassVar[bool] = True  # of a margin, whether its signals are loops; one needs a size
     is_margin: ClassVar[bool] = False  # whether people read 1 over its level, which is to be large
 
     @explained_fields

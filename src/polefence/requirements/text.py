@@ -30,6 +30,7 @@ from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.saturation import Saturation
+from polefence.requirements.sector import SectorBound
 from polefence.requirements.specification import (
     SIGNAL_REMEDY,
     Row,
@@ -55,6 +56,7 @@ KINDS: dict[str, type[Specification]] = {
         PhaseMargin,
         DelayMargin,
         WorstCaseGain,
+        SectorBound,
         GainNorm,
     )
 }
@@ -367,19 +369,25 @@ def _turned(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
     if asked is None or not asked.is_margin:
         return table
     turned = dict(table)
-    for key, instead in (("signal", "loops"), ("at_most", "at_least"), ("minimise", "maximise")):
-        if key in table:
+    for key, instead in (
+        ("signal", "loops" if asked.of_loops else "signal"),
+        ("at_most", "at_least"),
+        ("minimise", "maximise"),
+    ):
+        if key in table and key != instead:
             raise SpecError(f"{where}: {key} is for other kinds; a {asked.kind} has {instead}")
         if instead in table:
             turned[key] = turned.pop(instead)
-    if "signal" not in turned:
+    if "signal" not in turned and asked.of_loops:
         raise SpecError(
             f'{where}: loops is missing; write loops = ["NAME"], an input or a measured signal'
         )
     if "at_most" in turned:
         turned["at_most"] = _margin(turned["at_most"], f"{where}: at_least")
     elif turned.get("minimise") is not True:
-        raise SpecError(f"{where}: give at_least = MARGIN or maximise = true, one of them")
+        if asked.of_loops:
+            raise SpecError(f"{where}: give at_least = MARGIN or maximise = true, one of them")
+        turned["at_most"] = 1
     return turned
 
 

@@ -16,6 +16,7 @@ from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.saturation import Saturation
+from polefence.proof.claims.sector import Elements, SectorBound
 from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.claims.started import is_semidefinite
 from polefence.proof.claims.worst_gain import WorstCaseGain
@@ -29,6 +30,7 @@ __all__ = [
     "DelayMargin",
     "DiskMargin",
     "EachGain",
+    "Elements",
     "EnergyPeak",
     "Estimate",
     "Gain",
@@ -44,6 +46,7 @@ __all__ = [
     "RelativeRms",
     "Rms",
     "Saturation",
+    "SectorBound",
     "SignalClaim",
     "Subject",
     "Unmodelled",

@@ -8,12 +8,16 @@ which is stable, and of gain |c| at every frequency. It acts on what `disk_margi
 (s - 1) / 2 of loops that are opened, or on W T where dynamics that no model has are of a shape W.
 So a disk margin, or a multiple of W, is no more than the largest |c|.
 
+Or elements of the loop, each between a signal y and a disturbance w, are numbers: w = k y. So a
+sector of theirs that holds these numbers is not proved by anyone.
+
 The closed loop is one matrix of rationals. That a pole of it is outside is decided by its
 characteristic polynomial, or by a matrix P that shows it, see `roots.Outside`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -27,11 +31,18 @@ from polefence.proof.claims.disk_margin import (
     write_paths,
 )
 from polefence.proof.claims.poles import Poles
-from polefence.proof.claims.signal import read_filters
+from polefence.proof.claims.sector import Elements, element_words, read_numbers
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    misnamed,
+    read_filters,
+    read_outputs,
+    write_outputs,
+)
 from polefence.proof.filters import Filter, Filters
 from polefence.proof.laws import Evidence, Law, add
 from polefence.proof.matrices import ONE, ZERO, Rationals, identity, mix, product, right_divide
-from polefence.proof.plant import Plant, split
+from polefence.proof.plant import Output, Plant, split
 from polefence.proof.polynomials import basis, coordinates
 from polefence.proof.ranges import corner_weights, narrowed
 from polefence.proof.reading import Table, plain
@@ -124,6 +135,8 @@ class Failure(Short, Claim):
         One a loop.
     filters : tuple of Filter
         Of dynamics that no model has, one a loop; none of a disk margin.
+    elements : Elements, optional
+        Each a number, the centre of its sector.
     outside : Outside, optional
         What shows it; none where the characteristic polynomial is to.
     """
@@ -139,6 +152,7 @@ class Failure(Short, Claim):
     errors: tuple[Error, ...] = ()
     filters: Filters = ()
     outside: Outside | None = None
+    elements: Elements | None = None
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -149,6 +163,8 @@ class Failure(Short, Claim):
         claim = cls(plant, law, plant.domain(on or "simplex"), region, at)
         if "loops" in table:
             claim = claim._with_loops(table.table("loops"))
+        if "elements" in table:
+            claim = replace(claim, elements=_elements(table.table("elements"), plant))
         if "outside" in table:
             outside = Outside.read(table.table("outside"), claim.size)
             claim = replace(claim, outside=outside)
@@ -183,6 +199,11 @@ class Failure(Short, Claim):
             if self.filters:
                 below["filters"] = [{} if f is None else f.write() for f in self.filters]
             table["loops"] = below
+        if self.elements is not None:
+            table["elements"] = write_outputs(self.elements.signals) | {
+                "disturbances": [k + 1 for k in self.elements.disturbances],
+                "numbers": plain([low for low, _ in self.elements.sectors]),
+            }
         return table | ({} if self.outside is None else {"outside": self.outside.write()})
 
     @property
@@ -210,9 +231,11 @@ class Failure(Short, Claim):
         whole = plant.ranges or sum(self.at) == 1
         if not whole or not all(0 <= share <= 1 for share in self.at):
             raise FormatError("at is no point of the family")
+        if self.elements is not None:
+            self._require_elements(self.elements)
         if self.loops is None:
             return
-        if self.region != (Disk(ZERO, ONE) if plant.step else HalfPlane(ZERO),):
+        if not self._of_stability:
             raise FormatError("region: errors in loops are about stability alone")
         if plant.remainder is not None:
             raise FormatError("loops: of a plant with a remainder none is opened")
@@ -226,6 +249,18 @@ class Failure(Short, Claim):
             raise FormatError("loops: dynamics that no model has are of continuous time")
         for error in self.errors:
             error.require(plant.step)
+
+    @property
+    def _of_stability(self) -> bool:
+        return self.region == (Disk(ZERO, ONE) if self.plant.step else HalfPlane(ZERO),)
+
+    def _require_elements(self, elements: Elements) -> None:
+        plant = self.plant
+        if self.loops is not None or not self._of_stability:
+            raise FormatError("elements: they are about stability alone, of loops that are closed")
+        if plant.remainder is not None:
+            raise FormatError("elements: of a plant with a remainder none is closed")
+        elements.require(plant.n, plant.m, plant.q)
 
     def decided(self) -> Verdict:
         """Decide it at the point."""
@@ -252,6 +287,8 @@ class Failure(Short, Claim):
         if self.loops is not None:
             closed = self._closed(self.loops)
             return closed, identity(len(closed)), ZERO
+        if self.elements is not None:
+            return self._with_elements(self.elements), identity(self.plant.n), ZERO
         plant, alpha = self.plant, self.alpha
         blank = (Evidence([]),) * len(self.region)
         on = "box" if plant.ranges else self.on
@@ -289,9 +326,31 @@ class Failure(Short, Claim):
             raise FormatError("loops: with these errors the loop has no value")
         return add(A, product(entering, C))
 
+    def _with_elements(self, elements: Elements) -> Rationals:
+        """Return the closed loop whose elements are numbers."""
+        plant, law, alpha = self.plant, self.law, self.alpha
+        here = replace(elements, signals=tuple(_at(y, alpha) for y in elements.signals))
+        E = [mix(alpha, elements.of(plant.E))]
+        (A,), (B,) = here.fed_back(([mix(alpha, plant.A)], [mix(alpha, plant.B)]), E)
+        at = coordinates(alpha, plant.sizes)
+        if not law.F:
+            return add(A, product(B, _gains(law, alpha, at, plant, 0)[0]))
+        C, F = ((mix(alpha, list(M)),) for M in (law.C, law.F))
+        read = here.law(replace(law, C=C, F=F))
+        K = replace(law, C=(), F=()).gain(alpha, at)
+        return add(A, product(B, product(K, read.C[0])))
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
+        """Say that a signal has the name of another of the plant."""
+        return misnamed(self.elements.signals, plant) if self.elements is not None else ""
+
     def statement(self, plant: Plant) -> str:
         """Say where it fails, and with which errors."""
         text = f"a pole is not in {region_text(self.region)}{self.where(plant)}"
+        if self.elements is not None:
+            pairs = zip(element_words(self.elements, plant), self.elements.sectors, strict=True)
+            said = "; ".join(f"{w} = {number_text(k)} y, {y}" for (w, y), (k, _) in pairs)
+            return f"{text}, with {said}"
         if self.loops is None:
             return text
         what = "disk margin"
@@ -342,6 +401,19 @@ class Failure(Short, Claim):
             name = name_text(r.name) or f"parameter {k + 1}"
             said.append(f"{name} = {_short(narrowed(r, share, share).low)} {unit_text(r.unit)}")
         return f" at {', '.join(map(str.rstrip, said))}"
+
+
+def _elements(table: Table, plant: Plant) -> Elements:
+    """Read elements that are numbers."""
+    signals = read_outputs(table, plant, MAX_ENTRIES)
+    numbers = table.numbers("numbers", len(signals))
+    sectors = tuple((k, k) for k in numbers)
+    return Elements(signals, read_numbers(table), sectors, (ONE,) * len(signals))
+
+
+def _at(signal: Output, alpha: list[Fraction]) -> Output:
+    """Return a signal at one point, without what passes into it."""
+    return Output([mix(alpha, signal.C)], [mix(alpha, signal.D)], signal.name)
 
 
 def _gains(

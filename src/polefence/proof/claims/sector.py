@@ -1,0 +1,390 @@
+"""Sectors: static elements that no model has, each between a signal and a disturbance.
+
+An element gives w = phi(t, y), y = C x + D u a signal of the plant and w one of its disturbances,
+phi any function whose graph is in a sector: between a y and b y at every time, also one that varies
+in time. With the centre c = (a + b) / 2 and the radius r = (b - a) / 2 of each,
+
+    w = c y + z,    |z| <= r |y|:
+
+the centres are fed back, x' = (A + E c C) x + (B + E c D) u + E z, and so they are into what the
+law measures, y_m = (C_m + F_m c C) x + F_m z. By the circle criterion (Zames, IEEE Transactions on
+Automatic Control 11(2), 1966) that loop stays stable for all elements if the gain from d^-1 z to
+d r y is less than one for some positive d of each: of x'P x, which shows it, the derivative is
+negative along every motion, whatever phi is.
+
+Where the gain is less than ``level`` the radii may be 1 / level times as large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Self
+
+from polefence.proof.claims.base import Claim, require_law
+from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.samples import Samples
+from polefence.proof.claims.signal import (
+    MAX_ENTRIES,
+    Subject,
+    misnamed,
+    outputs_text,
+    read_outputs,
+    read_subject,
+    write_evidence,
+    write_outputs,
+)
+from polefence.proof.laws import Law, add
+from polefence.proof.matrices import ONE, ZERO, Rationals, beside, product
+from polefence.proof.plant import Output, Plant, split
+from polefence.proof.reading import Table, plain
+from polefence.proof.remainder import Remainder, Rows
+from polefence.proof.short import Short
+from polefence.proof.text import digits_down, digits_up, number_text, quoted
+from polefence.proof.work import FormatError
+
+Sector = tuple[Fraction, Fraction]
+MAX_WIDTH = 1000  # disturbances of a plant
+VARYING = (
+    "where an element acts (E) and its signal both depend on parameters, so that their product is "
+    "not affine; take a signal of constant rows"
+)
+
+
+@dataclass(frozen=True)
+class Elements(Short):
+    """Elements w = phi(t, y) of a plant, and how each is weighed.
+
+    Attributes
+    ----------
+    signals : tuple of Output
+        The y of each, of the plant.
+    disturbances : tuple of int
+        The number of the w of each, from 0.
+    sectors : tuple of (Fraction, Fraction)
+        a and b of each.
+    weights : tuple of Fraction
+        d of each.
+    """
+
+    signals: tuple[Output, ...]
+    disturbances: tuple[int, ...]
+    sectors: tuple[Sector, ...]
+    weights: tuple[Fraction, ...]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.signals)
+
+    @property
+    def alike(self) -> Self:
+        """They with weights of one."""
+        return replace(self, weights=(ONE,) * self.count)
+
+    @property
+    def centres(self) -> Rationals:
+        """The diagonal matrix of c."""
+        middles = [(a + b) / 2 for a, b in self.sectors]
+        return [[c * (i == j) for j in range(self.count)] for i, c in enumerate(middles)]
+
+    @property
+    def radii(self) -> tuple[Fraction, ...]:
+        """R of each."""
+        return tuple((b - a) / 2 for a, b in self.sectors)
+
+    def widened(self, level: Fraction) -> tuple[Sector, ...]:
+        """Return the sectors with radii 1 / level times as large."""
+        pairs = zip(self.sectors, self.radii, strict=True)
+        return tuple(((a + b) / 2 - r / level, (a + b) / 2 + r / level) for (a, b), r in pairs)
+
+    def require(self, n: int, m: int, q: int) -> None:
+        """Refuse elements that a plant of n states, m inputs and q disturbances has not.
+
+        Raises
+        ------
+        FormatError
+        """
+        if not 1 <= self.count <= MAX_ENTRIES:
+            raise FormatError(f"outputs: elements are 1 to {MAX_ENTRIES}")
+        numbers = self.disturbances
+        for key, values in (
+            ("disturbances", numbers),
+            ("sectors", self.sectors),
+            ("weights", self.weights),
+        ):
+            if len(values) != self.count:
+                raise FormatError(f"{key} must hold {self.count} entries, one an element")
+        if len(set(numbers)) < self.count or not all(0 <= k < q for k in numbers):
+            raise FormatError(f"disturbances must be different numbers from 1 to {q}")
+        if min(self.weights) <= 0:
+            raise FormatError(f"weights must be {self.count} positive numbers, one an element")
+        for signal in self.signals:
+            if any(
+                len(C[0]) != n or len(D[0]) != m for C, D in zip(signal.C, signal.D, strict=True)
+            ):
+                raise FormatError("outputs: a row does not fit the plant")
+            if signal.near is not None:
+                raise FormatError(
+                    f"{quoted(signal.name)} is a function of the parameters; an element is of a "
+                    "signal that is known exactly"
+                )
+            if any(row[k] for (row,) in signal.F for k in numbers):
+                raise FormatError(
+                    f"the force of an element passes straight into {quoted(signal.name)}, which "
+                    "it depends on; take another signal, or one behind a filter"
+                )
+
+    def of(self, matrices: Sequence[Rationals]) -> list[Rationals]:
+        """Return the columns of their disturbances, of E or of F at every vertex."""
+        return [[[row[k] for k in self.disturbances] for row in M] for M in matrices]
+
+    def rows(self, key: str) -> list[Rationals]:
+        """Return C, or D, of their signals, one below the other, at every vertex."""
+        stacks = zip(*(getattr(signal, key) for signal in self.signals), strict=True)
+        return [[row for rows in stack for row in rows] for stack in stacks]
+
+    def plant(self, plant: Plant) -> Plant:
+        """Return the plant with the centres fed back, on which the elements alone act.
+
+        Raises
+        ------
+        FormatError
+            If it is none that is known so.
+        """
+        q = plant.q
+        if not plant.E:
+            raise FormatError("the plant has no E: no element acts on it")
+        self.require(plant.n, plant.m, q)
+        E = self.of(plant.E)
+        A, B = self.fed_back((plant.A, plant.B), E)
+        return replace(
+            plant,
+            A=A,
+            B=B,
+            E=E,
+            disturbances=(),
+            outputs=(),
+            noise=(),
+            remainder=self.remainder(plant.remainder, plant.n, plant.m),
+            nodes=(),
+        )
+
+    def fed_back(
+        self, matrices: tuple[list[Rationals], list[Rationals]], E: list[Rationals]
+    ) -> tuple[list[Rationals], list[Rationals]]:
+        """Return A + E c C and B + E c D, or the same of what a law measures."""
+        A, B = (
+            [
+                add(M, more)
+                for M, more in zip(known, times(E, self.centres, self.rows(key)), strict=True)
+            ]
+            for known, key in zip(matrices, "CD", strict=True)
+        )
+        return A, B
+
+    def remainder(self, known: Remainder | None, n: int, m: int) -> Remainder | None:
+        """Return what [A, B, E] is beyond the combination of the vertices, centres fed back.
+
+        Raises
+        ------
+        FormatError
+        """
+        if known is None:
+            return None
+        if known.source is None:
+            raise FormatError("a plant that is known only nearly has no elements")
+        entering = [n + m + k for k in self.disturbances]
+        moved = any(row[k] for M in known.source.directions for row in M for k in entering)
+        rows = [beside(pair) for pair in zip(self.rows("C"), self.rows("D"), strict=True)]
+        if moved and _varies(rows):
+            raise FormatError(VARYING)
+        fed = product(self.centres, rows[0])
+
+        def changed(M: Rows) -> Rows:
+            E = [[row[k] for k in entering] for row in M]
+            heads = add([list(row[: n + m]) for row in M], product(E, fed))
+            return tuple((*head, *tail) for head, tail in zip(heads, E, strict=True))
+
+        directions = tuple(map(changed, known.source.directions))
+        return replace(known.source, directions=directions).on_box
+
+    def law(self, law: Law) -> Law:
+        """Return a law into whose signals the centres are fed back, and the elements pass.
+
+        Raises
+        ------
+        FormatError
+        """
+        if not law.F:
+            return law
+        F = self.of(law.F)
+        if not any(any(map(any, M)) for M in F):
+            return replace(law, F=())
+        D = self.rows("D")
+        if any(any(map(any, M)) for M in D):
+            raise FormatError(
+                "the force of an element passes straight into what the law measures, and the law "
+                "into the element's signal; take another signal"
+            )
+        none = [[[ZERO] * len(D[0][0]) for _ in M] for M in F]
+        C, _ = self.fed_back((list(law.C), none), F)
+        return replace(law, C=tuple(C), F=tuple(F))
+
+    def outputs(self) -> tuple[Output, ...]:
+        """Return d r y of each."""
+        outputs = list[Output]()
+        for y, r, d in zip(self.signals, self.radii, self.weights, strict=True):
+            C, D = ([[[d * r * x for x in M[0]]] for M in rows] for rows in (y.C, y.D))
+            outputs.append(Output(C, D))
+        return tuple(outputs)
+
+    @property
+    def scales(self) -> tuple[Fraction, ...]:
+        """How many times each z acts."""
+        return tuple(1 / d for d in self.weights)
+
+
+def times(E: list[Rationals], c: Rationals, C: list[Rationals]) -> list[Rationals]:
+    """Return E c C at every vertex, of which it is the combination between them too.
+
+    Raises
+    ------
+    FormatError
+        If it is not: where an entry of E and one of C that are multiplied both vary.
+    """
+    moved = [product(left, c) for left in E]
+    for k in range(len(c)):
+        one, other = (
+            _varies([[row[k] for row in M] for M in moved]),
+            _varies([M[k] for M in C]),
+        )
+        if one and other:
+            raise FormatError(VARYING)
+    return [product(left, right) for left, right in zip(moved, C, strict=True)]
+
+
+def _varies(rows: Sequence[Sequence[Any]]) -> bool:
+    return any(row != rows[0] for row in rows)
+
+
+@dataclass(frozen=True)
+class SectorBound(Gain):
+    """The loop is stable for all elements in sectors; ``level`` is 1 over what widens them.
+
+    The subject is the loop with the centres fed back, and the outputs are d r y.
+    """
+
+    kind: ClassVar[str] = "sector"
+    late_as: ClassVar[str | None] = None
+
+    elements: Elements = field(kw_only=True)
+
+    @classmethod
+    def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
+        """Read signals, disturbances, sectors and weights of the elements, level and evidence."""
+        law = require_law(law, cls.kind)
+        signals = read_outputs(table, plant, MAX_ENTRIES)
+        rows = table.matrix("sectors", len(signals), 2)
+        elements = Elements(
+            signals,
+            read_numbers(table),
+            tuple((a, b) for a, b in rows),
+            table.numbers("weights"),
+        )
+        changed, beside_it = elements.plant(plant), elements.law(law)
+        subject = read_subject(table.table("evidence"), changed, beside_it, on)
+        return cls.of(subject, elements, table.number("level"))
+
+    @classmethod
+    def of(cls, subject: Subject, elements: Elements, level: Fraction) -> Self:
+        """Return the claim about a loop whose centres are fed back."""
+        return cls(subject, elements.outputs(), level, scales=elements.scales, elements=elements)
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed: weights are a part of what proves it."""
+        return self.of(super().bare.subject, self.elements.alike, self.level)
+
+    def write(self) -> dict[str, Any]:
+        """Return what `read` reads."""
+        elements = self.elements
+        table: dict[str, Any] = {"kind": self.kind} | write_outputs(elements.signals)
+        table["disturbances"] = [k + 1 for k in elements.disturbances]
+        table["sectors"] = plain([list(pair) for pair in elements.sectors])
+        table |= {"weights": plain(elements.weights), "level": plain(self.level)}
+        return table | {"evidence": write_evidence(self.subject)}
+
+    def require_extra(self) -> None:
+        """Refuse elements that do not fit, or are not those of the loop."""
+        super().require_extra()
+        if not all(a < b for a, b in self.elements.sectors):
+            raise FormatError("sectors must be pairs [a, b] of a < b")
+        if not self.level:
+            raise FormatError("level must be positive")
+        if self.held is not None:
+            raise FormatError("held: elements are of a plant in continuous time, or of samples")
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:
+        """Say that a signal has the name of another of the plant, or that the plant is sampled."""
+        if any(isinstance(other, Samples) for other in claims):
+            return "the plant is the samples of another: an element acts between them too"
+        return misnamed(self.elements.signals, plant)
+
+    def acting_words(self, plant: Plant) -> str:  # noqa: ARG002
+        """Nothing: no disturbance of the plant acts."""
+        return ""
+
+    def named(self, plant: Plant) -> str:
+        """Say which elements it is about."""
+        return f"{self.kind} of {', '.join(self.elements_words(plant, self.elements.sectors))}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The signals' names."""
+        return tuple(quoted(signal.name) for signal in self.elements.signals)
+
+    @property
+    def worst_text(self) -> str:
+        """Say how many times as wide the sectors may be at least, rounded down."""
+        return f"at least {digits_down(1 / self.level)} times as wide"
+
+    def elements_words(self, plant: Plant, sectors: Sequence[Sector]) -> list[str]:
+        """Return each element in words, its sector rounded inwards."""
+        pairs = zip(element_words(self.elements, plant), map(inwards, sectors), strict=True)
+        return [f"{w} = phi(t, y) in [{low}, {high}], {y}" for (w, y), (low, high) in pairs]
+
+    def statement(self, plant: Plant) -> str:
+        """Say for which elements what is proved."""
+        said = "; ".join(self.elements_words(plant, self.elements.widened(self.level)))
+        every = "every phi" if self.elements.count == 1 else "all phi"
+        return (
+            f"{self.kind}: x = 0 is globally exponentially stable{self.time_text} for {every} with "
+            "y phi(t, y) between a y^2 and b y^2, [a, b] its sector, constant or not in time: "
+            f"{said}, no other disturbance acting, on the {self.subject.on}"
+        )
+
+
+def read_numbers(table: Table) -> tuple[int, ...]:
+    """Return the numbers of the disturbances that are those of elements, from 0."""
+    return tuple(k - 1 for k in table.wholes("disturbances", MAX_WIDTH))
+
+
+def element_words(elements: Elements, plant: Plant) -> list[tuple[str, str]]:
+    """Return the disturbance and the signal of each element in words."""
+    labels, said = plant.disturbances, list[tuple[str, str]]()
+    for y, k in zip(elements.signals, elements.disturbances, strict=True):
+        name = f"{quoted(split(labels[k])[0])} = " if k < len(labels) else ""
+        said.append((f"{name}w{k + 1}", f"y = {outputs_text([y], plant)}"))
+    return said
+
+
+def inwards(sector: Sector) -> tuple[str, str]:
+    """Return the ends of a sector, each as it is where that is short, else rounded inwards."""
+    rounded: tuple[Callable[[Fraction], str], ...] = (digits_up, digits_down)
+    texts = []
+    for end, inward in zip(sector, rounded, strict=True):
+        exact = number_text(end)
+        texts.append(inward(end) if exact.startswith("~") else exact)
+    return texts[0], texts[1]

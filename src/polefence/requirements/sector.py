@@ -1,0 +1,464 @@
+"""Sectors: static elements that no model has, for all of which the loop is to stay stable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from polefence.base.errors import InputError, shown, suggest
+from polefence.base.explained import explained_fields
+from polefence.law.laws import Law, PolynomialGain, law_or_table
+from polefence.lmi.conditions import performance as conditions
+from polefence.plant.delta import delta_form
+from polefence.plant.exact import matrices_of
+from polefence.plant.family import UncertainPlant
+from polefence.plant.outputs import Output, disturbances, rows_at
+from polefence.plant.points import seeded
+from polefence.plant.polynomial import Domain
+from polefence.plant.system import Array, System
+from polefence.proof import claims as proof
+from polefence.proof import laws as exact
+from polefence.proof.claims.sector import Elements
+from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.proof.work import FormatError
+from polefence.requirements.disk_margin import (
+    FEW,
+    HASTY,
+    Posed,
+    _logarithms,
+    _weighed,
+    inverse,
+    rounded,
+)
+from polefence.requirements.gain import SAMPLES, Gain
+from polefence.requirements.slopes import Channel, Slopes, Turned
+from polefence.requirements.slopes import Loops as ClosedLoops
+from polefence.requirements.specification import (
+    Row,
+    Specification,
+    disturbance,
+    is_number,
+    listed,
+)
+from polefence.response.closed import close
+from polefence.response.modes import Modes
+from polefence.response.stationary import growth
+
+NEARER, MOST = 0.5, 30  # to zero, where the loop with the centres is not stable; how often at most
+
+
+@dataclass(frozen=True)
+class SectorBound(Specification):
+    """How wide sectors of static elements may be: for all elements in them the loop is stable.
+
+    An element gives a disturbance w = phi(t, y) for a signal y: a bump stop, friction, the curve of
+    a valve. Whatever phi is, constant or not, the loop is globally exponentially stable while
+    y phi is between a y^2 and b y^2. What is bounded is by what factor the sectors may be wider
+    about their centres; a limit of one is for the sectors themselves.
+
+    Attributes
+    ----------
+    signal : str or sequence of str
+        y of each element.
+    at_most : float, optional
+        Of 1 over the factor; `least` takes the factor itself.
+    disturbance : str or sequence of str
+        w of each element, by its name.
+    sector : pair of float, or sequence of pairs
+        a and b of each.
+    """
+
+    disturbance: Any = field(default=(), kw_only=True)
+    sector: Any = field(default=(), kw_only=True)
+    kind = "sector"
+    keys = ("disturbance", "sector")
+    vector = True
+    direct = True
+    power = 1
+    is_margin: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = False
+
+    @explained_fields
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.disturbances is not None:
+            raise InputError(f"a {self.kind} takes no disturbances; name one by disturbance")
+        count, given = len(self.entries), self.disturbance
+        named = (given,) if isinstance(given, str) else given
+        good = isinstance(named, Sequence) and all(isinstance(w, str) for w in named)
+        if not good or len(set(named)) != count or len(named) != count:
+            raise InputError(
+                f"disturbance = {shown(given)} must name one for each signal, each once; write "
+                'disturbance = "NAME"'
+            )
+        self._settle("disturbance", tuple(named))
+        self._settle("sector", _pairs(self.sector, count))
+
+    @classmethod
+    def least(
+        cls,
+        signal: str | Sequence[str],
+        disturbance: str | Sequence[str],
+        sector: Any,
+        at_least: float | None = 1.0,
+    ) -> Self:
+        """Return the requirement that the sectors may be so many times as wide.
+
+        One by default, the sectors themselves; None: as many times as can be.
+        """
+        if at_least is not None and not (is_number(at_least) and at_least > 0):
+            raise InputError(f"at_least = {at_least!r} must be a positive number")
+        level = None if at_least is None else inverse(Fraction(repr(at_least)))
+        return cls(signal, level, disturbance=disturbance, sector=sector)
+
+    @classmethod
+    def read(cls, row: Row) -> Self:
+        """Return what a row says."""
+        table = row.table
+        for key, written in (("disturbance", '"NAME"'), ("sector", "[0, 20000]")):
+            if key not in table:
+                raise InputError(f"{key} is missing; write {key} = {written}")
+        own = {key: table[key] for key in ("disturbance", "sector")}
+        return cls(table["signal"], **row.given(), **own)
+
+    @property
+    def title(self) -> str:
+        """Kind, signals, disturbances and sectors, as a line has them."""
+        ends = ", ".join(exactly(end) for pair in self.sector for end in pair)
+        named = listed(self.disturbance)
+        return f"{super().title} with disturbance {named} with sector [{ends}]"
+
+    # --- how it is read ---------------------------------------------------------------------------
+
+    @property
+    def limit(self) -> float | None:
+        """The least factor, in the fewest digits that read back as it is."""
+        if self.at_most is None:
+            return None
+        near = float(f"{1 / self.at_most:.15g}")
+        return near if inverse(Fraction(repr(near))) == self.at_most else 1 / self.at_most
+
+    def read_as(self, level: float) -> float:
+        """Return the factor."""
+        return 1 / level if level else np.inf
+
+    def proved_text(self, level: float) -> str:
+        """Return a proved factor, rounded down."""
+        return digits_down(1 / Fraction(level)) if level else "inf"
+
+    def sampled_text(self, level: float) -> str:
+        """Return a sampled factor, rounded up."""
+        return digits_up(1 / Fraction(level)) if 0 < level < np.inf else f"{self.read_as(level):g}"
+
+    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Return none."""
+        return ""
+
+    # --- what it is of ----------------------------------------------------------------------------
+
+    def scales(self, plant: UncertainPlant) -> tuple[float, ...]:
+        """Return one for the disturbances of elements, zero for others."""
+        chosen = self._numbers(plant)
+        return tuple(float(k in chosen) for k in range(plant.disturbance_count))
+
+    def _numbers(self, plant: UncertainPlant) -> tuple[int, ...]:
+        names = [w.name for w in disturbances(plant)]
+        for name in self.disturbance:
+            if name not in names:
+                raise InputError(f"{self.title}: no disturbance {name!r}; {suggest(name, names)}")
+        return tuple(map(names.index, self.disturbance))
+
+    def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
+        """Nothing: no disturbance is held."""
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant without the elements, or of which nothing of the kind is proved."""
+        disturbance(plant)
+        self.require_late(plant)
+        if plant.sampling is not None:
+            raise InputError(
+                f"{self.title}: an element acts between samples too; leave out the sample time"
+            )
+        try:
+            elements = self.elements(plant)
+            elements.fed_back(_matrices(plant)[:2], elements.of(_matrices(plant)[2]))
+            elements.remainder(plant.remainder, *plant.shape)
+        except FormatError as error:
+            raise InputError(f"{self.title}: {error}") from error
+
+    def readable(self, plant: UncertainPlant, known: tuple[str, ...]) -> tuple[str, ...]:
+        """Return all but what the elements pass into, where a law would pass that on to them."""
+        if not any(np.any(y.arrays(plant)[1]) for y in self.signals(plant)):
+            return known
+        chosen = list(self._numbers(plant))
+        return tuple(
+            name for name in known if not np.any(plant.signal(name).arrays(plant)[2][:, chosen])
+        )
+
+    def elements(self, plant: UncertainPlant) -> Elements:
+        """Return the elements exactly, weighed alike.
+
+        Raises
+        ------
+        InputError, FormatError
+            If the plant has none that are known so.
+        """
+        signals = []
+        for y in self.signals(plant):
+            C, D, F = ([[list(row)] for row in rows] for rows in y.exact(plant))
+            driven = tuple(F) if any(any(row) for (row,) in F) else ()
+            signals.append(proof.Output(C, D, y.name, driven, near=y.near))
+        sectors = tuple((_decimal(a), _decimal(b)) for a, b in self.sector)
+        weights = (Fraction(1),) * len(signals)
+        elements = Elements(tuple(signals), self._numbers(plant), sectors, weights)
+        elements.require(*plant.shape, plant.disturbance_count)
+        return elements
+
+    def posed(self, plant: UncertainPlant, law: Any) -> Posed:
+        """Return the plant with the centres fed back, the law beside it, and the gain."""
+        try:
+            elements = self.elements(plant)
+            changed, beside = _with_centres(plant, law, elements)
+        except FormatError as error:
+            raise InputError(f"{self.title}: {error}") from error
+        if elements.count > 1:
+            elements = replace(elements, weights=_weights(changed, beside, elements))
+        return changed, beside, _gain(self, changed, elements)
+
+    def claim(
+        self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
+    ) -> proof.BoundClaim:
+        """Return the claim about elements that weigh alike."""
+        elements = self.elements(plant)
+        E = elements.of(subject.E)
+        A, B = elements.fed_back((subject.A, subject.B), E)
+        rest = elements.remainder(subject.remainder, subject.n, subject.m)
+        law = elements.law(subject.law)
+        changed = replace(subject, A=A, B=B, E=E, law=law, remainder=rest, nodes=())
+        return proof.SectorBound.of(changed, elements, level)
+
+    def condition(
+        self,
+        plant: UncertainPlant,
+        domain: Domain,  # noqa: ARG002
+        unit: float | None = None,  # noqa: ARG002
+        law: Law | None = None,  # noqa: ARG002
+    ) -> tuple[conditions.Source, conditions.Output]:
+        """Refuse it: the LMI of a search has one plant for all."""
+        raise InputError(self.beyond_lmi(plant))
+
+    def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
+        """Say that none has its centres."""
+        return f"{self.title}: no LMI has it; leave out the method, so that a law is tuned"
+
+    # --- what samples show, and slopes ------------------------------------------------------------
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return 1 over the factor at points alpha; infinite where the centres are not stable."""
+        law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
+        changed, beside, gain = self.posed(plant, law)
+        closed = close(changed, beside, alpha)
+        stable = np.all(growth(closed.poles(), closed.step) < 0, axis=1)
+        found = np.full(len(alpha), np.inf)
+        if stable.any():
+            found[stable] = gain.values(changed, beside, alpha[stable])
+        return found
+
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return the signals, times their radii, and the elements as a channel at points alpha.
+
+        The centres are fed back in the closed loop, see `slopes`.
+        """
+        disturbance(plant)
+        chosen = list(self._numbers(plant))
+        E = plant.driven(alpha)[..., chosen]
+        C, D, _ = rows_at(plant, self.signals(plant), alpha)
+        radii = np.array([(b - a) / 2 for a, b in self.sector])[:, None]
+        S = np.eye(plant.disturbance_count)[:, chosen]
+        F = np.zeros((len(alpha), len(chosen), len(chosen)))
+        return Channel(*plant.at(alpha), E, radii * C, radii * D, F, S)
+
+    def slopes(self, loops: ClosedLoops) -> Slopes:
+        """Return peaks of the largest singular value with their slopes, elements weighed anew.
+
+        Where the loop with the centres is not stable, sectors nearer to zero are looked at, which
+        are so many times as small.
+        """
+        centres = np.array([(a + b) / (b - a) for a, b in self.sector])  # of radii of one
+        share = 1.0
+        for _ in range(MOST):
+            fed = _Fed.back(loops, share * centres)
+            if np.all(growth(fed.loops.modes.poles, loops.modes.step) < 0):
+                break
+            share *= NEARER
+        of_gain, own, d = Gain(self.entries[0]), fed.loops, np.ones(len(centres))
+        if len(d) > 1:
+            d = np.exp(_logarithms(own, HASTY))
+            own = _weighed(own, d)
+        found = of_gain.slopes(own)
+        values = found.values
+        if share < 1:  # more than any limit
+            values = (max(1.0, self.at_most or 1.0) + values) / share
+
+        def turned() -> list[Turned]:
+            (own,) = found.turned()
+            C = own.C * d[:, None] / share
+            E = None if own.E is None else own.E / d / share
+            return [fed.turned(Turned(own.A / share, C, E), found.points)]
+
+        return replace(found, values=values, turned=turned)
+
+
+class _Fed(NamedTuple):
+    """Loops x' = A x + E w, y = C x with w = c y + z: x' = (A + E c C) x + E z."""
+
+    loops: ClosedLoops
+    bare: ClosedLoops
+    c: Array
+
+    @classmethod
+    def back(cls, loops: ClosedLoops, c: Array) -> _Fed:
+        """Return loops with numbers c (count of y,) fed back."""
+        A = loops.A + (loops.E * c) @ loops.C
+        return cls(replace(loops, modes=Modes(A, loops.modes.step)), loops, c)
+
+    def turned(self, own: Turned, points: Any) -> Turned:
+        """Return slopes with respect to the bare loops from those with respect to these."""
+        E, C = self.bare.E[points] * self.c, self.bare.C[points] * self.c[:, None]
+        of_C = own.C + np.swapaxes(E, 1, 2) @ own.A
+        of_E = own.A @ np.swapaxes(C, 1, 2) + (0.0 if own.E is None else own.E)
+        return Turned(own.A, of_C, of_E)
+
+
+@dataclass(frozen=True)
+class ElementsGain(Gain):
+    """The gain of a loop with the centres fed back, whose claim is that of its elements."""
+
+    elements: Elements = field(default_factory=lambda: Elements((), (), (), ()))
+    asked: str = ""
+
+    @property
+    def title(self) -> str:
+        """That of the requirement."""
+        return self.asked
+
+    def claim(
+        self,
+        subject: proof.Subject,
+        level: Fraction,
+        plant: UncertainPlant,  # noqa: ARG002
+    ) -> proof.BoundClaim:
+        """Return the claim about the elements."""
+        return proof.SectorBound.of(subject, self.elements, level)
+
+
+def _pairs(given: Any, count: int) -> tuple[tuple[float, float], ...]:
+    """Return the ends of each sector: of a pair, of pairs, or of numbers in a row."""
+    flat = list[Any]()
+    for item in given if isinstance(given, Sequence) and not isinstance(given, str) else ():
+        nested = isinstance(item, Sequence) and not isinstance(item, str)
+        flat += item if nested else [item]
+    numbers = [float(x) if isinstance(x, Fraction) else x for x in flat]
+    pairs = tuple(zip(numbers[::2], numbers[1::2], strict=False))
+    good = len(numbers) == 2 * count and all(map(is_number, numbers))
+    if not good or not all(a < b for a, b in pairs):
+        many = "" if count == 1 else ", for each signal one: [[0, 20000], [-1, 1]]"
+        raise InputError(
+            f"sector = {shown(given)} must be two numbers, the smaller first; write sector = "
+            f"[0, 20000]{many}"
+        )
+    return tuple((float(a), float(b)) for a, b in pairs)
+
+
+def _decimal(value: float) -> Fraction:
+    return Fraction(repr(value))
+
+
+def _matrices(plant: UncertainPlant) -> tuple[Any, Any, Any]:
+    """Return A, B and E at the vertices."""
+    return matrices_of(plant)
+
+
+def _with_centres(
+    plant: UncertainPlant, law: Any, elements: Elements
+) -> tuple[UncertainPlant, Any]:
+    """Return the plant with the centres fed back, on which elements alone act, and the law."""
+    A, B, E = matrices_of(plant)
+    E = elements.of(E)
+    A, B = elements.fed_back((A, B), E)
+    n, m = plant.shape
+    named = tuple(f"element {k + 1}" for k in range(elements.count))
+    beside = _reading(plant, law, elements)
+    vertices = list[System]()
+    for j, vertex in enumerate(plant.vertices):
+        rows_A, rows_B, rows_E = (tuple(map(tuple, M[j])) for M in (A, B, E))
+        vertices.append(System(rows_A, rows_B, rows_E, vertex.name))
+    changed = replace(
+        plant,
+        vertices=tuple(vertices),
+        disturbances=named,
+        states=tuple(f"state {i + 1}" for i in range(n)),
+        outputs=beside.measured if isinstance(beside, PolynomialGain) else (),
+        noise=(),
+        vehicle=None,
+        remainder=elements.remainder(plant.remainder, n, m),
+    )
+    return changed, beside
+
+
+def _reading(plant: UncertainPlant, law: Any, elements: Elements) -> Any:
+    """Return the law into whose signals the centres are fed back, and the elements pass."""
+    if not isinstance(law, PolynomialGain) or not law.passes:
+        return law
+    known = [y.exact(plant) for y in law.measured]
+    C, F = (
+        tuple([list(y[k][j]) for y in known] for j in range(len(plant.vertices))) for k in (0, 2)
+    )
+    read = elements.law(exact.Law(C=C, F=F))
+    none = [[Fraction(0)] * elements.count] * len(known)
+    return replace(
+        law,
+        measured=tuple(
+            Output(
+                y.name,
+                y.unit,
+                C=[M[j] for M in read.C],
+                F=[M[j] for M in read.F or (none,) * len(C)],
+            )
+            for j, y in enumerate(law.measured)
+        ),
+    )
+
+
+def _gain(asked: SectorBound | None, changed: UncertainPlant, elements: Elements) -> ElementsGain:
+    """Return the gain from the elements to their signals."""
+    outputs = [
+        Output(f"signal {k + 1}", C=[M[0] for M in y.C], D=[M[0] for M in y.D])
+        for k, y in enumerate(elements.outputs())
+    ]
+    scales = dict(zip(changed.disturbances, map(float, elements.scales), strict=True))
+    return ElementsGain(
+        outputs if len(outputs) > 1 else outputs[0],
+        None if asked is None else asked.at_most,
+        at=SAMPLES,
+        disturbances=None if set(scales.values()) == {1.0} else scales,
+        elements=elements,
+        asked="" if asked is None else asked.title,
+    )
+
+
+def _weights(changed: UncertainPlant, law: Any, elements: Elements) -> tuple[Fraction, ...]:
+    """Return weights of elements for which the gain is about least at a few points."""
+    alpha = seeded(changed, len(changed.vertices) + FEW)
+    closed = close(changed, law, alpha)
+    modes = Modes(closed.closed, closed.step)
+    if not np.all(growth(modes.poles, closed.step) < 0):
+        return elements.weights
+    signals = _gain(None, changed, elements)
+    channel = Gain.channel(signals, delta_form(changed), alpha)
+    loops = channel.closed(closed.K, modes, closed.passed)
+    return tuple(map(rounded, np.exp(_logarithms(loops)).tolist()))

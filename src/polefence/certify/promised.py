@@ -225,8 +225,16 @@ def bounded(plant: UncertainPlant, law: Law, limit: Specification) -> VerifiedBo
     worst, k = worst_of(samples, ByTransfer.of(delta_form(plant), law, free))
     alpha = tuple(float(a) for a in samples.alpha[k])
     facts = limit, None, worst, alpha, values_at(plant, alpha)
-    if worst > most:
+    if worst > most and free.surely == free:
         return VerifiedBound(limit, "refuted", *facts[1:])
+    if worst > most:
+        sure = sampled(plant, law, free.surely, samples.alpha).values
+        k = int(sure.argmax())
+        if sure[k] > most:
+            alpha = tuple(float(a) for a in samples.alpha[k])
+            return VerifiedBound(
+                limit, "refuted", None, float(sure[k]), alpha, values_at(plant, alpha)
+            )
     bound = best_bound(plant, law, free)
     if limit.at_most is not None and (bound is None or bound.level > most):
         # the least level is not looked for as near the worst sample as a limit may be

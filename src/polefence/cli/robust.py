@@ -146,11 +146,11 @@ def _worst_text(found: Robustness, worst: Attained) -> str:
     if reached is None:
         return f"{asked.title}: {proved}; the loop is not stable on all of the box"
     where = f" at {values_text(found.plant, dict(worst.values))}" if worst.values else ""
-    if worst.failure is not None:
-        gain, errors = digits_up(worst.failure.gain, DIGITS), worst.failure.errors_text
+    if worst.failure is not None and worst.size is not None:
+        size, cause = digits_up(worst.size, DIGITS), worst.failure.cause_text
         if bound is not None:
             proved = f"{digits_down(1 / Fraction(bound.level), DIGITS)} is proved"
-        return f"{asked.title}: {proved}, {gain} fails{where}, delta = {errors}"
+        return f"{asked.title}: {proved}, {size} fails{where}, {cause}"
     how = "attained" if worst.exact else "sampled"
     if worst.frequency is not None:
         where += f"{',' if where else ''} at {worst.frequency:.4g} rad/s"
@@ -195,13 +195,17 @@ def _worst(worst: Attained) -> dict[str, Any]:
     }
     if worst.frequency is not None:
         row["frequency"] = worst.frequency
-    if worst.failure is not None:
-        errors = worst.failure.errors
-        paths = asked.names if isinstance(asked, DiskMargin) else ()
-        names = [*worst.failure.names, *(name for name in paths if TO in name)]
-        pairs = zip(names, errors, strict=True)
-        row["refuted"] = float(worst.failure.gain)
-        row["errors"] = [{"loop": name, **_error(error)} for name, error in pairs]
+    if worst.failure is not None and worst.size is not None:
+        errors, elements = worst.failure.errors, worst.failure.elements
+        row["refuted"] = float(worst.size)
+        if elements is None:
+            paths = asked.names if isinstance(asked, DiskMargin) else ()
+            names = [*worst.failure.names, *(name for name in paths if TO in name)]
+            pairs = zip(names, errors, strict=True)
+            row["errors"] = [{"loop": name, **_error(error)} for name, error in pairs]
+        else:
+            numbered = zip(elements.signals, elements.sectors, strict=True)
+            row["elements"] = [{"signal": y.name, "number": float(k)} for y, (k, _) in numbered]
     return row
 
 

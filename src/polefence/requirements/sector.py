@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import product
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -48,6 +49,9 @@ from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
 
+FARTHEST = Fraction(1000)  # the largest factor at which numbers are tried
+FACTORS, HALVINGS = 200, 40  # at which they are, and between two of them
+MOST_CORNERS, INNER, SEED = 16, 12, 1  # directions of several
 NEARER, MOST = 0.5, 30  # to zero, where the loop with the centres is not stable; how often at most
 
 
@@ -255,6 +259,31 @@ class SectorBound(Specification):
         """Say that none has its centres."""
         return f"{self.title}: no LMI has it; leave out the method, so that a law is tuned"
 
+    @property
+    def surely(self) -> SectorBound:
+        """The limit of elements that are numbers: what exceeds it refutes this one."""
+        return LinearElements(
+            self.signal, self.at_most, disturbance=self.disturbance, sector=self.sector
+        )
+
+    def linear(self, plant: UncertainPlant, law: Any, alpha: Array) -> tuple[Array, Array]:
+        """Return the least factors for which numbers in the sectors make loops unstable.
+
+        In floats, at points alpha: (count,), infinite where none were found, and the signs
+        (count, elements) of the numbers less the centres.
+        """
+        closed = close(plant, law, alpha)
+        channel = self.channel(delta_form(plant), alpha)
+        loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
+        centres = np.array([(a + b) / (b - a) for a, b in self.sector])  # of radii of one
+        corners = np.array(list(product((1.0, -1.0), repeat=len(centres))))[:MOST_CORNERS]
+        signs = np.concatenate([corners, _inner(len(centres))])
+        least = np.full((len(alpha), len(signs)), np.inf)
+        for j, sign in enumerate(signs):
+            least[:, j] = _first(loops, centres, sign, closed.step)
+        best = least.argmin(axis=1)
+        return least[np.arange(len(alpha)), best], signs[best]
+
     # --- what samples show, and slopes ------------------------------------------------------------
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
@@ -332,6 +361,44 @@ class _Fed(NamedTuple):
         of_C = own.C + np.swapaxes(E, 1, 2) @ own.A
         of_E = own.A @ np.swapaxes(C, 1, 2) + (0.0 if own.E is None else own.E)
         return Turned(own.A, of_C, of_E)
+
+
+@dataclass(frozen=True)
+class LinearElements(SectorBound):
+    """How wide sectors of numbers may be: less than this is proved of no elements."""
+
+    def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
+        """Return 1 over the factor at points alpha, in floats."""
+        law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / self.linear(plant, law, alpha)[0])
+
+
+def _inner(count: int) -> Array:
+    """Return directions of several numbers that are no corners."""
+    if count == 1:
+        return np.zeros((0, 1))
+    random = np.random.default_rng(SEED)
+    return np.round(random.uniform(-1, 1, (INNER, count)), 3)
+
+
+def _first(loops: ClosedLoops, centres: Array, sign: Array, step: float) -> Array:
+    """Return the factor at which numbers first make each loop unstable, along one direction."""
+
+    def unstable(factors: Array) -> Array:
+        k = centres + factors[..., None] * sign
+        A = loops.A[:, None] + (loops.E[:, None] * k[..., None, :]) @ loops.C[:, None]
+        return np.asarray(np.any(growth(np.linalg.eigvals(A), step) >= 0, axis=-1))
+
+    grid = np.concatenate([[0.0], np.geomspace(1e-3, float(FARTHEST), FACTORS)])
+    gone = unstable(np.broadcast_to(grid, (len(loops.A), len(grid))))
+    k = gone.argmax(axis=1)
+    low, high = grid[np.maximum(k - 1, 0)], grid[k]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        beyond = unstable(middle[:, None])[:, 0]
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.where(gone.any(axis=1), high, np.inf)
 
 
 @dataclass(frozen=True)

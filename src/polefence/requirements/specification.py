@@ -190,6 +190,11 @@ class Specification(Short):
         raise NotImplementedError
 
     @property
+    def surely(self) -> Specification:
+        """A limit that is exceeded only where this one is refuted: itself, in most kinds."""
+        return self
+
+    @property
     def presumed(self) -> tuple[Specification, ...]:
         """Limits without which it has no value, of a stable loop: none, in most kinds."""
         return ()

@@ -49,6 +49,7 @@ from polefence.certify.robust.breaking import (
     known_exactly,
 )
 from polefence.certify.robust.edge import Lost, Rays, exceeded
+from polefence.certify.robust.elements import broken_elements, factor_of
 from polefence.certify.robust.family import (
     NEAR_END,
     Family,
@@ -71,6 +72,7 @@ from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, HalfPlane, Region
 from polefence.requirements.disk_margin import inverse
+from polefence.requirements.sector import SectorBound
 from polefence.requirements.specification import Specification, limit_text
 
 CLOSE = 1e-5  # of a factor, between what is proved and what fails
@@ -167,6 +169,8 @@ class Attained(Short):
         Of a gain, where it is that [rad/s].
     failure : Failure or None
         Of a margin, the claim that errors of that size make the loop unstable, and its proof.
+    size : Fraction, optional
+        That of the failure: what it makes the margin at most.
     """
 
     specification: Specification
@@ -176,6 +180,7 @@ class Attained(Short):
     exact: bool
     failure: Failure | None = None
     frequency: float | None = None
+    size: Fraction | None = None
 
     def __repr__(self) -> str:
         level = "none" if self.bound is None else f"{self.bound.level:.6g}"
@@ -358,10 +363,14 @@ class _Question:
 
     def at_centre(self) -> str:
         """Say what is lost at the centre of the box already; nothing where nothing is."""
+        failed = self._at_centre
+        return failed.reason if failed is not None and failed.sure else ""
+
+    @cached_property
+    def _at_centre(self) -> _Failed | None:
         shares = dict.fromkeys((p.name for p in self.growth.plant.parameters), Fraction(0))
         values = self.growth.values({}, shares)
-        failed = self._fails(self.growth.at({}), values, Fraction(1))
-        return failed.reason if failed is not None and failed.sure else ""
+        return self._fails(self.growth.at({}), values, Fraction(1))
 
     def as_it_is(self) -> Reach:
         """Return what is proved of a plant without parameters: a factor of one."""
@@ -391,8 +400,10 @@ class _Question:
             low, design = min(known.proved, top), known.design
         if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
             failed = None
-        low, design, failed = self._proved(rays, low, design, failed, top)
-        failed = failed if failed is None or failed.sure else None
+        if self._at_centre is None:
+            low, design, failed = self._proved(rays, low, design, failed, top)
+        if failed is not None and not failed.sure:
+            failed = self._surely(names, top)
         return Reach(
             names,
             low or None,
@@ -404,6 +415,16 @@ class _Question:
             said,
             design,
         )
+
+    def _surely(self, names: tuple[str, ...], top: Fraction) -> _Failed | None:
+        """Return a plant that is refuted, farther out than one of which that is not sure."""
+        limits = tuple(limit.surely for limit in self.limits)
+        if limits == self.limits:
+            return None
+        rays = Rays(self.growth, names, self.region, limits, self._coarse)
+        lost = rays.first(top)[0]
+        failed = None if lost is None else self._confirmed(rays, lost)
+        return failed if failed is not None and failed.sure else None
 
     @cached_property
     def _coarse(self) -> bool:
@@ -619,6 +640,9 @@ class _Question:
                 exact = broken(plant, law, limit, alpha, Fraction(repr(limit.limit))) is not None
                 sure = exact or len(limit.names) == 1
                 return _Failed(factor, values, said, exact, known_exactly(plant), sure)
+            if isinstance(limit, SectorBound):
+                exact = broken_elements(plant, law, limit, alpha, _factor(limit)) is not None
+                return _Failed(factor, values, said, exact, known_exactly(plant), exact)
             square = attained(plant, law, replace(limit, at_most=None), alpha)
             exact = square is not None and square > level**2
             return _Failed(factor, values, said, exact, square is not None)
@@ -663,11 +687,36 @@ def _worst(family: Family, limit: Specification) -> Attained:
     if is_disk(free):
         failure = broken(plant, law, free, exact_point)
         reached = worst if failure is None else inverse(failure.gain)
-        return Attained(limit, bound, reached, where, failure is not None, failure)
+        size = None if failure is None else failure.gain
+        return Attained(limit, bound, reached, where, failure is not None, failure, size=size)
+    if isinstance(free, SectorBound):
+        return _worst_elements(family, free, Attained(limit, bound, worst, where, False))
     square = attained(plant, law, free, exact_point)
     reached = worst if square is None else root_down(square)
     frequency = free.worst_frequency(plant, law, point)
     return Attained(limit, bound, reached, where, square is not None, frequency=frequency)
+
+
+def _worst_elements(family: Family, free: SectorBound, found: Attained) -> Attained:
+    """Return the worst case of elements with the plant, and numbers, for which it is refuted."""
+    plant, law = family.plant, family.law
+    alpha = seeded(plant, SAMPLES)
+    try:
+        factors, _ = free.linear(plant, law, alpha)
+    except (InputError, np.linalg.LinAlgError):
+        return found
+    nearest = alpha[factors.argmin()]
+    point = exact_alpha(plant.domain.coordinates(nearest), plant.domain.sizes, _fine)
+    failure = broken_elements(plant, law, free, point)
+    if failure is None:
+        return found
+    size, where = factor_of(failure, plant, free), values_at(plant, point)
+    level = inverse(size) if size else np.inf
+    return replace(found, attained=level, values=where, exact=True, failure=failure, size=size)
+
+
+def _factor(limit: SectorBound) -> Fraction:
+    return Fraction(repr(limit.limit))
 
 
 def _claim(
@@ -683,6 +732,8 @@ def _claim(
     for limit in limits:
         if claim is None and is_disk(limit):
             claim = broken(plant, law, limit, alpha, Fraction(repr(limit.limit)))
+        if claim is None and isinstance(limit, SectorBound):
+            claim = broken_elements(plant, law, limit, alpha, _factor(limit))
     return claim
 
 

@@ -383,6 +383,20 @@ class Failure(Short, Claim):
         return [*named, *(path_text(path, self.plant) for path in paths)]
 
     @property
+    def cause_text(self) -> str:
+        """The errors, or the elements, in words."""
+        elements, known = self.elements, self.plant.disturbances
+        if elements is None:
+            return f"delta = {self.errors_text}"
+        said = list[str]()
+        for y, k, (number, _) in zip(
+            elements.signals, elements.disturbances, elements.sectors, strict=True
+        ):
+            w = split(known[k])[0] if k < len(known) else f"w{k + 1}"
+            said.append(f"{w} = {_short(number)} {y.name}")
+        return ", ".join(said)
+
+    @property
     def errors_text(self) -> str:
         """The errors in words, each with its loop where there are several."""
         said = [error.text(self.plant.step) for error in self.errors]

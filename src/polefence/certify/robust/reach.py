@@ -391,16 +391,17 @@ class _Question:
         end, said = self.growth.end(names)
         top = short(end * (1 - NEAR_END), up=False) if said else end
         rays = Rays(self.growth, names, self.region, self.limits, self._coarse)
-        lost, most, why = rays.first(top)
-        if most < top:
-            top, said = most, f"until there: {why}"
-        failed = None if lost is None else self._confirmed(rays, lost)
         low, design = Fraction(0), None
-        if known is not None and known.proved is not None and known.proved >= 1:
-            low, design = min(known.proved, top), known.design
-        if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
-            failed = None
-        if self._at_centre is None:
+        failed = self._at_centre
+        if failed is None:
+            lost, most, why = rays.first(top)
+            if most < top:
+                top, said = most, f"until there: {why}"
+            failed = None if lost is None else self._confirmed(rays, lost)
+            if known is not None and known.proved is not None and known.proved >= 1:
+                low, design = min(known.proved, top), known.design
+            if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
+                failed = None
             low, design, failed = self._proved(rays, low, design, failed, top)
         if failed is not None and not failed.sure:
             failed = self._surely(names, top)

@@ -34,11 +34,13 @@ MOVING = (
     "moving.toml",
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
 )
+STOP = re.search(r"```toml\n(.*?)```", (DOCS / "elements.md").read_text(), re.DOTALL)[1]
 LATE = ("late.toml", docs_script("dead_time").SPEC)
 MEASURED = list(docs_script("from_data").files().items())
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
     "dead-time": [LATE],
+    "elements": [("stop.toml", STOP), ("free.toml", STOP.rpartition("[[specification]]")[0])],
     "from-data": MEASURED,
     "fleet": [(name, text) for text, name in STUDIES],
     "index": [],

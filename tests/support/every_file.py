@@ -24,6 +24,7 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
+from polefence.requirements.sector import SectorBound
 from polefence.requirements.worst_gain import WorstCaseGain
 
 EARLIER = Path(__file__).parents[1] / "proof" / "format2" / "one-gain-1.json"
@@ -245,6 +246,7 @@ MARGINS = (
     "--limit", "gain margin of u >= 5", "--limit", "phase margin of x >= 30",
     "--limit", "delay margin of u",
     "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
+    "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
 )  # fmt: skip
 
 LATE_SAMPLES = [
@@ -256,6 +258,7 @@ FAILING = (
     "robust", "plain.toml", "--gain", "[[-3, -3]]", "--region", "half_plane(0.3)",
     "--limit", "disk margin of [u, x] with sigma 0.5",
     "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
+    "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
 )  # fmt: skip
 
 
@@ -338,6 +341,7 @@ def _write_passing(made: Path) -> None:
         Rms("x", density=1), Gain(["x", "u"]), RelativeRms("v"), EnergyPeak("v", norm=1),
         InitialPeak("x", impulse=1), DiskMargin("u"), DiskMargin(["u", "slip"]),
         WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
+        SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
     )  # fmt: skip
     proved = [bounds.best_bound(plant, law, own) for own in kinds]
     dual = bounds._Question.of(plant, law, kinds[0])

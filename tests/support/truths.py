@@ -816,6 +816,10 @@ def false_failure(plant, law, claim):
     pairs = [(1 - t, t) for t in shares]
     alpha = np.array([prod(w) for w in product(*pairs)]) if plant.ranges else np.array(shares)
     A, B, _ = plant.at(alpha)
+    if "elements" in claim:
+        numbers = [number(k) for k in claim["elements"]["numbers"]]
+        loops = closed_by(plant, law, claim["elements"], alpha, numbers)
+        return any(outside(claim["region"], np.linalg.eigvals(M)) < -SLACK for M in loops)
     if "loops" not in claim:
         poles = np.linalg.eigvals(A + B @ law.gain(alpha))
         return outside(claim["region"], poles) < -SLACK
@@ -892,6 +896,39 @@ def false_worst_case(plant, law, claim):
             F_c = (mix(alpha, F) + moved @ P) * scales
             if _largest(A_c, E_c, C_c, F_c, 1j * w) > level:
                 return True
+    return False
+
+
+def closed_by(plant, law, claim, alpha, numbers):
+    """The closed loops at a point whose elements are numbers: w = k y."""
+    C, D = (
+        np.concatenate([stacked(plant, y, key) for y in claim["outputs"]], axis=1) for key in "CD"
+    )
+    places = [k - 1 for k in claim["disturbances"]]
+    for A, B, E in plant.near(alpha):
+        K, P = law.gain(alpha), law.passing(alpha) * np.ones((B.shape[1], E.shape[1]))
+        # [u; w] = L [x; u; w]
+        m, q = B.shape[1], len(places)
+        rows = np.zeros((m + q, len(A) + m + q))
+        rows[:m, : len(A)], rows[:m, len(A) + m :] = K, P[:, places]
+        k = np.array(numbers)[:, None]
+        rows[m:, : len(A)], rows[m:, len(A) : len(A) + m] = k * mix(alpha, C), k * mix(alpha, D)
+        sent = np.linalg.solve(np.eye(m + q) - rows[:, len(A) :], rows[:, : len(A)])
+        yield A + np.hstack([B, E[:, places]]) @ sent
+
+
+def false_sector(plant, law, claim):
+    """Whether numbers in the sectors make a loop unstable."""
+    ends, level = array(claim["sectors"]), number(claim["level"])
+    middle, half = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2 / level
+    for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
+        shares = plant.random.uniform(-1, 1, (20, len(ends)))
+        for share in [*product((-1, 0, 1), repeat=len(ends)), *shares]:
+            for loop in closed_by(plant, law, claim, alpha, middle + half * np.array(share)):
+                poles = np.linalg.eigvals(loop)
+                size = max(1.0, np.abs(poles).max())
+                if (np.abs(poles).max() - 1 if plant.T else poles.real.max() / size) > SLACK:
+                    return True
     return False
 
 
@@ -1158,6 +1195,7 @@ FALSE = {
     **dict.fromkeys(("gain margin", "phase margin"), false_factor_margin),
     "delay margin": false_delay_margin,
     "worst-case gain": false_worst_case,
+    "sector": false_sector,
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

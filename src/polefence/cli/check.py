@@ -32,9 +32,11 @@ from polefence.plant.system import System
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.delay_margin import DelayMargin
+from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.observer import Observer
 from polefence.proof.claims.refutation import RmsRefutation
 from polefence.proof.claims.samples import Samples
+from polefence.proof.claims.sector import SectorBound
 from polefence.proof.claims.signal import SignalClaim
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -156,7 +158,10 @@ def _say(row: dict[str, Any], spec: str | None) -> None:
 
 def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None:
     """Say how the plant of a file differs from a spec's in what the file's claims are about."""
-    letters = "".join(sorted({letter for claim in document.claims for letter in claim.letters}))
+    about = {letter for claim in document.claims for letter in claim.letters}
+    if any(isinstance(claim, Failure) and claim.elements for claim in document.claims):
+        about.add("E")
+    letters = "".join(sorted(about))
     claimed, samples = plant_of(document.plant), document.first(Samples)
     sampled = samples is not None and plant.sample_time is None
     known = claimed.remainder
@@ -222,6 +227,8 @@ def _other_functions(
 
 def _outputs_of(claim: Claim) -> Sequence[Output]:
     """Return the signals that a claim is about."""
+    if isinstance(claim, SectorBound | Failure):
+        return [] if claim.elements is None else claim.elements.signals
     if isinstance(claim, SignalClaim):
         return claim.outputs
     if isinstance(claim, Clipped):

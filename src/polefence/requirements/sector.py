@@ -35,7 +35,7 @@ from polefence.requirements.disk_margin import (
     inverse,
     rounded,
 )
-from polefence.requirements.gain import SAMPLES, Gain
+from polefence.requirements.gain import SAMPLES, Gain, Highest
 from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import (
@@ -45,6 +45,7 @@ from polefence.requirements.specification import (
     is_number,
     listed,
 )
+from polefence.requirements.worst_gain import following
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
@@ -324,22 +325,26 @@ class SectorBound(Specification):
             if np.all(growth(fed.loops.modes.poles, loops.modes.step) < 0):
                 break
             share *= NEARER
-        of_gain, own, d = Gain(self.entries[0]), fed.loops, np.ones(len(centres))
+        own, d = fed.loops, np.ones(len(centres))
         if len(d) > 1:
             d = np.exp(_logarithms(own, HASTY))
             own = _weighed(own, d)
-        found = of_gain.slopes(own)
+        found = Highest.of(own)
         values = found.values
         if share < 1:  # more than any limit
             values = (max(1.0, self.at_most or 1.0) + values) / share
+        mixed = None
+        if len(d) > 1:
+            along = np.abs(found.u) ** 2 - np.abs(found.v) ** 2
+            mixed = following(values, found.values[:, None] * along / share)
 
         def turned() -> list[Turned]:
-            (own,) = found.turned()
+            own = found.turned()
             C = own.C * d[:, None] / share
             E = None if own.E is None else own.E / d / share
             return [fed.turned(Turned(own.A / share, C, E), found.points)]
 
-        return replace(found, values=values, turned=turned)
+        return Slopes(values, found.points, turned, mixed)
 
 
 class _Fed(NamedTuple):

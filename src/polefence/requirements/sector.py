@@ -26,16 +26,13 @@ from polefence.proof import laws as exact
 from polefence.proof.claims.sector import Elements
 from polefence.proof.text import digits_down, digits_up, exactly
 from polefence.proof.work import FormatError
+from polefence.requirements import scales
 from polefence.requirements.disk_margin import (
     FEW,
-    HASTY,
     Posed,
-    _logarithms,
-    _weighed,
     inverse,
-    rounded,
 )
-from polefence.requirements.gain import SAMPLES, Gain, Highest
+from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import (
@@ -45,7 +42,6 @@ from polefence.requirements.specification import (
     is_number,
     listed,
 )
-from polefence.requirements.worst_gain import following
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
@@ -325,26 +321,18 @@ class SectorBound(Specification):
             if np.all(growth(fed.loops.modes.poles, loops.modes.step) < 0):
                 break
             share *= NEARER
-        own, d = fed.loops, np.ones(len(centres))
-        if len(d) > 1:
-            d = np.exp(_logarithms(own, HASTY))
-            own = _weighed(own, d)
-        found = Highest.of(own)
+        several = len(centres) > 1
+        found = scales.slopes(fed.loops, 0, 1.0) if several else Gain("z").slopes(fed.loops)
         values = found.values
         if share < 1:  # more than any limit
             values = (max(1.0, self.at_most or 1.0) + values) / share
-        mixed = None
-        if len(d) > 1:
-            along = np.abs(found.u) ** 2 - np.abs(found.v) ** 2
-            mixed = following(values, found.values[:, None] * along / share)
 
         def turned() -> list[Turned]:
-            own = found.turned()
-            C = own.C * d[:, None] / share
-            E = None if own.E is None else own.E / d / share
-            return [fed.turned(Turned(own.A / share, C, E), found.points)]
+            (own,) = found.turned()
+            E = None if own.E is None else own.E / share
+            return [fed.turned(Turned(own.A / share, own.C / share, E), found.points)]
 
-        return Slopes(values, found.points, turned, mixed)
+        return replace(found, values=values, turned=turned)
 
 
 class _Fed(NamedTuple):
@@ -533,4 +521,4 @@ def _weights(changed: UncertainPlant, law: Any, elements: Elements) -> tuple[Fra
     signals = _gain(None, changed, elements)
     channel = Gain.channel(signals, delta_form(changed), alpha)
     loops = channel.closed(closed.K, modes, closed.passed)
-    return tuple(map(rounded, np.exp(_logarithms(loops)).tolist()))
+    return scales.scaled(loops, 0, 1.0).scale.exact[0]

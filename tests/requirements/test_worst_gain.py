@@ -214,12 +214,25 @@ def test_noise_straight_in_what_is_measured(measured):
     assert best_bound(plant, law, pf.Gain(["position", "force"])).level < seen
 
 
-@pytest.mark.parametrize(("at_most", "m"), [(None, 1), (None, 2), (3.0, 2)])
-def test_slopes_are_those_of_central_differences(at_most, m):
-    """Of the highest row, while weights follow."""
+@pytest.mark.parametrize(
+    ("at_most", "m", "more"),
+    [
+        (None, 1, {}),
+        (None, 2, {}),
+        (3.0, 2, {}),
+        (None, 2, {"time_invariant": True}),
+        (3.0, 1, {"time_invariant": True}),
+        (None, 1, {"paths": ["x1 -> w2", "z1 -> w1"]}),
+        (None, 1, {"paths": ["z1 -> w1"], "time_invariant": True}),
+    ],
+)
+def test_slopes_are_those_of_central_differences(at_most, m, more):
+    """Of the highest row, while scales follow."""
     (A, B, _, _, _, K), plant, signals, random = made(3, m)
-    inputs = [f"u{k + 1}" for k in range(m)]
-    own = WorstCaseGain(signals, at_most, inputs=inputs, weight="0.4*(s + 1)/(s + 4)")
+    plant = replace(plant, outputs=tuple(signals))
+    inputs = [f"u{k + 1}" for k in range(m)] + more.get("paths", [])
+    known = {"weight": "0.4*(s + 1)/(s + 4)", "time_invariant": "time_invariant" in more}
+    own = WorstCaseGain(signals, at_most, inputs=inputs, **known)
     channel = own.channel(plant, np.ones((1, 1)))
 
     def found(K):

@@ -18,7 +18,7 @@ from polefence.cli.main import main
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
-from polefence.requirements.disk_margin import DiskMargin
+from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
@@ -342,6 +342,10 @@ def _write_passing(made: Path) -> None:
         InitialPeak("x", impulse=1), DiskMargin("u"), DiskMargin(["u", "slip"]),
         WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
         SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
+        WorstCaseGain(
+            "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
+        ),
+        Unmodelled("slip -> w", weight="0.3"),
     )  # fmt: skip
     proved = [bounds.best_bound(plant, law, own) for own in kinds]
     dual = bounds._Question.of(plant, law, kinds[0])

@@ -752,22 +752,65 @@ def false_disk_margin(plant, law, claim):
     return False
 
 
+def with_dynamics(plant, law, claim, alpha, deltas, outputs=()):
+    """The loop with complex numbers in the place of dynamics: A, E, C, F from w to outputs.
+
+    The unknowns beside its states are u, what arrives of it, and what acts: w with what paths add.
+    """
+    (A, B, E), K = plant.at(alpha), law.gain(alpha)
+    (n, m), q = B.shape, E.shape[1]
+    P = law.passing(alpha) * np.ones((m, q))
+    inputs, paths = claim.get("inputs", []), claim.get("paths", {"outputs": [], "disturbances": []})
+
+    def seen(output):
+        rows = (mix(alpha, stacked(plant, output, key)) for key in "CDF")
+        C, D, F = (row.reshape(1, -1) for row in rows)
+        sent = not np.any(C)  # of inputs alone it is what is sent
+        return C, np.hstack([D, 0 * D, F] if sent else [0 * D, D, F])
+
+    # v_k = C_k x + D_k U of each loop, and where it is added in U
+    loops = [(np.zeros((1, n)), np.eye(1, 2 * m + q, k - 1), m + k - 1) for k in inputs]
+    for output, j in zip(paths["outputs"], paths["disturbances"], strict=True):
+        loops.append((*seen(output), 2 * m + j - 1))
+    shapes = claim["filters"]
+    sizes = [len(shape.get("a", [])) for shape in shapes]
+    M, N = np.eye(2 * m + q, dtype=complex), np.zeros((2 * m + q, n + sum(sizes)), complex)
+    M[:m, 2 * m :], N[:m, :n], M[m : 2 * m, :m] = -P, K, -np.eye(m)
+    A_z, rows, at = np.zeros((sum(sizes),) * 2), [], n
+    for (C, D, to), shape, delta, size in zip(loops, shapes, deltas, sizes, strict=True):
+        own, d = slice(at, at + size), number(shape.get("d", 0))
+        M[to] -= delta * d * D[0]
+        N[to, :n] += delta * d * C[0]
+        if size:
+            a, b, c = (array(shape[key]) for key in "abc")
+            N[to, own], A_z[at - n : at - n + size, at - n : at - n + size] = delta * c[0], a
+            rows.append((b @ C, b @ D))
+        at += size
+    scales = array(claim["disturbances"]) if "disturbances" in claim else np.ones(q)
+    into = np.vstack([np.zeros((2 * m, q)), np.diag(scales * np.ones(q))])
+    U, of_w = np.linalg.solve(M, N), np.linalg.solve(M, into)
+    moved = np.hstack([np.zeros((n, m)), B, E])
+    moved = np.vstack([moved, *(D for _, D in rows)])
+    fed = np.vstack(
+        [
+            np.hstack([A, np.zeros((n, sum(sizes)))]),
+            *(np.hstack([C, np.zeros((len(C), sum(sizes)))]) for C, _ in rows),
+        ]
+    )
+    fed[n:, n:] += A_z
+    z = [seen(y) for y in outputs]
+    C = np.vstack([np.hstack([C, np.zeros((1, sum(sizes)))]) + D @ U for C, D in z]) if z else None
+    F = np.vstack([D @ of_w for _, D in z]) if z else None
+    return fed + moved @ U, moved @ of_w, C, F
+
+
 def false_unmodelled(plant, law, claim):
     """Whether complex numbers in the place of unmodelled dynamics make a loop unstable."""
-    inputs, size = claim["inputs"], 1 / number(claim["level"])
+    size = 1 / number(claim["level"])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
-        (A, B, _), K = plant.at(alpha), law.gain(alpha)
         for _ in range(40):
-            at_u, A_z, B_z, C_z = np.ones(B.shape[1], complex), [], [], []
-            for k, shape in zip(inputs, claim["filters"], strict=True):
-                delta = size * np.exp(2j * np.pi * plant.random.random())
-                a, b, c = (array(shape[key]) for key in "abc")
-                A_z.append(a)
-                B_z.append(b @ K[k - 1 : k])
-                C_z.append(delta * B[:, k - 1 : k] @ c)
-                at_u[k - 1] = 1 + delta * number(shape.get("d", 0))
-            rows = [A + B * at_u @ K, np.hstack(C_z)], [np.vstack(B_z), block_diag(*A_z)]
-            poles = np.linalg.eigvals(np.block(list(rows)))
+            deltas = size * np.exp(2j * np.pi * plant.random.random(len(claim["filters"])))
+            poles = np.linalg.eigvals(with_dynamics(plant, law, claim, alpha, deltas)[0])
             if poles.real.max() / max(1.0, np.abs(poles).max()) > SLACK:
                 return True
     return False
@@ -862,39 +905,16 @@ def false_factor_margin(plant, law, claim):
 
 def false_worst_case(plant, law, claim):
     """Whether complex numbers in the place of dynamics make the gain exceed its level."""
-    inputs, level = claim["inputs"], number(claim["level"]) * (1 + SLACK)
-    scales = array(claim["disturbances"]) if "disturbances" in claim else 1.0
-    C, D, F = (
-        np.concatenate([stacked(plant, y, key) for y in claim["outputs"]], axis=1) for key in "CDF"
-    )
+    level, outputs = number(claim["level"]) * (1 + SLACK), claim["outputs"]
     w = np.array([0.0, *np.geomspace(1e-2, 1e3, 40)])
     for alpha in plant.alphas("box" if plant.ranges else "simplex", 6):
-        (A, B, E), K, P = plant.at(alpha), law.gain(alpha), law.passing(alpha)
-        P = P * np.ones((B.shape[1], E.shape[1]))
         for _ in range(20):
-            at_u, A_z, B_z, E_z, C_dz = np.ones(B.shape[1], complex), [], [], [], []
-            for k, shape in zip(inputs, claim["filters"], strict=True):
-                delta = np.exp(2j * np.pi * plant.random.random())
-                a, b, c = (array(shape[key]) for key in "abc")
-                A_z.append(a)
-                B_z.append(b @ K[k - 1 : k])
-                E_z.append(b @ P[k - 1 : k])
-                C_dz.append(delta * c)
-                at_u[k - 1] = 1 + delta * number(shape.get("d", 0))
-            C_z = [B[:, k - 1 : k] @ M for k, M in zip(inputs, C_dz, strict=True)]
-            below = [np.vstack(B_z), block_diag(*A_z)]
-            A_c = np.block([[A + B * at_u @ K, np.hstack(C_z)], below])
-            if np.linalg.eigvals(A_c).real.max() / max(1.0, np.abs(A_c).max()) > SLACK:
+            deltas = np.exp(2j * np.pi * plant.random.random(len(claim["filters"])))
+            loop = with_dynamics(plant, law, claim, alpha, deltas, outputs)
+            poles = np.linalg.eigvals(loop[0])
+            if poles.real.max() / max(1.0, np.abs(loop[0]).max()) > SLACK:
                 return True
-            E_c = np.vstack([E + B * at_u @ P, *E_z]) * scales
-            # of states what arrives is in it, of inputs alone what is sent
-            arrives = np.any(mix(alpha, C), axis=1)[:, None]
-            straight = np.hstack([mix(alpha, D)[:, k - 1 : k] for k in inputs]) * arrives
-            added = [straight[:, [j]] @ M for j, M in enumerate(C_dz)]
-            moved = mix(alpha, D) * np.where(arrives, at_u, 1)
-            C_c = np.hstack([mix(alpha, C) + moved @ K, *added])
-            F_c = (mix(alpha, F) + moved @ P) * scales
-            if _largest(A_c, E_c, C_c, F_c, 1j * w) > level:
+            if _largest(*loop, 1j * w) > level:
                 return True
     return False
 

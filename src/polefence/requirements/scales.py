@@ -348,7 +348,7 @@ class Search(NamedTuple):
         settings: dict[str, Any] = {
             "jac": lambda z: np.append(np.zeros(len(z) - 1), 1.0),
             "method": "SLSQP",
-            "bounds": [*bounds.reshape(-1, 2)[free].tolist(), (None, None)],
+            "bounds": [*bounds.reshape(-1, 2)[free].tolist(), (z[-1] - FARTHEST, z[-1] + FARTHEST)],
             "constraints": {
                 "type": "ineq",
                 "fun": lambda z: heights(*z)[0],

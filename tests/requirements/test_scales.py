@@ -13,6 +13,7 @@ from polefence.certify.bounds import best_bound, sampled
 from polefence.certify.robust.breaking import broken
 from polefence.cli.main import main
 from polefence.law.laws import given_law
+from polefence.plant.exact import file_plant
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 from polefence.proof.claims.disk_margin import Loops
@@ -395,3 +396,52 @@ def test_one_fault_in_paths_and_it_is_not_proved(additive, kind, change):
     if claim["paths"] is None:
         del claim["paths"]
     assert not is_proved(table)
+
+
+# --- samples -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_dynamics_of_samples_are_as_those_in_time(seed):
+    """Against numbers of size one in the place of delta, at each frequency of the samples."""
+    random = np.random.default_rng(seed)
+    n, T = 3, 0.05
+    A = random.normal(size=(n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 1.0) * np.eye(n)
+    A = np.linalg.matrix_power(np.eye(n) + A * T / 64, 64)
+    B, E, C = random.normal(size=(n, 1)), random.normal(size=(n, 1)), random.normal(size=n)
+    K = 0.2 * random.normal(size=(1, n))
+    while np.abs(np.linalg.eigvals(A + B @ K)).max() > 0.99:
+        K /= 2
+    plant = pf.UncertainPlant.from_vertices([A], [B], [E], sample_time=T)
+    plant = replace(plant, outputs=(Output("y", "", C=C),))
+    law, weight = given_law(plant, K), "0.1*(z - 0.5)/(z - 0.9)"
+    own = WorstCaseGain("y", inputs="u1", weight=weight)
+    bound, seen = best_bound(plant, law, own), sampled(plant, law, own, np.ones((1, 1))).worst
+    z = np.exp(1j * np.linspace(1e-3, np.pi, 3000))
+    inner = np.linalg.inv(z[:, None, None] * np.eye(n) - A - B @ K)
+    W = 0.1 * (z - 0.5) / (z - 0.9)
+    y_w, y_u = ((C @ inner @ M)[:, 0] for M in (E, B))
+    u_w, u_u = ((K @ inner @ M)[:, 0, 0] for M in (E, B))
+    most = 0.0
+    for delta in np.exp(2j * np.pi * np.linspace(0, 1, 200)):
+        most = max(most, np.abs(y_w + y_u * delta * W * u_w / (1 - delta * W * u_u)).max())
+    assert seen == pytest.approx(most, rel=2e-3)
+    assert seen <= bound.level < 1.05 * seen
+    assert ", at samples every" in bound.claim.statement(file_plant(plant))
+    borne = best_bound(plant, law, Unmodelled("u1", weight=weight)).level
+    assert borne == pytest.approx(np.abs(W * u_u).max(), rel=2e-3)
+    fails = broken(plant, law, Unmodelled("u1", weight=weight), [Fraction(1)])
+    assert 1 / borne <= float(fails.gain) < 1.002 / borne
+
+
+def test_a_weight_is_written_in_the_time_of_the_plant():
+    plant = loads(ADDITIVE)
+    at_samples = pf.at_sample_time(plant, 0.01)
+    with pytest.raises(InputError, match="write the weight in z"):
+        Unmodelled("u", weight="(s + 1)/(s + 4)").require_fit(at_samples)
+    with pytest.raises(InputError, match="write the weight in s"):
+        WorstCaseGain("y", inputs="u", weight="0.1/(z - 0.5)").require_fit(plant)
+    with pytest.raises(InputError, match="is not stable"):
+        Unmodelled("u", weight="1/(z - 1.5)")
+    WorstCaseGain("x", inputs="x -> d", weight="0.1").require_fit(at_samples)

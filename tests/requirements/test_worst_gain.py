@@ -346,7 +346,7 @@ def test_it_is_of_inputs_in_continuous_time_and_of_laws_that_are_tuned():
     plant = loads(MASS_ON_SPRING)
     with pytest.raises(InputError, match="'position' is no input"):
         asked("position", inputs="position").require_fit(plant)
-    with pytest.raises(InputError, match="leave out the sample time"):
+    with pytest.raises(InputError, match="write the weight in z"):
         asked("position").require_fit(pf.at_sample_time(plant, 0.01))
     with pytest.raises(InputError, match="so that a law is tuned"):
         pf.optimise(plant, asked("position"), [], method="quadratic")

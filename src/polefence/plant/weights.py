@@ -218,13 +218,15 @@ class _Weight:
         )
 
 
-def shape_of(weight: Any, what: str, *, constant: bool = False) -> Filter:
-    """Return a weight in continuous time as a filter, named by what was written.
+def shape_of(weight: Any, what: str, *, constant: bool = False, in_z: bool = False) -> Filter:
+    """Return a weight as a filter, named by what was written.
 
     Parameters
     ----------
     constant : bool
         Whether it may be a number.
+    in_z : bool
+        Whether it is of samples.
 
     Raises
     ------
@@ -233,7 +235,7 @@ def shape_of(weight: Any, what: str, *, constant: bool = False) -> Filter:
     """
     where = f"weight of {what}"
     name = weight if isinstance(weight, str) else json.dumps(dict(weight), default=str)
-    plain = UncertainPlant.from_vertices([[[-1]]], [[[1]]])
+    plain = UncertainPlant.from_vertices([[[-1]]], [[[1]]], sample_time=1 if in_z else None)
     made = _Weight.read(plain, weight, where)
     made.require_stable(plain, where)
     if not made.A and not constant:

@@ -64,6 +64,13 @@ class Filter:
         """Number of states."""
         return len(self.a)
 
+    def in_z(self, step: Fraction) -> Filter:
+        """Return it with z(t + T) in the place of z', where a sample time is not zero."""
+        if not step:
+            return self
+        a = [[step * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(self.a)]
+        return replace(self, a=a, b=[[step * x for x in row] for row in self.b])
+
 
 Filters = tuple[Filter | None, ...]  # one a signal; None of one without
 

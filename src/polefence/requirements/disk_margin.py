@@ -238,7 +238,12 @@ class DiskMargin(Specification):
         loops = self.loops_of(plant, subject.law)
         opened = opened_subject(subject, plant, loops)
         invariant = self.time_invariant
-        return _claimed(self.claimed, opened, loops, level, self.shapes, invariant=invariant)
+        shapes = self.shapes_at(plant)
+        return _claimed(self.claimed, opened, loops, level, shapes, invariant=invariant)
+
+    def shapes_at(self, plant: UncertainPlant) -> tuple[Shape, ...]:
+        """Return the weights as claims about a plant have them."""
+        return tuple(Shape(shape.at(plant.period)) for shape in self.shapes)
 
     def condition(
         self,
@@ -296,8 +301,8 @@ class DiskMargin(Specification):
             reads.append(i if kind == "input" else names[k])
         channel = Channel(A, B, E, C, D, F, np.eye(size), reads=tuple(reads))
         channel = with_paths(channel, plant, alpha, self.loops_of(plant, None))
-        for k, shape in enumerate(self.shapes):
-            channel = shaped(channel, k, shape.at(plant.period))
+        for k, shape in enumerate(self.shapes_at(plant)):
+            channel = shaped(channel, k, shape.filter)
         return channel
 
     def unweighted(self) -> DiskMargin:
@@ -316,6 +321,12 @@ class DiskMargin(Specification):
         if loops.E.shape[-1] == 1:
             return Gain(self.names[0]).slopes(loops)
         return scales.slopes(loops, 0, 1.0, leads=self.time_invariant)
+
+
+def shape_for(weight: Any, kind: str, *, constant: bool) -> Shape:
+    """Return a weight as it was written, in s or in z."""
+    in_z = isinstance(weight, str) and "z" in weight
+    return Shape(shape_of(weight, kind, constant=constant, in_z=in_z), in_z)
 
 
 def written_weight(weight: Any) -> Any:
@@ -404,17 +415,13 @@ class Unmodelled(DiskMargin):
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]
         """The weight at each loop."""
-        shape = shape_of(self.weight, self.kind, constant=all_paths(self.names))
-        return (Shape(shape),) * len(self.entries)
+        shape = shape_for(self.weight, self.kind, constant=all_paths(self.names))
+        return (shape,) * len(self.entries)
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a sampled plant, and what is no input."""
         super().require_fit(plant)
-        if plant.period:
-            raise InputError(
-                f"{self.title}: dynamics that no model has are proved of loops in continuous time; "
-                "leave out the sample time, or ask for a disk margin"
-            )
+        require_time(plant, self.shapes[0], self.title)
         require_dynamics(plant, self.names, self.title)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
@@ -425,6 +432,13 @@ class Unmodelled(DiskMargin):
 def all_paths(names: Sequence[str]) -> bool:
     """Whether no name is that of an input."""
     return all(TO in name for name in names)
+
+
+def require_time(plant: UncertainPlant, shape: Shape, title: str) -> None:
+    """Refuse a weight in s of samples, and one in z of a plant in continuous time."""
+    if shape.filter.states and shape.in_z != (plant.period > 0):
+        letter, time = ("z", "at a sample time") if plant.period else ("s", "in continuous time")
+        raise InputError(f"{title}: {plant.name} is {time}; write the weight in {letter}")
 
 
 def require_dynamics(plant: UncertainPlant, names: Sequence[str], title: str) -> None:
@@ -619,7 +633,7 @@ def _gain(asked: DiskMargin, opened: UncertainPlant, loops: Loops, law: Any = No
         loops=loops,
         invariant=asked.time_invariant,
         margin=asked.title,
-        shapes=asked.shapes,
+        shapes=asked.shapes_at(opened),
         claimed=asked.claimed,
     )
 

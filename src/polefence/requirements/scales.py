@@ -168,7 +168,7 @@ def scaled(
     return min(found, key=lambda one: one.level)
 
 
-def _points(w: Array, step: float) -> Any:
+def points(w: Array, step: float) -> Any:
     """Return s of frequencies [rad/s], those of the bilinear transform of a delta form."""
     return 1j * w / (1 - 0.5j * w * step)
 
@@ -181,17 +181,17 @@ def _in_rounds(loops: Loops, search: Search, scale: Scale, rounds: int) -> Scale
         if not np.isfinite(level):
             return Scaled(scale, np.inf)
         wide = scaled_loops(loops, scale, p, limit or level)
-        points, w, height = peaks(wide.modes, wide.E, wide.C, wide.F)
+        at, w, height = peaks(wide.modes, wide.E, wide.C, wide.F)
         if not np.all(np.isfinite(height)):
             return Scaled(scale, np.inf)
         top = float(height.max())
         if limit is None or top < best.level:
-            best = Scaled(scale, max(top, level) if limit is None else top, (points, w))
+            best = Scaled(scale, max(top, level) if limit is None else top, (at, w))
         if top <= level * (1 + ENOUGH):
             return best
         near = height >= NEAR * top
-        s = _points(w[near], loops.modes.step)
-        A, E, C, F = (M[points[near]] for M in (loops.A, loops.E, loops.C, loops.F))
+        s = points(w[near], loops.modes.step)
+        A, E, C, F = (M[at[near]] for M in (loops.A, loops.E, loops.C, loops.F))
         found = response(A, E, C, F, s[:, None])[:, 0]
         known = np.concatenate([search.M, found]), np.concatenate([search.s, s])
         search = search._replace(M=known[0], s=known[1])
@@ -203,7 +203,7 @@ def _at_some(loops: Loops, p: int, limit: float | None) -> Search:
     """Return the search at those frequencies of a grid that may bound the gain."""
     some = np.unique(np.linspace(0, len(loops.A) - 1, min(len(loops.A), SOME)).astype(int))
     A, E, C, F = (M[some] for M in (loops.A, loops.E, loops.C, loops.F))
-    s = _points(frequencies(loops.modes.poles[some]), loops.modes.step)
+    s = points(frequencies(loops.modes.poles[some]), loops.modes.step)
     G = response(A, E, C, F, s)
     step = loops.modes.step
     sizes = np.abs(loops.modes.poles[some])
@@ -380,7 +380,7 @@ def slopes(loops: Loops, p: int, limit: float | None, *, leads: bool = False) ->
     if not np.isfinite(found.level) or found.peaks is None:
         return _nothing(loops)
     scale, level = found.scale, found.level
-    q, s = loops.E.shape[-1] - len(scale.theta), _points(found.peaks[1], loops.modes.step)
+    q, s = loops.E.shape[-1] - len(scale.theta), points(found.peaks[1], loops.modes.step)
     highest = Highest.of(loops, found.peaks, sides(scale, p, q, limit or level, s))
     values, each = highest.values, np.ones(len(highest.values))
     share = each

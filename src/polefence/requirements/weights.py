@@ -66,8 +66,8 @@ def _driven(
     plant: UncertainPlant, law: Any, specification: Specification
 ) -> tuple[UncertainPlant, Any, Specification]:
     """Return the plant with the filters that a requirement has before disturbances."""
-    T = plant.sample_time
-    filters = tuple(one and _in_z(one, T) for one in specification.before)
+    T = plant.sample_time or Fraction(0)
+    filters = tuple(one and one.in_z(T) for one in specification.before)
     labels = [f"before disturbance {i + 1}" for i in range(states_of(filters))]
     larger = driven_through(plant, filters, labels)
     outputs = [seen_through(y, plant, filters) for y in specification.outputs(plant)]
@@ -77,14 +77,6 @@ def _driven(
         wide = replace(wide, measured=measured)
     signal = outputs if len(outputs) > 1 else outputs[0]
     return larger, wide, replace(specification, signal=signal)
-
-
-def _in_z(form: Filter, T: Fraction | None) -> Filter:
-    """Return a filter in the form of a plant: of samples, not of their delta form."""
-    if T is None:
-        return form
-    a = [[T * x + (i == j) for j, x in enumerate(row)] for i, row in enumerate(form.a)]
-    return replace(form, a=a, b=[[T * x for x in row] for row in form.b])
 
 
 def with_weights(
@@ -134,14 +126,33 @@ def filters_of(plant: UncertainPlant, specification: Specification) -> Filters:
 
 @dataclass(frozen=True)
 class Shape:
-    """A filter that is not one of the standard's, of signals in continuous time.
+    """A filter that is not one of the standard's.
 
     Attributes
     ----------
     filter : Filter
+    in_z : bool
+        Whether it is of samples, z(t + T) in the place of z'; else as a claim has it.
     """
 
     filter: Filter
+    in_z: bool = False
+
+    def at(self, T: Fraction) -> Filter:
+        """Return the filter at a sample time, in its delta form; zero in continuous time.
+
+        Raises
+        ------
+        InputError
+            If it is of samples, and there are none.
+        """
+        if not self.in_z:
+            return self.filter
+        if not T:
+            raise InputError(f"weight {self.name}: it is in z, and the plant in continuous time")
+        own = self.filter
+        a = [[(x - (i == j)) / T for j, x in enumerate(row)] for i, row in enumerate(own.a)]
+        return replace(own, a=a, b=[[x / T for x in row] for row in own.b])
 
     def __hash__(self) -> int:
         return hash(self.filter.name)
@@ -150,10 +161,6 @@ class Shape:
     def name(self) -> str:
         """Its name."""
         return self.filter.name
-
-    def at(self, T: Fraction) -> Filter:  # noqa: ARG002
-        """Return the filter at a sample time, in its delta form; zero in continuous time."""
-        return self.filter
 
 
 def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
@@ -208,8 +215,8 @@ def _with_filter(
     plant: UncertainPlant, signal: Output, weighting: Weighting
 ) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
-    form, T = filter_of(weighting, plant.period), plant.sample_time
-    in_z = _in_z(form, T)
+    form = filter_of(weighting, plant.period)
+    in_z = form.in_z(plant.sample_time or Fraction(0))  # the plant is not in its delta form
     a, b = in_z.a, in_z.b
     label = f"{signal.name}, {weighting.name}"
     if label in [known.name for known in plant.signals]:

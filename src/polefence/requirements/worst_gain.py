@@ -21,7 +21,6 @@ from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
-from polefence.plant.weights import shape_of
 from polefence.proof import claims as proof
 from polefence.proof.claims.disk_margin import Loops, beside_loops, is_sent, through
 from polefence.proof.claims.worst_gain import SKEW, alone, demands
@@ -42,11 +41,12 @@ from polefence.requirements.disk_margin import (
     reading_beside,
     require_flag,
     seen_paths,
+    shape_for,
     shaped,
     with_paths,
     written_weight,
 )
-from polefence.requirements.gain import Gain
+from polefence.requirements.gain import Gain, sampled_frequency
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification
@@ -122,8 +122,12 @@ class WorstCaseGain(Gain):
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
         """The weight at each input."""
-        shape = shape_of(self.weight, self.kind, constant=all_paths(self.inputs))
-        return (Shape(shape),) * len(self.inputs)
+        shape = shape_for(self.weight, self.kind, constant=all_paths(self.inputs))
+        return (shape,) * len(self.inputs)
+
+    def shapes_at(self, plant: UncertainPlant) -> tuple[Shape, ...]:
+        """Return the weights as claims about a plant have them."""
+        return tuple(Shape(shape.at(plant.period)) for shape in self.shapes)
 
     def unweighted(self) -> Gain:
         """Return the gain without dynamics."""
@@ -221,7 +225,7 @@ class WorstCaseGain(Gain):
             loops=loops,
             invariant=self.time_invariant,
             margin=self.title,
-            shapes=(*(None for _ in self.entries), *self.shapes),  # type: ignore[arg-type]
+            shapes=(*(None for _ in self.entries), *self.shapes_at(plant)),  # type: ignore[arg-type]
             chosen=tuple(map(Fraction, chosen)),
         )
         return opened, beside, gain
@@ -239,7 +243,7 @@ class WorstCaseGain(Gain):
         """Return the claim about loops that weigh alike."""
         loops = self._loops(plant, subject.law)
         opened = opened_subject(subject, plant, loops)
-        filters = tuple(shape.filter for shape in self.shapes)
+        filters = tuple(shape.filter for shape in self.shapes_at(plant))
         chosen = tuple(map(Fraction, self.scales(plant)))
         signals = self.exact_outputs(plant)
         known = {"invariant": self.time_invariant}
@@ -270,7 +274,8 @@ class WorstCaseGain(Gain):
     def worst_frequency(self, plant: UncertainPlant, law: Any, alpha: Array) -> float | None:
         """Return where dynamics are worst at a point (N,) [rad/s]."""
         law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
-        return float(_closely(self._closed(plant, law, alpha[None]), len(self.entries))[1][0])
+        loops = self._closed(plant, law, alpha[None])
+        return sampled_frequency(float(_closely(loops, len(self.entries))[1][0]), loops.modes.step)
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the signal, and the loops behind their weights, as a channel at points alpha."""
@@ -301,7 +306,7 @@ class WorstCaseGain(Gain):
         reads = (*own, *places, *(Acting(path.disturbance) for path in loops.paths))
         channel = replace(channel, E=E, C=C, D=D, F=F, S=S, reads=reads)
         channel = with_paths(channel, plant, alpha, loops, self.scales(plant))
-        for k, shape in enumerate(self.shapes):
+        for k, shape in enumerate(self.shapes_at(plant)):
             channel = shaped(channel, p + k, shape.filter)
         return channel
 
@@ -373,8 +378,9 @@ def _on_grid(loops: ClosedLoops, p: int, scale: scales.Scale, level: float) -> A
     """Return the worst gain at each point, at those frequencies of a grid where it may be."""
     w = scales.frequencies(loops.modes.poles)
     q = loops.E.shape[-1] - len(scale.theta)
-    out, into = scales.sides(scale, p, q, level, 1j * w[0])
-    G = response(loops.A, loops.E, loops.C, loops.F, 1j * w)
+    s = scales.points(w, loops.modes.step)
+    out, into = scales.sides(scale, p, q, level, s[0])
+    G = response(loops.A, loops.E, loops.C, loops.F, s)
     some = np.argsort(-largest(out[:, :, None] * G * into[:, None]), axis=1)[:, :FREQUENCIES]
     worst = worst_of_dynamics(np.take_along_axis(G, some[:, :, None, None], axis=1), p)
     return np.asarray(worst.max(axis=1))
@@ -385,16 +391,21 @@ def _closely(loops: ClosedLoops, p: int) -> tuple[Array, Array]:
     sizes = np.abs(loops.modes.poles)
     fast, slow = sizes.max(axis=1), np.maximum(sizes.min(axis=1), 1e-6 * sizes.max(axis=1))
     w = slow[:, None] / 10 * ((100 * fast / slow)[:, None]) ** np.linspace(0, 1, 150)
-    values = worst_of_dynamics(response(loops.A, loops.E, loops.C, loops.F, 1j * w), p)
+    values = _worst_at(loops, w, p)
     rows, best = np.arange(len(w)), values.max(axis=1)
     for _ in range(ZOOMS):
         j = values.argmax(axis=1)
         ends = w[rows, np.maximum(j - 1, 0)], w[rows, np.minimum(j + 1, w.shape[1] - 1)]
         low, high = (end[:, None] for end in ends)
         w = low + (high - low) * np.linspace(0, 1, WITHIN)
-        values = worst_of_dynamics(response(loops.A, loops.E, loops.C, loops.F, 1j * w), p)
+        values = _worst_at(loops, w, p)
         best = np.maximum(best, values.max(axis=1))
     return np.asarray(best), w[rows, values.argmax(axis=1)]
+
+
+def _worst_at(loops: ClosedLoops, w: Array, p: int) -> Array:
+    s = scales.points(w, loops.modes.step)
+    return worst_of_dynamics(response(loops.A, loops.E, loops.C, loops.F, s), p)
 
 
 def worst_of_dynamics(G: Any, p: int) -> Array:

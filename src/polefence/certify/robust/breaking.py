@@ -134,7 +134,7 @@ def _blank(
     region = HalfPlane(0) if plant.sample_time is None else Disk(0, 1)
     loops = margin.loops_of(plant, law.exact)
     loops = replace(loops, weights=(ONE,) * loops.count)
-    shapes = tuple(shape.filter for shape in margin.shapes)
+    shapes = tuple(shape.filter for shape in margin.shapes_at(plant))
     claim = failure_at(plant, law, parts_of(region.document()), alpha)
     return replace(claim, loops=loops, filters=shapes)
 

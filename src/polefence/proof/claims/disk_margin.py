@@ -534,12 +534,6 @@ class Unmodelled(DiskMargin):
             )
         return claim
 
-    def require(self) -> None:
-        """Refuse samples; then as any other claim."""
-        if self.subject.step:
-            raise FormatError("unmodelled dynamics are of loops in continuous time")
-        super().require()
-
     def named(self, plant: Plant) -> str:
         """Say which dynamics at which loops it is about."""
         shapes = ", ".join(quoted(shape.name) for shape in self.filters if shape is not None)

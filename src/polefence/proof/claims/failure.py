@@ -245,8 +245,6 @@ class Failure(Short, Claim):
             raise FormatError("loops: errors of paths have filters")
         if any(f is None for f in self.filters) or (self.filters and self.loops.skew != -1):
             raise FormatError("loops: dynamics that no model has act on T, each with a filter")
-        if self.filters and plant.step:
-            raise FormatError("loops: dynamics that no model has are of continuous time")
         for error in self.errors:
             error.require(plant.step)
 
@@ -316,7 +314,8 @@ class Failure(Short, Claim):
         C, F = add(C, product(D, K)), add(F, product(D, passed))
         for k in range(loops.count):
             behind = self.errors[k].filter(plant.step)
-            for applied in (self.filters[k] if self.filters else None, behind):
+            own = self.filters[k] if self.filters else None
+            for applied in (own and own.in_z(plant.step), behind):
                 if applied is not None:
                     A, E, C, F = _behind(A, E, C, F, k, applied)
         # w = C x + F w

@@ -166,12 +166,6 @@ class WorstCaseGain(AtLoops):
             raise FormatError("level must be positive")
         require_scales(self.chosen, self.loops.own)
 
-    def require(self) -> None:
-        """Refuse samples; then as any other claim."""
-        if self.subject.step:
-            raise FormatError("unmodelled dynamics are of loops in continuous time")
-        super().require()
-
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
         return misnamed([alone(signal, self.loops.own) for signal in self.signals], plant)
@@ -197,8 +191,8 @@ class WorstCaseGain(AtLoops):
         """Say what is bounded, and for which dynamics."""
         signals = [alone(signal, self.loops.own) for signal in self.signals]
         what, acting = outputs_text(signals, plant), self.acting_words(plant)
-        level, on = digits_up(self.level), f"on the {self.subject.on}"
-        return f"{self.kind} of {what} <= {level}{acting}, {self.dynamics_text(plant)}, {on}"
+        level, on = digits_up(self.level), f"{self.time_text}, on the {self.subject.on}"
+        return f"{self.kind} of {what} <= {level}{acting}, {self.dynamics_text(plant)}{on}"
 
 
 def read_inputs(table: Table) -> tuple[int, ...]:

@@ -326,7 +326,7 @@ class DiskMargin(Specification):
 def shape_for(weight: Any, kind: str, *, constant: bool) -> Shape:
     """Return a weight as it was written, in s or in z."""
     in_z = isinstance(weight, str) and "z" in weight
-    return Shape(shape_of(weight, kind, constant=constant, in_z=in_z), in_z)
+    return Shape(shape_of(weight, kind, constant=constant, in_z=in_z), in_z=in_z)
 
 
 def written_weight(weight: Any) -> Any:

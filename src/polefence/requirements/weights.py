@@ -7,7 +7,7 @@ back, and what is designed, driven and exported is the plant without them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from operator import mul
@@ -136,7 +136,7 @@ class Shape:
     """
 
     filter: Filter
-    in_z: bool = False
+    in_z: bool = field(default=False, kw_only=True)
 
     def at(self, T: Fraction) -> Filter:
         """Return the filter at a sample time, in its delta form; zero in continuous time.

@@ -250,7 +250,7 @@ MARGINS = (
 )  # fmt: skip
 
 LATE_SAMPLES = [
-    "verify", "discrete.toml", "--gain", "discrete/design.json", "--limit", "delay margin of u",
+    "verify", "discrete.toml", "--gain", "[[-3, -3]]", "--limit", "delay margin of u",
     "-o", "delayed",
 ]  # fmt: skip
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import solve_continuous_are
 
 import polefence as pf
 from polefence.certify.bounds import best_bound, kept_bound
@@ -30,6 +31,7 @@ from polefence.proof.ranges import corner_weights
 from polefence.proof.reading import Table
 from polefence.proof.work import FormatError
 from polefence.requirements.text import parse_specification
+from polefence.response.modes import Modes
 from polefence.response.samples import at_sample_time
 
 # k / (s (s + 1) (s + 2)) with k = 1: its phase is -180 deg at sqrt(2) rad/s, where it has 1/6.
@@ -328,6 +330,47 @@ def test_a_delay_margin_at_samples_is_of_whole_ones(known):
     kept = kept_bound(sampled, law, pf.DelayMargin.least("u1", 1.03))
     assert kept.claim.margin == 1
     assert not proved(replace(kept.claim, level=Fraction(1, 3)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_slopes_of_a_delay_margin_are_those_of_central_differences(seed, step):
+    random = np.random.default_rng(seed)
+    A, B = random.normal(size=(4, 4)), random.normal(size=(4, 2))
+    K = -B.T @ solve_continuous_are(A, B, np.eye(4), np.eye(2))
+    alpha = np.array([[1, 0], [0, 1], [0.3, 0.7]])
+    own, plant = pf.DelayMargin.least("u1"), pf.UncertainPlant.from_vertices([A, 1.02 * A], [B, B])
+    channel = own.channel(plant, alpha)
+
+    def found(K):
+        each = np.broadcast_to(K, (len(alpha), *K.shape))
+        return own.slopes(channel.closed(each, Modes(channel.A + channel.B @ each, step)))
+
+    slopes, size = channel.slopes(found(K)), 1e-3  # peaks are found to 1e-6
+    most = np.zeros(len(alpha))
+    np.maximum.at(most, found(K).points, found(K).values)
+    true = own.values(plant, pf.FixedGain(K), alpha)
+    assert step or np.all(most >= true * (1 - 1e-6))  # it bears no more than the loop does
+    for _ in range(3):
+        turn = random.normal(size=K.shape)
+        ahead, back = (found(K + sign * size * turn).values for sign in (1, -1))
+        along = (slopes * turn).sum(axis=(1, 2))
+        difference = (ahead - back) / (2 * size)
+        assert np.abs(difference - along).max() <= 2e-2 * max(np.abs(slopes).max(), 1e-3)
+
+
+def test_a_law_of_the_largest_delay_margin(known):
+    """Of x'' = u with |x| of at most some rms: later and later, and within the limit."""
+    A, B, E = [[0, 1], [0, 0]], [[0], [1]], [[0], [1]]
+    plant = pf.UncertainPlant.from_vertices([A], [B], [E])
+    within = [pf.Rms("x1", limit, 1) for limit in (1.0, 2.0)]
+    short, long = (pf.optimise(plant, pf.DelayMargin.least("u1"), [own]) for own in within)
+    margins = [1 / done.bounds[0].level for done in (short, long)]
+    assert margins[1] > 1.1 * margins[0] > 0
+    for done, own in zip((short, long), within, strict=True):
+        assert done.bounds[1].level <= own.at_most
+        true = 1 / pf.DelayMargin.least("u1").values(plant, done.law, np.ones((1, 1)))[0]
+        assert 0.9 * true < 1 / done.bounds[0].level < true
 
 
 @pytest.mark.parametrize(

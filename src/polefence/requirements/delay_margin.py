@@ -27,8 +27,12 @@ from polefence.requirements.disk_margin import (
     opened_subject,
     place_of,
 )
+from polefence.requirements.gain import Highest
+from polefence.requirements.slopes import Channel, Slopes, Turned
+from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Specification
 from polefence.requirements.weights import Shape
+from polefence.response.peaks import climbed
 
 SAMPLES = 200  # beside the vertices, near which a margin is looked for
 WORST = 24  # of them, at which that of each cover is
@@ -55,6 +59,37 @@ class LateShape(Shape):
 
 def _shape(level: Fraction, cover: int) -> LateShape:
     return LateShape(late_by(level, Fraction(0), cover).filter(level), level, cover)
+
+
+def _levels(w: Array, size: Array) -> Array:
+    """Return 1 over the delay at which a T of this size at w is too large for the first cover.
+
+    |M / D|^2 = (m0 + m1 y + m2 y^2) / (d0 + d1 y + d2 y^2) of y = (w t)^2 rises with it: to be no
+    less than size^2 it has one root. A size below about a half is never too large.
+    """
+    return w * np.sqrt(_inverse_squares(size)[0])
+
+
+def _rises(w: Array, size: Array) -> Array:
+    """Return the slopes of `_levels` with respect to the size."""
+    x, rise = _inverse_squares(size)
+    return np.where(x > 0, w * rise / (2 * np.sqrt(np.maximum(x, 1e-300))), 0.0)
+
+
+def _inverse_squares(size: Array) -> tuple[Array, Array]:
+    """Return 1 / y for which |M / D| is 1 over a size, and its slope."""
+    m, d = (
+        (float(P[0]) ** 2, float(P[1]) ** 2 - 2 * float(P[0] * P[2]), float(P[2]) ** 2)
+        for P in (COVERS[0].M, COVERS[0].D)
+    )
+    size = np.minimum(size, 0.999 * math.sqrt(d[0] / m[0]))
+    some = size > math.sqrt(d[2] / m[2]) * (1 + 1e-9)
+    q = 1 / np.where(some, size, 1.0) ** 2
+    c, b, a = (m[k] - q * d[k] for k in range(3))  # c x^2 + b x + a = 0 with x = 1 / y, c < 0 < a
+    root = np.sqrt(b * b - 4 * a * c)
+    x = np.where(b > 0, (b + root) / (-2 * c), 2 * a / (root - b))
+    rise = -(d[0] * x * x + d[1] * x + d[2]) / (2 * c * x + b) * 2 * q / np.where(some, size, 1.0)
+    return np.where(some, x, 0.0), np.where(some, rise, 0.0)
 
 
 def _of_samples(count: int, T: float) -> float:
@@ -211,20 +246,25 @@ class DelayMargin(DiskMargin):
             lost, most = (lost, share) if keeps(worst * math.exp(share)) else (share, most)
         return worst * math.exp(most)
 
-    def tuned(self, times: float) -> tuple[Specification, ...]:  # noqa: ARG002
-        """Return itself.
+    def unweighted(self) -> DiskMargin:
+        """Return the disk margin of the loop itself."""
+        return DiskMargin(self.signal, self.at_most, self.sigma)
 
-        Raises
-        ------
-        InputError
-            If it has no limit.
-        """
-        if self.at_most is None:
-            raise InputError(
-                f"{self.title}: a law is tuned for a limit; give at_least, and maximise another "
-                "margin"
-            )
-        return (self,)
+    def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
+        """Return the loop without a filter: that of every limit is in `slopes`."""
+        return self.unweighted().channel(plant, alpha)
+
+    def slopes(self, loops: ClosedLoops) -> Slopes:
+        """Return 1 over the margins that the first cover leaves, and their slopes."""
+        points, w, _ = climbed(loops.modes, loops.E, loops.C, loops.F, _levels)
+        found = Highest.of(loops, (points, w))
+        values, rise = _levels(w, found.values), _rises(w, found.values)
+
+        def turned() -> list[Turned]:
+            own = (None if M is None else rise[:, None, None] * M for M in found.turned())
+            return [Turned(*own)]  # type: ignore[arg-type]
+
+        return Slopes(values, found.points, turned)
 
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the margin at points alpha, zero where there is no limit to it."""

@@ -82,6 +82,21 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
     return loops[some], w[some], top[some]
 
 
+def climbed(modes: Modes, E: Array, C: Array, F: Array, of: Any) -> tuple[Array, Array, Array]:
+    """Return the peaks of a function of the frequency and of the largest singular value there.
+
+    Found from a grid, as those of `peaks` first are; parameters are the same.
+    """
+    modes, E, C, F = _continuous(modes, E, C, F)
+    height, grid = _height(modes, E, C, F), _grid(modes.poles)
+
+    def value(w: Array, some: Any = slice(None)) -> Array:
+        return np.asarray(of(w, height(w, some)))
+
+    # an even number: of an odd one the middle may be twice among the points, and a half is lost
+    return _climbed(value, grid, value(grid), np.arange(len(modes.A)), points=10)
+
+
 def on_grid(modes: Modes, E: Array, C: Array, F: Array) -> Array:
     """Return the largest singular value on a grid of frequencies, those of the poles among them.
 
@@ -145,7 +160,9 @@ def _apart(w: Array) -> Array:
     return np.append(w[new], w[-1] * np.arange(2.0, 2 + np.count_nonzero(~new)))
 
 
-def _climbed(height: Any, grid: Array, values: Array, loops: Any) -> tuple[Any, Array, Array]:
+def _climbed(
+    height: Any, grid: Array, values: Array, loops: Any, points: int = 9
+) -> tuple[Any, Array, Array]:
     """Return the highest of the local peaks on a grid, each zoomed into."""
     left = np.pad(values[:, :-1], ((0, 0), (1, 0)), constant_values=-1.0)
     right = np.pad(values[:, 1:], ((0, 0), (0, 1)), constant_values=-1.0)
@@ -159,14 +176,14 @@ def _climbed(height: Any, grid: Array, values: Array, loops: Any) -> tuple[Any, 
     around = np.stack(
         [grid[rows, np.maximum(at - 1, 0)], grid[rows, at], grid[rows, np.minimum(at + 1, last)]], 1
     )
-    return rows, *_zoomed(height, rows, around)
+    return rows, *_zoomed(height, rows, around, points)
 
 
-def _zoomed(height: Any, loops: Any, around: Array) -> tuple[Array, Array]:
+def _zoomed(height: Any, loops: Any, around: Array, points: int = 9) -> tuple[Array, Array]:
     """Return the highest point within intervals (k, 3): low, a point inside, high."""
     low, best, high = around.T
     top = height(best[:, None], loops)[:, 0]
-    share = np.linspace(0, 1, 9)
+    share = np.linspace(0, 1, points)
     rows = np.arange(len(loops))
     for _ in range(7):  # each leaves a quarter of the interval
         w = np.sort(np.append(low[:, None] + (high - low)[:, None] * share, best[:, None], 1), 1)

@@ -292,6 +292,7 @@ def test_margins_in_service_are_proved(page):
     assert until(lambda: "error of each gain" in text_of(page))
     said = re.search(r"error of the estimate, m1 (\S+) kg\s+breaks at (\S+)", text_of(page))
     assert 2 < float(said[1]) < float(said[2]) < 20
+    assert until(lambda: re.search(r"actuator force.*input.*; \S+ proved", text_of(page), re.S))
     type_into(page, "Region", "disk(-40, 32)")
     assert until(lambda: "error of each gain" not in text_of(page))
 

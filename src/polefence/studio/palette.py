@@ -79,6 +79,10 @@ STYLE = """
 .refuted { border-color: #d95f02; border-style: double; }
 .refuted::before { content: "\\2717  "; }
 .undecided, .working { border-color: #888888; border-style: dashed; }
+.loops { border-collapse: collapse; margin-top: 12px; }
+.loops th { text-align: left; font-weight: normal; }
+.loops th, .loops td { padding: 2px 8px 2px 0; vertical-align: top; }
+.loops + img { display: block; max-width: 460px; width: 100%; }
 .margins { border-collapse: collapse; }
 .margins th { text-align: left; font-weight: normal; }
 .margins th, .margins td { padding: 2px 10px 2px 0; }

@@ -1,4 +1,4 @@
-"""What errors a law bears in service, with a bar for the share of the error that breaks it."""
+"""What errors a law bears in service: a bar for the share of the error that breaks it; loops."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import panel as pn
 from polefence.base.errors import PolefenceError
 from polefence.certify.design import Design
 from polefence.certify.margins import in_service
+from polefence.studio.loops import loops_of
 from polefence.studio.palette import STYLE
 from polefence.studio.words import margins_table, paragraph
 
@@ -47,8 +48,9 @@ class Service:
 
 
 def margins_of(design: Design) -> str:
-    """Return margins as a table, or why there are none."""
+    """Return margins of parameters and gains as a table, or why there are none, over the loops'."""
     try:
-        return margins_table(in_service(design))
+        found = margins_table(in_service(design))
     except PolefenceError as error:
-        return paragraph(str(error))
+        found = paragraph(str(error))
+    return f"{found}{loops_of(design)}"

@@ -170,9 +170,9 @@ class DelayMargin(DiskMargin):
         """The filter of the limit."""
         return () if self.at_most is None else (_shape(Fraction(self.at_most), self.cover),)
 
-    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
-        """Return seconds."""
-        return "s"
+    def unit(self, plant: UncertainPlant) -> str:
+        """Return seconds; of samples that they are whole ones."""
+        return "s, whole samples" if plant.period else "s"
 
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse what is no input, and less than a sample."""

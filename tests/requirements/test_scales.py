@@ -15,6 +15,7 @@ from polefence.cli.main import main
 from polefence.law.laws import given_law
 from polefence.plant.exact import file_plant
 from polefence.plant.outputs import Output
+from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.disk_margin import Loops
 from polefence.proof.document import check, from_plain
@@ -28,6 +29,7 @@ from polefence.requirements.text import parse_specification
 from polefence.requirements.worst_gain import WorstCaseGain
 from polefence.response.modes import Modes
 from polefence.response.peaks import response
+from support.specs import MASS_ON_SPRING
 
 # An integrator whose model is off by a gain of 0.4, and a lag before it; a loop of -2 y.
 ADDITIVE = """
@@ -396,6 +398,46 @@ def test_one_fault_in_paths_and_it_is_not_proved(additive, kind, change):
     if claim["paths"] is None:
         del claim["paths"]
     assert not is_proved(table)
+
+
+# --- of every kind of plant ---------------------------------------------------------------------
+
+FUNCTIONS = MASS_ON_SPRING.replace("range = [80, 120]", "range = [0, 1]").replace(
+    '"-k"', '"-90*cos(k)"'
+)
+MOVING = MASS_ON_SPRING.replace("range = [80, 120]", "range = [80, 120]\nrate = [-5, 5]")
+LATE = MASS_ON_SPRING + "[dead_time.force]\ntime = 0.01\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "step", "loose"),
+    [
+        (MASS_ON_SPRING, 0.0, 1.001),
+        (MASS_ON_SPRING, 0.01, 1.001),
+        (FUNCTIONS, 0.0, 1.005),
+        (FUNCTIONS, 0.01, 1.005),
+        (MOVING, 0.0, 1.02),
+        (LATE, 0.0, 2.2),
+    ],
+)
+def test_plants_of_every_kind(text, step, loose):
+    plant = loads(text)
+    plant = pf.at_sample_time(plant, step) if step else plant
+    law = given_law(plant, np.array([[-20.0, -4.0]]))
+    weight = "0.05*(z - 0.2)/(z - 0.8)" if step else "0.05*(s + 2)/(s + 8)"
+    alpha = seeded(plant, 60)
+    for own in (
+        Unmodelled("position -> push", weight="10"),
+        Unmodelled(["force", "position -> push"], weight=weight, time_invariant=True),
+        WorstCaseGain(
+            ["position", "force"],
+            inputs=["position -> push", "force"],
+            weight=weight,
+            time_invariant=True,
+        ),
+    ):
+        seen = sampled(plant, law, own, alpha).worst
+        assert seen <= best_bound(plant, law, own).level < seen * loose
 
 
 # --- samples -------------------------------------------------------------------------------------

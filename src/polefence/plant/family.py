@@ -150,8 +150,11 @@ class UncertainPlant(Short):
     data : Data, optional
         What it was fitted to: whatever is said of it also says that this is unproved.
     opened : tuple of int or None
-        Where its disturbances are those of loops that are opened: the input that each adds to, None
-        of one that adds to what a law measures.
+        Where its disturbances are those of loops that are opened: which column of [B, E] of the
+        plant itself each has, None of one that adds to what a law measures.
+    driven_by : tuple of (int, int, Fraction)
+        States of filters before its disturbances: which, before which, and how many times its
+        column of E theirs is.
 
     Raises
     ------
@@ -176,6 +179,7 @@ class UncertainPlant(Short):
     functions: Functions | None = None
     data: Data | None = None
     opened: tuple[int | None, ...] = ()
+    driven_by: tuple[tuple[int, int, Fraction], ...] = ()
 
     @explained_fields
     def __post_init__(self) -> None:

@@ -160,10 +160,12 @@ def _node(plant: UncertainPlant, at: Point) -> Node:
                 A[i][k] = x / T
             else:
                 B[i][k - states] = x / T
-        if E and not opened:
-            E[i] = [x / T for x in row[n + len(acting) :]]
-    if opened:
-        E = [[Fraction(0) if k is None else row[k] for k in opened] for row in B]
+        if E:
+            both = [*B[i], *(x / T for x in row[n + len(acting) :])]
+            columns = opened or range(len(B[i]), len(both))
+            E[i] = [Fraction(0) if k is None else both[k] for k in columns]
+        for state, k, times in plant.driven_by:
+            A[i][state] = times * E[i][k]
     return Node(at, A, B, E)
 
 

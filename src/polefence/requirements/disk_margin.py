@@ -594,7 +594,7 @@ def open_loops(plant: UncertainPlant, loops: Loops, law: Any = None) -> Uncertai
         noise=(),
         vehicle=None,
         remainder=loops.remainder(plant.remainder, n, m),
-        opened=() if loops.own else (*loops.inputs, *(None,) * (loops.count - len(loops.inputs))),
+        opened=loops.columns(0, m)[m:],
     )
 
 
@@ -749,4 +749,5 @@ def _scale(
     )
     if not np.all(growth(loops.modes.poles, closed.step) < 0):
         return gain.loops.weights, ()
-    return scales.scaled(loops, 0, 1.0, leads=gain.invariant).scale.exact
+    leads = gain.invariant and plant.dead_time is None  # a proof with one has none
+    return scales.scaled(loops, 0, 1.0, leads=leads).scale.exact

@@ -144,6 +144,12 @@ class WorstCaseGain(Gain):
         super().require_fit(plant)
         self.presumed[0].require_fit(plant)
 
+    def held(self, plant: UncertainPlant) -> None:
+        """Return None: at a sample time it is of samples, and of disturbances that are held."""
+
+    def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
+        """Nothing: it is of samples."""
+
     def condition(
         self,
         plant: UncertainPlant,
@@ -184,8 +190,8 @@ class WorstCaseGain(Gain):
         none = scales.Scale(np.zeros((len(self.inputs), 1)))
         if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
             return np.inf, none
-        invariant = self.time_invariant
-        found = scales.scaled(loops, len(self.entries), self.at_most, leads=invariant)
+        leads = self.time_invariant and plant.dead_time is None  # a proof with one has none
+        found = scales.scaled(loops, len(self.entries), self.at_most, leads=leads)
         level = self.at_most or found.level
         return (level, found.scale) if np.isfinite(level) else (np.inf, none)
 

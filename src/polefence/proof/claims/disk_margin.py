@@ -26,6 +26,7 @@ from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     Subject,
+    misnamed,
     outputs_text,
     read_filters,
     read_outputs,
@@ -484,8 +485,8 @@ class DiskMargin(AtLoops):
             raise FormatError("paths: no factor acts on them")
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
-        """Nothing: no name is of the claim's own."""
-        return ""
+        """Say that an output of a path has the name of another signal of the plant."""
+        return misnamed([path.output for path in self.loops.paths], plant)
 
     def named(self, plant: Plant) -> str:
         """Say which margin of which loops it is."""

@@ -341,7 +341,10 @@ class Failure(Short, Claim):
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that a signal has the name of another of the plant."""
-        return misnamed(self.elements.signals, plant) if self.elements is not None else ""
+        if self.elements is not None:
+            return misnamed(self.elements.signals, plant)
+        paths = () if self.loops is None else self.loops.paths
+        return misnamed([path.output for path in paths], plant)
 
     def statement(self, plant: Plant) -> str:
         """Say where it fails, and with which errors."""

@@ -168,7 +168,8 @@ class WorstCaseGain(AtLoops):
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
-        return misnamed([alone(signal, self.loops.own) for signal in self.signals], plant)
+        signals = [alone(signal, self.loops.own) for signal in self.signals]
+        return misnamed([*signals, *(path.output for path in self.loops.paths)], plant)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -360,17 +360,7 @@ def driven_through(
         states=(*(x.label for x in states(plant)), *labels),
         outputs=tuple(seen_through(y, plant, filters) for y in plant.outputs),
         remainder=plant.remainder and entering.remainder(plant.remainder),
-        driven_by=plant.driven_by + _driven_by(plant.shape[0], filters),
     )
-
-
-def _driven_by(n: int, filters: Filters) -> tuple[tuple[int, int, Fraction], ...]:
-    """Return the states of filters before disturbances: which, before which, how many times."""
-    found = list[tuple[int, int, Fraction]]()
-    for k, applied in enumerate(filters):
-        for c in () if applied is None else applied.c[0]:
-            found.append((n + len(found), k, c))
-    return tuple(found)
 
 
 def seen_through(output: Output, plant: UncertainPlant, filters: Filters) -> Output:

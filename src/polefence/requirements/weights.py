@@ -76,7 +76,17 @@ def _driven(
         measured = tuple(seen_through(y, plant, filters) for y in law.measured)
         wide = replace(wide, measured=measured)
     signal = outputs if len(outputs) > 1 else outputs[0]
+    larger = replace(larger, driven_by=_driven_by(plant.shape[0], filters))
     return larger, wide, replace(specification, signal=signal)
+
+
+def _driven_by(n: int, filters: Filters) -> tuple[tuple[int, int, Fraction], ...]:
+    """Return the states of filters before disturbances: which, before which, how many times."""
+    found = list[tuple[int, int, Fraction]]()
+    for k, applied in enumerate(filters):
+        for c in () if applied is None else applied.c[0]:
+            found.append((n + len(found), k, c))
+    return tuple(found)
 
 
 def with_weights(

@@ -13,6 +13,7 @@ from polefence.certify.bounds import best_bound, sampled
 from polefence.certify.robust.breaking import broken
 from polefence.cli.main import main
 from polefence.law.laws import given_law
+from polefence.law.structure import Structure
 from polefence.plant.exact import file_plant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
@@ -487,3 +488,23 @@ def test_a_weight_is_written_in_the_time_of_the_plant():
     with pytest.raises(InputError, match="is not stable"):
         Unmodelled("u", weight="1/(z - 1.5)")
     WorstCaseGain("x", inputs="x -> d", weight="0.1").require_fit(at_samples)
+
+
+# --- searched for --------------------------------------------------------------------------------
+
+
+def test_a_law_is_tuned_with_its_leads():
+    """No worse than one that is tuned for all dynamics, and proved again by its file."""
+    plant = loads(MASS_ON_SPRING)
+    own = WorstCaseGain(
+        "position", inputs=["force", "position -> push"], weight="0.5*(s + 1)/(s + 9)"
+    )
+    limit = pf.Rms("force", 1.0, density=1.0)
+    levels = []
+    for given in (False, True):
+        asked = replace(own, time_invariant=given)
+        done = pf.optimise(plant, asked, [limit], structure=Structure(schedule=()))
+        levels.append(done.bounds[0].level)
+        seen = sampled(plant, done.law, asked, seeded(plant, 60)).worst
+        assert seen <= levels[-1] < 1.01 * seen
+    assert levels[1] <= levels[0] * (1 + 1e-3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -29,9 +28,10 @@ from polefence.proof import laws as proof_laws
 from polefence.proof.claims.disk_margin import Loops, Path, beside_loops, through
 from polefence.proof.filters import Filter, Filters, in_turn
 from polefence.proof.remainder import Rows
-from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.proof.text import exactly
 from polefence.requirements import scales
 from polefence.requirements.gain import SAMPLES, Gain
+from polefence.requirements.margin import Margin, level_of
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import Row, Specification, is_number
@@ -50,7 +50,7 @@ FEW = 20  # samples beside the vertices for which loops are weighed, as many as 
 
 
 @dataclass(frozen=True)
-class DiskMargin(Specification):
+class DiskMargin(Margin):
     """The disk margin of a loop, or of several at once.
 
     At each loop the signal may be multiplied by any f = (1 + (1 - sigma) d / 2) /
@@ -78,7 +78,6 @@ class DiskMargin(Specification):
     direct = True
     power = 1
     late_as = proof.DiskMargin.late_as
-    is_margin: ClassVar[bool] = True
     of_dynamics: ClassVar[bool] = False  # whether dynamics are added, and no factor acts
     by_gain: ClassVar[bool] = True  # whether the gain in which it is posed is the margin itself
     shapes: ClassVar[tuple[Shape, ...]] = ()
@@ -103,10 +102,7 @@ class DiskMargin(Specification):
         time_invariant: bool = False,
     ) -> Self:
         """Return the requirement that a margin is at least so large; None: as large as can be."""
-        if at_least is not None and not (is_number(at_least) and at_least > 0):
-            raise InputError(f"at_least = {at_least!r} must be a positive number")
-        level = None if at_least is None else inverse(Fraction(repr(at_least)))
-        return cls(loops, level, sigma, time_invariant=time_invariant)
+        return cls(loops, level_of(at_least), sigma, time_invariant=time_invariant)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -120,30 +116,6 @@ class DiskMargin(Specification):
         """Kind, loops and skew, as a line has them."""
         skew = f" with sigma {exactly(self.sigma)}" if self.sigma else ""
         return f"{super().title}{skew}{invariant_words(self.time_invariant)}"
-
-    @property
-    def limit(self) -> float | None:
-        """The least margin, in the fewest digits that read back as it is."""
-        if self.at_most is None:
-            return None
-        near = float(f"{1 / self.at_most:.15g}")
-        return near if inverse(Fraction(repr(near))) == self.at_most else 1 / self.at_most
-
-    def read_as(self, level: float) -> float:
-        """Return the margin."""
-        return 1 / level if level else np.inf
-
-    def proved_text(self, level: float) -> str:
-        """Return a proved margin, rounded down."""
-        return digits_down(1 / Fraction(level)) if level else "inf"
-
-    def sampled_text(self, level: float) -> str:
-        """Return a sampled margin, rounded up."""
-        return digits_up(1 / Fraction(level)) if level else "inf"
-
-    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
-        """Return none."""
-        return ""
 
     def scales(self, plant: UncertainPlant) -> tuple[float, ...]:  # noqa: ARG002
         """Return nothing: no disturbance of the plant acts."""
@@ -348,12 +320,6 @@ def invariant_words(time_invariant: bool) -> str:
     return " with time_invariant true" if time_invariant else ""
 
 
-def inverse(margin: Fraction) -> float:
-    """Return the largest double that is no more than 1 over a margin."""
-    level = float(1 / margin)
-    return level if Fraction(level) * margin <= 1 else math.nextafter(level, 0.0)
-
-
 @dataclass(frozen=True)
 class Unmodelled(DiskMargin):
     """How much dynamics that no model has inputs bear, in multiples of a weight.
@@ -409,8 +375,7 @@ class Unmodelled(DiskMargin):
         time_invariant: bool = False,
     ) -> Self:
         """Return the requirement that so many times a weight are borne; None: as many as can be."""
-        margin = DiskMargin.least(loops, at_least)
-        return cls(loops, margin.at_most, weight=weight, time_invariant=time_invariant)
+        return cls(loops, level_of(at_least), weight=weight, time_invariant=time_invariant)
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:  # type: ignore[override]

@@ -21,7 +21,8 @@ from polefence.proof.claims.factor_margin import Place, require_factors
 from polefence.proof.laws import Law
 from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
-from polefence.requirements.disk_margin import DiskMargin, Posed, inverse
+from polefence.requirements.disk_margin import DiskMargin, Posed
+from polefence.requirements.margin import inverse
 from polefence.requirements.specification import Specification
 from polefence.response.loop_margins import LoopMargins
 

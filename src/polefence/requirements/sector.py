@@ -24,20 +24,19 @@ from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
 from polefence.proof import laws as exact
 from polefence.proof.claims.sector import Elements
-from polefence.proof.text import digits_down, digits_up, exactly
+from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
 from polefence.requirements import scales
 from polefence.requirements.disk_margin import (
     FEW,
     Posed,
-    inverse,
 )
 from polefence.requirements.gain import SAMPLES, Gain
+from polefence.requirements.margin import Margin, level_of
 from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import (
     Row,
-    Specification,
     disturbance,
     is_number,
     listed,
@@ -53,7 +52,7 @@ NEARER, MOST = 0.5, 30  # to zero, where the loop with the centres is not stable
 
 
 @dataclass(frozen=True)
-class SectorBound(Specification):
+class SectorBound(Margin):
     """How wide sectors of static elements may be: for all elements in them the loop is stable.
 
     An element gives a disturbance w = phi(t, y) for a signal y: a bump stop, friction, the curve of
@@ -80,7 +79,6 @@ class SectorBound(Specification):
     vector = True
     direct = True
     power = 1
-    is_margin: ClassVar[bool] = True
     of_loops: ClassVar[bool] = False
 
     @explained_fields
@@ -111,10 +109,7 @@ class SectorBound(Specification):
 
         One by default, the sectors themselves; None: as many times as can be.
         """
-        if at_least is not None and not (is_number(at_least) and at_least > 0):
-            raise InputError(f"at_least = {at_least!r} must be a positive number")
-        level = None if at_least is None else inverse(Fraction(repr(at_least)))
-        return cls(signal, level, disturbance=disturbance, sector=sector)
+        return cls(signal, level_of(at_least), disturbance=disturbance, sector=sector)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -132,32 +127,6 @@ class SectorBound(Specification):
         ends = ", ".join(exactly(end) for pair in self.sector for end in pair)
         named = listed(self.disturbance)
         return f"{super().title} with disturbance {named} with sector [{ends}]"
-
-    # --- how it is read ---------------------------------------------------------------------------
-
-    @property
-    def limit(self) -> float | None:
-        """The least factor, in the fewest digits that read back as it is."""
-        if self.at_most is None:
-            return None
-        near = float(f"{1 / self.at_most:.15g}")
-        return near if inverse(Fraction(repr(near))) == self.at_most else 1 / self.at_most
-
-    def read_as(self, level: float) -> float:
-        """Return the factor."""
-        return 1 / level if level else np.inf
-
-    def proved_text(self, level: float) -> str:
-        """Return a proved factor, rounded down."""
-        return digits_down(1 / Fraction(level)) if level else "inf"
-
-    def sampled_text(self, level: float) -> str:
-        """Return a sampled factor, rounded up."""
-        return digits_up(1 / Fraction(level)) if 0 < level < np.inf else f"{self.read_as(level):g}"
-
-    def unit(self, plant: UncertainPlant) -> str:  # noqa: ARG002
-        """Return none."""
-        return ""
 
     # --- what it is of ----------------------------------------------------------------------------
 
@@ -186,7 +155,8 @@ class SectorBound(Specification):
             )
         try:
             elements = self.elements(plant)
-            elements.fed_back(_matrices(plant)[:2], elements.of(_matrices(plant)[2]))
+            A, B, E = matrices_of(plant)
+            elements.fed_back((A, B), elements.of(E))
             elements.remainder(plant.remainder, *plant.shape)
         except FormatError as error:
             raise InputError(f"{self.title}: {error}") from error
@@ -436,11 +406,6 @@ def _pairs(given: Any, count: int) -> tuple[tuple[float, float], ...]:
 
 def _decimal(value: float) -> Fraction:
     return Fraction(repr(value))
-
-
-def _matrices(plant: UncertainPlant) -> tuple[Any, Any, Any]:
-    """Return A, B and E at the vertices."""
-    return matrices_of(plant)
 
 
 def _with_centres(

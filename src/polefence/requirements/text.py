@@ -21,12 +21,13 @@ from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
 from polefence.requirements.delay_margin import DelayMargin
-from polefence.requirements.disk_margin import DiskMargin, Unmodelled, inverse
+from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.factor_margin import GainMargin, PhaseMargin
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.margin import inverse
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.saturation import Saturation

@@ -71,7 +71,7 @@ from polefence.proof.regions import parts_of
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.region.regions import Disk, HalfPlane, Region
-from polefence.requirements.disk_margin import inverse
+from polefence.requirements.margin import inverse
 from polefence.requirements.sector import SectorBound
 from polefence.requirements.specification import Specification, limit_text
 

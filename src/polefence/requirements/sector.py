@@ -12,14 +12,12 @@ import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained_fields
-from polefence.law.laws import Law, PolynomialGain, law_or_table
-from polefence.lmi.conditions import performance as conditions
+from polefence.law.laws import PolynomialGain, law_or_table
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, disturbances, rows_at
 from polefence.plant.points import seeded
-from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
 from polefence.proof import laws as exact
@@ -211,16 +209,6 @@ class SectorBound(Margin):
         law = elements.law(subject.law)
         changed = replace(subject, A=A, B=B, E=E, law=law, remainder=rest, nodes=())
         return proof.SectorBound.of(changed, elements, level)
-
-    def condition(
-        self,
-        plant: UncertainPlant,
-        domain: Domain,  # noqa: ARG002
-        unit: float | None = None,  # noqa: ARG002
-        law: Law | None = None,  # noqa: ARG002
-    ) -> tuple[conditions.Source, conditions.Output]:
-        """Refuse it: the LMI of a search has one plant for all."""
-        raise InputError(self.beyond_lmi(plant))
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its centres."""

@@ -470,7 +470,14 @@ class Specification(Short):
         ----------
         law : Law, optional
             One that is given: disturbances may pass through it.
+
+        Raises
+        ------
+        InputError
+            If no LMI has it.
         """
+        if why := self.beyond_lmi(plant):
+            raise InputError(why)
         outputs = self.exact_outputs(plant)
         C, D = (
             np.concatenate([floats(getattr(output, key)) for output in outputs], axis=1)

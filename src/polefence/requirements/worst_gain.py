@@ -12,14 +12,12 @@ import numpy as np
 
 from polefence.base.errors import InputError, shown
 from polefence.base.explained import explained_fields
-from polefence.law.laws import Law, law_or_table
-from polefence.lmi.conditions import performance as conditions
+from polefence.law.laws import law_or_table
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
-from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.claims.disk_margin import Loops, beside_loops, is_sent, through
@@ -149,16 +147,6 @@ class WorstCaseGain(Gain):
 
     def require_samples(self, plant: UncertainPlant, F: Array | None) -> None:
         """Nothing: it is of samples."""
-
-    def condition(
-        self,
-        plant: UncertainPlant,
-        domain: Domain,  # noqa: ARG002
-        unit: float | None = None,  # noqa: ARG002
-        law: Law | None = None,  # noqa: ARG002
-    ) -> tuple[conditions.Source, conditions.Output]:
-        """Refuse it."""
-        raise InputError(self.beyond_lmi(plant))
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its weight."""

@@ -10,6 +10,7 @@ import pytest
 
 import polefence
 from polefence.cli.main import COMMANDS, _parser
+from polefence.cli.main import command as loaded
 
 SOURCE = Path(polefence.__file__).parent
 OPTION = re.compile(r"--[a-z][a-z-]*[a-z]")
@@ -100,15 +101,15 @@ def strangers(text, command):
     """Yield options in a text that neither its command nor one that the text names has."""
     known = set(options_of(command)) | NOT_OURS
     for other in OTHER.findall(text):
-        if other in {name for name, _, _ in COMMANDS}:
+        if other in COMMANDS:
             known |= options_of(other)
     yield from (option for option in OPTION.findall(text) if option not in known)
 
 
-@pytest.mark.parametrize("command", [name for name, _, _ in COMMANDS])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_names_its_own_options(command):
-    name = next(run.__module__.rsplit(".", 1)[1] for own, run, _ in COMMANDS if own == command)
-    run = next(run.__name__ for own, run, _ in COMMANDS if own == command)
+    run, _ = loaded(command)
+    name, run = run.__module__.rsplit(".", 1)[1], run.__name__
     found = {
         (option, text)
         for node in reached(name, run)
@@ -134,7 +135,7 @@ def test_what_several_commands_use_names_no_option():
             if room in OWNERS:
                 named = list(strangers(text, OWNERS[room]))
             elif room in WRITERS:
-                every = set().union(*(options_of(name) for name, _, _ in COMMANDS))
+                every = set().union(*map(options_of, COMMANDS))
                 named = [option for option in named if option not in every]
             else:
                 others = {o for name in OTHER.findall(text) for o in _options(name)}
@@ -145,7 +146,7 @@ def test_what_several_commands_use_names_no_option():
 
 
 def _options(command):
-    return options_of(command) if command in {name for name, _, _ in COMMANDS} else frozenset()
+    return options_of(command) if command in COMMANDS else frozenset()
 
 
 def test_the_search_finds_what_is_wrong():

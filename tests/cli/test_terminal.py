@@ -282,7 +282,8 @@ def hold(options):
 
 if __name__ == "__main__":
     interrupt.PATIENCE = 0.0
-    main.COMMANDS = (("hold", hold, lambda parser: None),)
+    main.COMMANDS = ("hold",)
+    main.command = lambda name: (hold, lambda parser: None)
     sys.exit(main.main(["hold"]))
 """
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
 from functools import partial
+from importlib import import_module
 from typing import Any, NoReturn
 
 from polefence.base import VERSION
@@ -22,32 +23,8 @@ from polefence.base.errors import (
     shown,
     suggest,
 )
-from polefence.cli import (
-    analyse,
-    check,
-    compare,
-    completion,
-    concepts,
-    design,
-    example,
-    export,
-    identify,
-    limits,
-    loops,
-    observe,
-    optimise,
-    paper,
-    report,
-    robust,
-    semi_active,
-    service,
-    simulate,
-    studio,
-    study,
-    tightest,
-    tradeoff,
-)
-from polefence.cli.help import Formatter, examples, listing
+from polefence.cli import completion
+from polefence.cli.help import GROUPS, Formatter, examples, listing
 from polefence.cli.interrupt import cut_off
 from polefence.cli.output import NOT_PROVED, PROVED, streams
 from polefence.cli.terminal import say, shown_progress
@@ -55,41 +32,24 @@ from polefence.lmi.solve.engine import engine
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-Command = tuple[str, Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
-# Each module declares its own options; --help lists them as polefence.cli.help groups them.
-COMMANDS: tuple[Command, ...] = (
-    ("identify", identify.identify_command, identify.add_arguments),
-    ("limits", limits.limits_command, limits.add_arguments),
-    ("design", design.design_command, design.add_arguments),
-    ("tightest", tightest.tightest_command, tightest.add_arguments),
-    ("observe", observe.observe_command, observe.add_arguments),
-    ("optimise", optimise.optimise_command, optimise.add_arguments),
-    ("tradeoff", tradeoff.tradeoff_command, tradeoff.add_arguments),
-    ("semi-active", semi_active.semi_active_command, semi_active.add_arguments),
-    ("service", service.service_command, service.add_arguments),
-    ("loops", loops.loops_command, loops.add_arguments),
-    ("analyse", analyse.analyse_command, analyse.add_arguments),
-    ("verify", analyse.verify_command, analyse.add_arguments),
-    ("robust", robust.robust_command, robust.add_arguments),
-    ("simulate", simulate.simulate_command, simulate.add_arguments),
-    ("compare", compare.compare_command, compare.add_arguments),
-    ("concepts", concepts.concepts_command, concepts.add_arguments),
-    ("studio", studio.studio_command, studio.add_arguments),
-    ("study", study.study_command, study.add_arguments),
-    ("report", report.report_command, report.add_arguments),
-    ("export", export.export_command, export.add_arguments),
-    ("check", check.check_command, check.add_arguments),
-    ("paper", paper.paper_command, paper.add_arguments),
-    ("example", example.example_command, example.add_arguments),
-    ("completion", completion.completion_command, completion.add_arguments),
-)
+Command = tuple[Callable[[Any], int], Callable[[argparse.ArgumentParser], None]]
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
+ELSEWHERE = {"verify": "analyse"}  # commands that share the module of another
+
+
+def command(name: str) -> Command:
+    """Return what runs a command, and what declares its options: its module is imported."""
+    own = name.replace("-", "_")
+    module = import_module(f"polefence.cli.{ELSEWHERE.get(name, own)}")
+    return getattr(module, f"{own}_command"), module.add_arguments
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return its exit status."""
-    parser = _parser()
+    words = sys.argv[1:] if arguments is None else arguments
+    parser = _parser(words[:1])
     completion.complete(parser)
-    options = parser.parse_args(_negative_numbers(sys.argv[1:] if arguments is None else arguments))
+    options = parser.parse_args(_negative_numbers(words))
     try:
         shown = shown_progress(not options.quiet)
         with shown, cut_off(partial(_cut_off, options)), streams(options):
@@ -160,15 +120,16 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         unknown = re.match(r"argument COMMAND: invalid choice: '(.*?)' \(choose", message)
         if unknown is not None:
-            message = (
-                f"no command {shown(unknown[1])}; {suggest(unknown[1], [c[0] for c in COMMANDS])}"
-            )
+            message = f"no command {shown(unknown[1])}; {suggest(unknown[1], COMMANDS)}"
         say(f"{self.prog}: {message}; see: {self.prog} --help", file=sys.stderr)
         self.exit(BAD_INPUT)
 
 
-def _parser() -> argparse.ArgumentParser:
-    texts = {name: str(run.__doc__) for name, run, _ in COMMANDS}
+def _parser(first: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser, of one command alone where that is the first word."""
+    names = [name for name in first if name in COMMANDS] or COMMANDS
+    commands = {name: command(name) for name in names}
+    texts = {name: str(run.__doc__) for name, (run, _) in commands.items()}
     parser = _Parser(
         prog="polefence",
         usage="polefence [--help] [--version] COMMAND ...",
@@ -186,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="COMMAND", required=True, help=argparse.SUPPRESS, prog="polefence"
     )
 
-    for name, run, add_arguments in COMMANDS:
+    for name, (run, add_arguments) in commands.items():
         sub = listed.add_parser(
             name,
             help=texts[name],

@@ -117,7 +117,19 @@ FILES = (
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
     "passing/design.json", "margins/design.json", "failing/margins.json", "delayed/design.json",
+    "apart/design.json",
 )  # fmt: skip
+CROSSED = """name = "crossed"
+states = ["x1", "x2"]
+inputs = ["u"]
+disturbances = ["w1", "w2"]
+[parameter.p]
+range = [-1, 1]
+[matrices]
+A = [[-1, 0], [0, -1]]
+B = [[1], [0]]
+E = [[0, "2 + p"], ["2 - p", 0]]
+"""
 PASSING = (
     SPEC
     + """[outputs]
@@ -249,6 +261,12 @@ MARGINS = (
     "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
 )  # fmt: skip
 
+APART = [
+    "verify", "crossed.toml", "--gain", "[[0, 0]]", "--region", "half_plane(0)",
+    "--limit", "unmodelled dynamics of [x1 -> w1, x2 -> w2] with weight 1 >= 0.4",
+    "--limit", "worst-case gain of [x1, x2] <= 8 with inputs [x1 -> w1, x2 -> w2] with weight 0.3 "
+    "with time_invariant true", "-o", "apart",
+]  # fmt: skip
 LATE_SAMPLES = [
     "verify", "discrete.toml", "--gain", "[[-3, -3]]", "--limit", "delay margin of u",
     "-o", "delayed",
@@ -272,6 +290,7 @@ def write_every_file(made: Path) -> None:
     (made / "starts.toml").write_text(STARTS)
     (made / "discrete.toml").write_text(DISCRETE)
     (made / "passing.toml").write_text(PASSING)
+    (made / "crossed.toml").write_text(CROSSED)
     (made / "moving.toml").write_text(SPEC.replace('through = "k"', "rate = [-1, 2]"))
     knots = {"grid": {"k": [1, 2]}, "gains": [[[-3, -3]], [[-3, -3]]]}
     (made / "gains.json").write_text(json.dumps(knots))
@@ -296,6 +315,7 @@ def write_every_file(made: Path) -> None:
         [*HALF, "-o", "half"],
         ["optimise", "discrete.toml", "--method", "quadratic", *EVERY_KIND, "-o", "discrete"],
         LATE_SAMPLES,
+        APART,
         ["export", "quadratic", "-o", "code", "--sample-time", "0.001"],
         [*OBSERVE, "-o", "observer"],
         ["export", "scheduled", "-o", "observed", "--observer", "observer", *RUN],

@@ -29,6 +29,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME
 from polefence.certify.evidence import finer, pieces_of
 from polefence.certify.lyapunov import lyapunov_matrix, weights_at
+from polefence.certify.own_scales import Found, InParts
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop
@@ -211,18 +212,35 @@ def best_bound(
     if isinstance(specification, FactorMargin):
         return _of_poles(plant, specification, factor_margins.largest(plant, law, specification))
     with stage(f"bound on {specification.title}"):
-        best: Bound | None = None
-        for nearest, way in specification.ways(delta_form(plant), law):
-            if best is not None and (nearest is None or best.level <= nearest):
-                break
-            bound = (
-                _best_bound(*way.posed(delta_form(plant), law), known)
-                if nearest is None
-                else _least_kept(plant, law, way, nearest)
-            )
-            if bound is not None and (best is None or bound.level < best.level):
-                best = bound
+        best = _least_bound(plant, law, specification, known)
+        if specification.scales_apart(plant, law):
+            level = np.inf if best is None else best.level
+            found = InParts(delta_form(plant), law, specification, _least_bound).least(level)
+            best = best if found is None else _joined(plant, specification, found)
         return _of(specification, best)
+
+
+def _least_bound(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    best: Bound | None = None
+    for nearest, way in specification.ways(delta_form(plant), law):
+        if best is not None and (nearest is None or best.level <= nearest):
+            break
+        bound = (
+            _best_bound(*way.posed(delta_form(plant), law), known)
+            if nearest is None
+            else _least_kept(plant, law, way, nearest)
+        )
+        if bound is not None and (best is None or bound.level < best.level):
+            best = bound
+    return best
+
+
+def _joined(plant: UncertainPlant, specification: Specification, found: Found) -> Bound:
+    """Return the bound that is proved in parts with scales of their own."""
+    claim, reason, degree = found
+    return Bound(specification, float(claim.level), claim, degree, reason, plant.parameters)
 
 
 def _least_kept(
@@ -605,11 +623,22 @@ def kept_bound(
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
         return _of_poles(plant, specification, factor_margins.kept(plant, law, specification))
-    delta = delta_form(plant)
     with stage(f"limit on {specification.title}"):
-        limit, ways = specification.at_most or 0.0, specification.ways(delta, law)
-        near = (way for x, way in ways if not limit < (x or 0.0) < np.inf)
-        return _of(specification, first(_kept_bound(*way.posed(delta, law), known) for way in near))
+        kept = _within_limit(plant, law, specification, known)
+        if kept is None and specification.scales_apart(plant, law):
+            limit, own = specification.at_most or 0.0, _within_limit
+            found = InParts(delta_form(plant), law, specification, own).kept(limit)
+            kept = None if found is None else _joined(plant, specification, found)
+        return _of(specification, kept)
+
+
+def _within_limit(
+    plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
+) -> Bound | None:
+    delta = delta_form(plant)
+    limit, ways = specification.at_most or 0.0, specification.ways(delta, law)
+    near = (way for x, way in ways if not limit < (x or 0.0) < np.inf)
+    return first(_kept_bound(*way.posed(delta, law), known) for way in near)
 
 
 def _kept_bound(

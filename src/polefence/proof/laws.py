@@ -49,6 +49,7 @@ MAX_CELLS = 1000
 NO_NODE = "cells: the plant has no node where a part of the box needs one"
 
 Point = tuple[Fraction, ...]
+Lead = tuple[Fraction, Fraction]  # a and b of (s + a) / (s + b)
 
 
 @dataclass(frozen=True)
@@ -345,6 +346,8 @@ class Evidence(Short):
         for piece in self.cells:
             if sizes != (2,) * len(piece.low) or piece.evidence.cells:
                 raise FormatError("cells: they are parts of a box, and have none themselves")
+            if piece.weights or piece.leads or piece.evidence.transfer:
+                raise FormatError("cells: weights and transfer are those of opened loops alone")
             if any(not 0 <= a < b <= 1 for a, b in zip(piece.low, piece.high, strict=True)):
                 raise FormatError("cells: one is empty, or not within the box")
 
@@ -353,9 +356,7 @@ class Evidence(Short):
         if self.transfer:
             return {"transfer": True}
         if self.cells:
-            bounds = [{"low": plain(piece.low), "high": plain(piece.high)} for piece in self.cells]
-            pairs = zip(bounds, self.cells, strict=True)
-            return {"cells": [ends | piece.evidence.write(letter) for ends, piece in pairs]}
+            return {"cells": [piece.write(letter) for piece in self.cells]}
         letter = "Q" if self.dual else letter
         table: dict[str, Any] = {letter: plain(self.X), "degree": self.degree}
         table |= {"multiple": plain(self.multiple)} if self.multiple else {}
@@ -375,12 +376,21 @@ class Evidence(Short):
 class Piece(Short):
     """A part of the box of the parameters, with evidence for it.
 
-    ``low`` and ``high`` are weights of each parameter's upper end, from 0 to 1.
+    ``low`` and ``high`` are weights of each parameter's upper end, from 0 to 1. ``weights`` and
+    ``leads`` are the scale of opened loops in this part alone, where it has one of its own.
     """
 
     low: Point
     high: Point
     evidence: Evidence
+    weights: tuple[Fraction, ...] = ()
+    leads: tuple[Lead, ...] = ()
+
+    def write(self, letter: str) -> dict[str, Any]:
+        """Return it as a file has it."""
+        table: dict[str, Any] = {"low": plain(self.low), "high": plain(self.high)}
+        table |= {"weights": plain(self.weights)} if self.weights else {}
+        return table | write_leads(self.leads) | self.evidence.write(letter)
 
     @property
     def volume(self) -> Fraction:
@@ -521,9 +531,30 @@ def read_cells(
     pieces = []
     for row in table.tables("cells", MAX_CELLS):
         low, high = (row.numbers(key, len(sizes)) for key in ("low", "high"))
-        evidence = read_evidence(row, n, sizes, "Q" if dual else "X", multiple=multiple)
-        pieces.append(Piece(low, high, replace(evidence, dual=dual)))
+        weights = row.numbers("weights", most=MAX_MEASURED) if "weights" in row else ()
+        leads = read_leads(row, len(weights))
+        if weights and "transfer" in row:
+            pieces.append(Piece(low, high, Evidence([], transfer=True), weights, leads))
+            continue
+        own, letter = n + 2 * sum(zero != pole for zero, pole in leads), "Q" if dual else "X"
+        letter = "Q" if weights and "Q" in row else letter
+        evidence = read_evidence(row, own, sizes, letter, multiple=multiple)
+        pieces.append(Piece(low, high, replace(evidence, dual=letter == "Q"), weights, leads))
     return Evidence([], dual=dual, cells=tuple(pieces))
+
+
+def read_leads(table: Table, count: int) -> tuple[Lead, ...]:
+    """Return the leads of so many loops, none where the file has none."""
+    if "zeros" not in table and "poles" not in table:
+        return ()
+    zeros, poles = (table.numbers(key, count) for key in ("zeros", "poles"))
+    return tuple(zip(zeros, poles, strict=True))
+
+
+def write_leads(leads: Sequence[Lead]) -> dict[str, Any]:
+    """Return what `read_leads` reads."""
+    keys = ("zeros", "poles") if leads else ()
+    return {key: plain([lead[k] for lead in leads]) for k, key in enumerate(keys)}
 
 
 def read_evidence(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
@@ -34,7 +34,7 @@ from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.margin import Margin, level_of
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
-from polefence.requirements.specification import Row, Specification, is_number
+from polefence.requirements.specification import OwnScale, Row, Specification, is_number
 from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
 from polefence.response.loop_margins import LoopMargins, margins
@@ -47,6 +47,7 @@ Posed = tuple[UncertainPlant, Law, Specification]
 FLAG = "time_invariant"  # a key
 TO = " -> "  # in the name of a path
 FEW = 20  # samples beside the vertices for which loops are weighed, as many as for a bound
+MOST_SCALES, SAME = 30, 1e-6  # of samples; what is no other value
 
 
 @dataclass(frozen=True)
@@ -159,15 +160,34 @@ class DiskMargin(Margin):
         InputError
             If the law measures no signal of that name.
         """
+        opened, beside, gain = self._alike(plant, law)
+        if gain.loops.count == 1:
+            return opened, beside, gain
+        few = seeded(plant, len(plant.vertices) + FEW)
+        weights, leads = _scale(opened, beside, gain, few)
+        loops = replace(gain.loops, weights=weights, leads=leads)
+        return opened, beside, _gain(self, opened, loops, beside)
+
+    def _alike(self, plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, LoopGain]:
+        """Return the same of loops that weigh alike."""
         loops = self.loops_of(plant, law)
         self._require_cut(plant, law, loops)
         beside = reading_beside(plant, law, loops)
         opened = open_loops(plant, loops, beside)
-        if loops.count > 1:
-            gain = _gain(self, opened, loops, beside)
-            weights, leads = _scale(opened, beside, gain)
-            loops = replace(loops, weights=weights, leads=leads)
         return opened, beside, _gain(self, opened, loops, beside)
+
+    def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:
+        """Whether there are several loops, and parameters that do not move."""
+        return len(self.names) > 1 and may_part(plant, law)
+
+    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+        """Yield the best scale of the loops at each point, and the level it leads to."""
+        loops = _closed(*self._alike(plant, law), alpha)
+        if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
+            yield from ((np.zeros(len(self.names)), np.inf) for _ in alpha)
+            return
+        for found in scales.of_each(loops, 0, 1.0, leads=self.time_invariant):
+            yield found.scale.middle, found.level
 
     def _require_cut(self, plant: UncertainPlant, law: Any, loops: Loops) -> None:
         """Refuse a loop that is not the one that its name says.
@@ -251,8 +271,26 @@ class DiskMargin(Margin):
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the margin at points alpha."""
         law = law.as_law() if hasattr(law, "as_law") else law
-        opened, beside, gain = self.posed(plant, law_or_table(plant, law))
-        return gain.values(opened, beside, alpha)
+        law = law_or_table(plant, law)
+        opened, beside, gain = self.posed(plant, law)
+        found = gain.values(opened, beside, alpha)
+        return self._apart(plant, law, alpha, found) if self.scales_apart(plant, law) else found
+
+    def _apart(self, plant: UncertainPlant, law: Any, alpha: Array, found: Array) -> Array:
+        """Return values at points, each of the best of several scales: of the highest its own."""
+        opened, beside, gain = self._alike(plant, law)
+        found, highest = found.copy(), -np.inf
+        for _ in range(MOST_SCALES):
+            k = int(found.argmax())
+            if not highest < found[k] * (1 - SAME) or not np.isfinite(found[k]):
+                break
+            weights, leads = _scale(opened, beside, gain, alpha[k : k + 1])
+            loops = replace(gain.loops, weights=weights, leads=leads)
+            near = found > highest
+            own = _gain(self, opened, loops, beside).values(opened, beside, alpha[near])
+            found[near] = np.minimum(found[near], own)
+            highest = max(highest, found[k])
+        return np.minimum(found, highest)  # of more points it is not known that they are worse
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the loops, behind their filters, as a channel at points alpha.
@@ -702,17 +740,26 @@ def _signal(plant: UncertainPlant, name: str) -> Output:
     return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 
-def _scale(
-    plant: UncertainPlant, law: Any, gain: LoopGain
-) -> tuple[tuple[Fraction, ...], tuple[tuple[Fraction, Fraction], ...]]:
-    """Return weights and leads for which the gain of D M D^-1 is about least at a few points."""
-    alpha = seeded(plant, len(plant.vertices) + FEW)
+def _closed(plant: UncertainPlant, law: Any, gain: LoopGain, alpha: Array) -> ClosedLoops:
+    """Return the loops from what is added at opened loops to what arrives there."""
     wide = behind(plant, law, gain)
-    closed, plant = close(wide.plant, wide.law, alpha), wide.plant
-    loops = Gain.channel(cast("Gain", wide.specification), delta_form(plant), alpha).closed(
-        closed.K, Modes(closed.closed, closed.step), closed.passed
-    )
-    if not np.all(growth(loops.modes.poles, closed.step) < 0):
+    closed = close(wide.plant, wide.law, alpha)
+    channel = Gain.channel(cast("Gain", wide.specification), delta_form(wide.plant), alpha)
+    return channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
+
+
+def may_part(plant: UncertainPlant, law: Any) -> bool:
+    """Whether a claim about a law may be proved in parts of the box, each with its scale."""
+    fixed = plant.dead_time is None and not plant.moving
+    return fixed and bool(plant.parameters) and isinstance(law, Law) and law.divisible(plant)
+
+
+def _scale(
+    plant: UncertainPlant, law: Any, gain: LoopGain, alpha: Array
+) -> tuple[tuple[Fraction, ...], tuple[tuple[Fraction, Fraction], ...]]:
+    """Return weights and leads for which the gain of D M D^-1 is about least at points alpha."""
+    loops = _closed(plant, law, gain, alpha)
+    if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
         return gain.loops.weights, ()
     leads = gain.invariant and plant.dead_time is None  # a proof with one has none
     return scales.scaled(loops, 0, 1.0, leads=leads).scale.exact

@@ -7,6 +7,7 @@ margin. D is 1 for w and z, and of loop k the number d_k, or with a lead d_k (s 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
@@ -30,6 +31,7 @@ LEAST_SHARE = 0.02  # of a peak that is of z: slopes of the others are taken as 
 SOME, AT_ONCE = 40, 16  # loops and responses of them that scales are first found for
 FEW = 4  # of those, the highest, in the middle of which a lead begins
 NEAR = 0.8  # of the highest peak: those that scales are found for
+BISECTIONS, NEAR_LEVEL = 20, 0.1  # towards the least level; how near its logarithm is near
 BITS = 24  # of the numbers of a scale
 WIDEST = 1e3  # how far beyond the frequencies of a loop's poles a lead may be
 FASTEST = 1.9  # of the step of a delta form: a lead is stable below 2
@@ -74,6 +76,11 @@ class Scale(NamedTuple):
         """Return it with leads at a frequency, each one to begin with."""
         logarithm = np.full((len(self.theta), 2), np.log(w))
         return Scale(np.hstack([self.theta[:, :1], logarithm]))
+
+    @property
+    def middle(self) -> Array:
+        """Logarithms of D between low frequencies and high ones."""
+        return np.asarray(self.theta @ np.array([1.0, 0.5, -0.5])[: self.theta.shape[1]])
 
     def times(self, size: float) -> Scale:
         """Return so many times the scale."""
@@ -166,6 +173,14 @@ def scaled(
         starts = [*starts[: rounds > HASTY], starts[0].with_leads(search.highest)]
     found = [_in_rounds(loops, search, scale, rounds) for scale in starts]
     return min(found, key=lambda one: one.level)
+
+
+def of_each(loops: Loops, p: int, limit: float | None, *, leads: bool) -> Iterator[Scaled]:
+    """Yield the scale of each of some loops alone."""
+    for k in range(len(loops.A)):
+        modes = Modes(np.asarray(loops.A)[k : k + 1], loops.modes.step)
+        E, C, F = (M[k : k + 1] for M in (loops.E, loops.C, loops.F))
+        yield scaled(replace(loops, modes=modes, E=E, C=C, F=F), p, limit, leads=leads)
 
 
 def points(w: Array, step: float) -> Any:
@@ -312,9 +327,24 @@ class Search(NamedTuple):
             top = float(np.abs(self.M).max())
             scale = self._searched(scale, float(np.log(top) + FARTHEST / 2))[0]
             level = self.level(scale)
+            scale, level = self._halved(scale, level)
         if np.isfinite(level):
             scale = self._searched(scale, None, float(np.log(level)))[0]
             level = self.level(scale)
+        return scale, level
+
+    def _halved(self, scale: Scale, level: float) -> tuple[Scale, float]:
+        """Return a scale whose level is near the least one: from far SLSQP does not find it."""
+        low = float(np.log(largest(self.M[:, : self.p, : self.q]).max()))
+        for _ in range(BISECTIONS):
+            if not np.isfinite(level) or np.log(level) - low < NEAR_LEVEL:
+                break
+            middle = (low + float(np.log(level))) / 2
+            tried = self._searched(scale, middle)[0]
+            if self.level(tried) < level:
+                scale, level = tried, self.level(tried)
+            else:
+                low = middle
         return scale, level
 
     def _searched(self, scale: Scale, g: float | None, start: float = 0.0) -> tuple[Scale, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self, cast
@@ -40,6 +40,7 @@ SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is t
 SIGNAL_REMEDY = (
     'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'
 )
+OwnScale = tuple[Array, float]  # of opened loops at one point, and the level it leads to
 # Names that need no quotes in a list.
 _PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
@@ -253,6 +254,14 @@ class Specification(Short):
         None of a kind that is posed alike for every level, as most are.
         """
         return ((None, self),)
+
+    def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:  # noqa: ARG002
+        """Return whether parts of the box may have scales of opened loops of their own."""
+        return False
+
+    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+        """Yield the best scale at each point alpha, and the level it leads to."""
+        raise NotImplementedError
 
     def unweighted(self) -> Specification:
         """Return it of the signal itself."""

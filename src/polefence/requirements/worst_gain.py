@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -31,6 +31,7 @@ from polefence.requirements.disk_margin import (
     Unmodelled,
     all_paths,
     invariant_words,
+    may_part,
     named_disturbances,
     open_loops,
     opened_subject,
@@ -47,7 +48,7 @@ from polefence.requirements.disk_margin import (
 from polefence.requirements.gain import Gain, sampled_frequency
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
-from polefence.requirements.specification import Row, Specification
+from polefence.requirements.specification import OwnScale, Row, Specification
 from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
 from polefence.response.modes import Modes
@@ -170,6 +171,19 @@ class WorstCaseGain(Gain):
     ) -> tuple[tuple[float | None, Specification], ...]:
         """Return it with that level."""
         return ((self.nearest(plant, law), self),)
+
+    def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:
+        """Whether parameters do not move."""
+        return may_part(plant, law)
+
+    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+        """Yield the best scale of the loops at each point, and the least level with it."""
+        loops = self._closed(plant, law, alpha)
+        if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
+            yield from ((np.zeros(len(self.inputs)), np.inf) for _ in alpha)
+            return
+        for found in scales.of_each(loops, len(self.entries), None, leads=self.time_invariant):
+            yield found.scale.middle, found.level
 
     def _scaled(self, plant: UncertainPlant, law: Any) -> tuple[float, scales.Scale]:
         """Return the level, and a scale of the loops, that are about best at a few points."""

@@ -98,6 +98,7 @@ FORM_OF_ONE, FORM, MOST_SOON = (1, 0), (1, 1), 4
 # times as long, and the range of k alone four parts of the box in place of two.
 ENOUGH = 1 - 1e-6
 BEYOND = (0.0, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # what is lost in floats, by which it fails
+HALVINGS_BETWEEN = 10  # between a plant of which it is not sure that it fails, and one that does
 FINE = 2**30  # parts of a share that are told apart
 SAMPLES = 2000  # points at which a signal is looked at
 REFUTED, MARGINS = "refuted.json", "margins.json"  # files of what fails
@@ -400,11 +401,13 @@ class _Question:
             failed = None if lost is None else self._confirmed(rays, lost)
             if known is not None and known.proved is not None and known.proved >= 1:
                 low, design = min(known.proved, top), known.design
+            if failed is not None and not failed.sure and self._apart:  # more than that is proved
+                failed = self._surely(names, top, failed)
             if failed is not None and failed.factor <= low:  # in floats: what is proved is exact
                 failed = None
             low, design, failed = self._proved(rays, low, design, failed, top)
         if failed is not None and not failed.sure:
-            failed = self._surely(names, top)
+            failed = self._surely(names, top, failed)
         return Reach(
             names,
             low or None,
@@ -417,15 +420,43 @@ class _Question:
             design,
         )
 
-    def _surely(self, names: tuple[str, ...], top: Fraction) -> _Failed | None:
+    def _surely(self, names: tuple[str, ...], top: Fraction, near: _Failed) -> _Failed | None:
         """Return a plant that is refuted, farther out than one of which that is not sure."""
         limits = tuple(limit.surely for limit in self.limits)
-        if limits == self.limits:
-            return None
-        rays = Rays(self.growth, names, self.region, limits, self._coarse)
+        known = limits != self.limits  # limits that are surely exceeded where they are in floats
+        rays = Rays(self.growth, names, self.region, limits if known else (), self._coarse)
         lost = rays.first(top)[0]
         failed = None if lost is None else self._confirmed(rays, lost)
-        return failed if failed is not None and failed.sure else None
+        if failed is None or not failed.sure:
+            return None
+        return failed if known else self._between(rays, near, failed)
+
+    def _between(self, rays: Rays, near: _Failed, far: _Failed) -> _Failed:
+        """Return the plant nearest to one of which it is not sure that surely fails."""
+        parameters, grown = self.growth.plant.parameters, dict[str, Fraction]()
+        for p in parameters:
+            centre, half = centre_of(p)
+            grown[p.name] = (near.values[p.name] - centre) / half
+            grown[p.name] /= near.factor if p.name in rays.names else 1
+        low, best = near.factor, far
+        for _ in range(HALVINGS_BETWEEN):
+            factor = short((low + best.factor) / 2, up=True)
+            factors = rays.factors(factor)
+            failed = None
+            with suppress(InputError):
+                values = self.growth.values(factors, grown)
+                failed = self._fails(self.growth.at(factors), values, factor)
+            if failed is not None and failed.sure and failed.exact:
+                best = failed
+            else:
+                low = factor
+        return best
+
+    @cached_property
+    def _apart(self) -> bool:
+        """Whether floats weigh loops alike where a proof has scales of parts of the box."""
+        plant, law = self.growth.plant, self.growth.law
+        return any(limit.scales_apart(plant, law) for limit in self.limits)
 
     @cached_property
     def _coarse(self) -> bool:

@@ -21,7 +21,14 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
-from polefence.proof.claims.base import Claim, require_law
+from polefence.proof.claims.base import (
+    Claim,
+    Inequality,
+    Verdict,
+    in_cells,
+    require_law,
+    require_work,
+)
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
@@ -36,7 +43,16 @@ from polefence.proof.claims.signal import (
 )
 from polefence.proof.filters import Filter, Filters, before, in_series, in_turn, states_of
 from polefence.proof.late import Late
-from polefence.proof.laws import DOMAINS, MAX_MEASURED, Law
+from polefence.proof.laws import (
+    DOMAINS,
+    MAX_MEASURED,
+    Evidence,
+    Law,
+    Lead,
+    Piece,
+    read_leads,
+    write_leads,
+)
 from polefence.proof.matrices import ONE, ZERO, Rationals, identity
 from polefence.proof.plant import WITHOUT, Node, Output, Plant, split
 from polefence.proof.reading import Table, plain
@@ -95,7 +111,7 @@ class Loops(Short):
     through: tuple[tuple[tuple[Fraction, ...], ...], ...] = ()
     own: int = 0
     demands: tuple[int, ...] = ()
-    leads: tuple[tuple[Fraction, Fraction], ...] = ()
+    leads: tuple[Lead, ...] = ()
     paths: tuple[Path, ...] = ()
 
     @property
@@ -129,8 +145,19 @@ class Loops(Short):
             raise FormatError(f"inputs, measured: a margin is of 1 to {MAX_ENTRIES} loops")
         if self.measured and self.paths:
             raise FormatError("measured: beside paths there are inputs alone")
+        self.require_scale()
+
+    def require_scale(self) -> None:
+        """Refuse a scale that is not one of these loops.
+
+        Raises
+        ------
+        FormatError
+        """
         if len(self.weights) != self.count or min(self.weights) <= 0:
             raise FormatError(f"weights must be {self.count} positive numbers, one a loop")
+        if len(self.leads) not in (0, self.count):
+            raise FormatError(f"zeros, poles: there must be {self.count}, one a loop")
 
     def require_leads(self, step: Fraction) -> None:
         """Refuse leads that are not stable both ways.
@@ -139,8 +166,7 @@ class Loops(Short):
         ------
         FormatError
         """
-        if len(self.leads) not in (0, self.count):
-            raise FormatError(f"zeros, poles: there must be {self.count}, one a loop")
+        self.require_scale()
         for x in (x for lead in self.leads for x in lead):
             if x <= 0 or step * x >= 2:
                 below = f" and below {number_text(2 / step)}" if step else ""
@@ -345,19 +371,95 @@ class AtLoops(Gain):
         bare = replace(loops, leads=())
         return replace(self, subject=subject, outputs=outputs, filters=(), loops=bare)
 
-    def require(self) -> None:
-        """Refuse leads that do not fit; then as any other claim."""
+    @property
+    def each(self) -> tuple[Self, ...]:
+        """A claim for each part of the box alone, where they have scales of their own."""
+        if not self.scaled_apart:
+            return ()
+        return tuple(map(self._alone, self.subject.evidence.cells))
+
+    @property
+    def scaled_apart(self) -> bool:
+        """Whether parts of the box have scales of their own."""
+        return any(piece.weights for piece in self.subject.evidence.cells)
+
+    def _alone(self, piece: Piece) -> Self:
+        loops = replace(self.loops, weights=piece.weights, leads=piece.leads)
+        whole = self.scaled(replace(self.subject, evidence=piece.evidence), loops)
+        whole.require_loops()
+        return whole.series.inside(piece)
+
+    def scaled(self, subject: Subject, loops: Loops) -> Self:
+        """Return the same claim with other evidence, and loops of another scale."""
+        raise NotImplementedError
+
+    @property
+    def bare(self) -> Self:
+        """What is claimed: scales of loops are a part of what proves it."""
+        return self.scaled(super().bare.subject, self.loops.alike)
+
+    def inequalities(self) -> Iterator[Inequality]:
+        """Yield what proves the claim, in each part of the box with its scale."""
+        for k, one in enumerate(self.each):
+            for inequality in () if one.subject.evidence.transfer else one.inequalities():
+                yield replace(inequality, piece=f", cell {k + 1}")
+        if not self.scaled_apart:
+            yield from super().inequalities()
+
+    def decided(self) -> Verdict:
+        """Prove it; parts with scales of their own must make up the box."""
+        if self.scaled_apart:
+            return in_cells([self.subject.evidence], self._decided_each)
+        return super().decided()
+
+    def _decided_each(self) -> Verdict:
+        count = 0
+        for k, one in enumerate(self.each):
+            verdict = one.decided()
+            if not verdict.proved:
+                return replace(verdict, reason=f"cell {k + 1}: {verdict.reason}", place=None)
+            count += verdict.count
+        return Verdict("proved", f"{count} inequalities hold in exact arithmetic", count)
+
+    @property
+    def whole_work(self) -> int:
+        """About what it takes to prove it, at least."""
+        if self.scaled_apart:
+            return sum(one.whole_work for one in self.each)
+        return super().whole_work
+
+    def _require_each(self) -> None:
+        evidence, motion = self.subject.evidence, self.subject.motion
+        if self.loops.leads or not all(piece.weights for piece in evidence.cells):
+            raise FormatError("cells: all have weights, and the claim no leads, or none has any")
+        for piece in evidence.cells:
+            replace(self.loops, weights=piece.weights, leads=piece.leads).require_scale()
+        if motion:
+            raise FormatError("cells: weights of their own are for parameters that do not move")
+        bare = (Piece(piece.low, piece.high, Evidence([])) for piece in evidence.cells)
+        replace(evidence, cells=tuple(bare)).require_cells(self.subject.sizes)
+        for one in self.each:
+            one.require()
+        require_work(self.whole_work, self.allowed)
+
+    def require_loops(self) -> None:
+        """Refuse leads that do not fit."""
         self.loops.require_leads(self.subject.step)
         if self.loops.leads and not self.invariant:
             raise FormatError("leads: they are for what does not vary in time; say invariant")
+
+    def require(self) -> None:
+        """Refuse leads that do not fit; then as any other claim."""
+        if self.scaled_apart:
+            self._require_each()
+            return
+        self.require_loops()
         super().require()
 
     def write_leads(self) -> dict[str, Any]:
         """Return what `read_leads` reads."""
-        table: dict[str, Any] = {"invariant": True} if self.invariant else {}
-        for k, key in enumerate(("zeros", "poles") if self.loops.leads else ()):
-            table[key] = plain([lead[k] for lead in self.loops.leads])
-        return table
+        flag: dict[str, Any] = {"invariant": True} if self.invariant else {}
+        return flag | write_leads(self.loops.leads)
 
     @property
     def invariant_text(self) -> str:
@@ -418,7 +520,7 @@ class DiskMargin(AtLoops):
         loops = Loops(inputs, measured, table.number("skew", 0), table.numbers("weights"))
         loops = replace(loops, paths=read_paths(table, plant))
         loops.require(plant.m, len(law.C[0]) if law.C else plant.n)
-        invariant, leads = read_leads(table, loops.count)
+        invariant, leads = table.flag("invariant"), read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
         loops.require_leads(plant.step)
         evidence, opened = table.table("evidence"), loops.law(law, plant)
@@ -451,11 +553,9 @@ class DiskMargin(AtLoops):
         known: dict[str, Any] = {"scales": loops.scales, "filters": filters}
         return cls(subject, outputs, level, **known, loops=loops, invariant=invariant)
 
-    @property
-    def bare(self) -> Self:
-        """What is claimed: weights of loops are a part of what proves it."""
-        subject, alike = super().bare.subject, self.loops.alike
-        return self.of(subject, alike, self.level, self.filters, invariant=self.invariant)
+    def scaled(self, subject: Subject, loops: Loops) -> Self:
+        """Return the same claim with other evidence, and loops of another scale."""
+        return self.of(subject, loops, self.level, self.filters, invariant=self.invariant)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -569,15 +669,6 @@ def write_paths(loops: Loops) -> dict[str, Any]:
         return {}
     numbers = [path.disturbance + 1 for path in loops.paths]
     return {"paths": write_outputs([p.output for p in loops.paths]) | {"disturbances": numbers}}
-
-
-def read_leads(table: Table, count: int) -> tuple[bool, tuple[tuple[Fraction, Fraction], ...]]:
-    """Return whether what is in the loops does not vary in time, and the loops' leads."""
-    if "zeros" not in table and "poles" not in table:
-        return table.flag("invariant"), ()
-    both = (table.numbers(key, count) for key in ("zeros", "poles"))
-    leads = tuple(zip(*both, strict=True))
-    return table.flag("invariant"), leads
 
 
 def through(plant: Plant, measured: Sequence[str]) -> tuple[tuple[tuple[Fraction, ...], ...], ...]:

@@ -693,7 +693,15 @@ class SignalClaim(Short, Claim):
             pieces = [self.inside(piece) for piece in evidence.cells]
         for claim in pieces:
             claim._require_parts()
-        require_work(sum(claim.least for claim in pieces), self.allowed)
+        require_work(self.whole_work, self.allowed)
+
+    @property
+    def whole_work(self) -> int:
+        """About what it takes to prove it, at least, in all parts of the box."""
+        if self.filtered:
+            return self.series.whole_work
+        cells = self.subject.evidence.cells
+        return sum(self.inside(piece).least for piece in cells) if cells else self.least
 
     def _with(self, piece: Piece) -> Self:
         rest = self.subject.remainder

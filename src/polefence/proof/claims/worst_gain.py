@@ -26,7 +26,6 @@ from polefence.proof.claims.disk_margin import (
     AtLoops,
     Loops,
     beside_loops,
-    read_leads,
     read_paths,
     through,
     write_paths,
@@ -44,7 +43,7 @@ from polefence.proof.claims.signal import (
     write_outputs,
 )
 from polefence.proof.filters import Filters, states_of
-from polefence.proof.laws import MAX_MEASURED
+from polefence.proof.laws import MAX_MEASURED, read_leads
 from polefence.proof.matrices import ONE
 from polefence.proof.plant import OF_WEIGHT, Output, Plant
 from polefence.proof.reading import Table, plain
@@ -84,7 +83,7 @@ class WorstCaseGain(AtLoops):
         loops = Loops(inputs, (), SKEW, table.numbers("weights"), own=plant.q, demands=known)
         loops = replace(loops, paths=paths)
         loops.require(plant.m, 0)
-        invariant, leads = read_leads(table, loops.count)
+        invariant, leads = table.flag("invariant"), read_leads(table, loops.count)
         loops = replace(loops, through=through(plant, law.measured), leads=leads)
         loops.require_leads(plant.step)
         signals, filters = read_outputs(table, plant, cls.most), read_filters(table, loops.count)
@@ -135,13 +134,10 @@ class WorstCaseGain(AtLoops):
         """Z."""
         return self.outputs[: -self.loops.count]
 
-    @property
-    def bare(self) -> Self:
-        """What is claimed: weights of loops are a part of what proves it."""
-        alike = self.loops.alike
-        subject = super().bare.subject
-        outputs = (*self.signals, *alike.outputs(subject.law, subject.n, subject.m, len(subject.A)))
-        return replace(self, subject=subject, outputs=outputs, loops=alike)
+    def scaled(self, subject: Subject, loops: Loops) -> Self:
+        """Return the same claim with other evidence, and loops of another scale."""
+        outputs = (*self.signals, *loops.outputs(subject.law, subject.n, subject.m, len(subject.A)))
+        return replace(self, subject=subject, outputs=outputs, loops=loops)
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""

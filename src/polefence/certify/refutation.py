@@ -37,7 +37,7 @@ from polefence.plant.dampers import Damper
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
-from polefence.proof.claims.base import prove
+from polefence.proof.claims.base import Verdict, prove
 from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -55,6 +55,10 @@ from polefence.requirements.weights import with_weights
 MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(-18, -5))
 
 _ZERO, _ONE = Fraction(0), Fraction(1)
+DECAY = 1e-6  # the same, of the plant's rates, while weights are sought
+CLOSE = 1e-6  # of a dual function's value, how near its highest is known
+FEW = 4  # vertices at which the best weights are sought
+LEAST_WEIGHT = 1e-5  # of a limit that counts, beside one of what is minimised
 
 FILE_NAME = "limit.json"
 
@@ -193,6 +197,198 @@ def lowest(
     return None if refutation is None else (refutation, tiny * refutation.factor)
 
 
+def least_of_any(
+    plant: UncertainPlant, minimise: Specification, limits: Sequence[Specification], near: float
+) -> Refutation | None:
+    """Return the proof that no law within limits goes below a level; None if none was found.
+
+    The level is the ``at_most`` of the first of its specifications; behind it stand the limits that
+    count. Those that are not on an rms with the same disturbances are left out: without them there
+    are more laws.
+
+    Parameters
+    ----------
+    near : float
+        What some law within the limits keeps.
+
+    Returns
+    -------
+    Refutation or None
+        It holds for the laws of `refute_limits`: of any order, whatever they measure. None of a
+        plant in discrete time, with a dead time or with functions of its parameters, and where
+        something else than an rms is minimised.
+    """
+    exact = plant.remainder is None and plant.dead_time is None and not plant.period
+    if not (exact and isinstance(minimise, Rms) and minimise.limits_rms and near > 0):
+        return None
+    chosen = minimise.scales(plant)
+    known = (s for s in limits if isinstance(s, Rms) and s.limits_rms and s.at_most)
+    asked = [replace(minimise, at_most=near), *(s for s in known if s.scales(plant) == chosen)]
+    larger, bare = with_weights(plant, asked)
+    disturbance(larger)
+    rms = [
+        RmsLimit(s.exact_outputs(larger), Fraction(w.at_most or 0.0), Fraction(w.density) / 2)
+        for w, s in zip(asked, bare, strict=True)
+    ]
+    if any(output.F for limit in rms for output in limit.outputs):
+        return None
+    question = Within(larger, tuple(rms), tuple(map(Fraction, asked[0].scales(larger))))
+    found = question.proved()
+    if found is None:
+        return None
+    claim, reason = found
+    first, *others = claim.limits
+    kept = [asked[rms.index(limit)] for limit in others]
+    level = float(first.level)
+    refutation = Refutation(plant, (replace(minimise, at_most=level), *kept), claim, reason)
+    # weights are sought in units of the limits: near the least they are those that count
+    nearer = least_of_any(plant, minimise, limits, level) if level < near / 2 else None
+    return nearer or refutation
+
+
+@dataclass(frozen=True, eq=False)
+class Within(Short):
+    """The least of one rms that any law has within limits on others.
+
+    With a_0 = 1 for what is minimised, its mean square is at least S (tr E'P E - sum a_i g_i^2 /
+    S_i) for every a: the dual function of the limits g, concave in a.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    limits : tuple of RmsLimit
+        The first is what is minimised, at a level near the least.
+    scales : tuple of Fraction
+    """
+
+    plant: UncertainPlant
+    limits: tuple[RmsLimit, ...]
+    scales: tuple[Fraction, ...]
+
+    def proved(self) -> tuple[RmsRefutation, str] | None:
+        """Return the claim of the highest level of any vertex that is proved, and what was."""
+        best = sorted(self._vertices(), key=lambda found: -round(found[0], 6))
+        for square, j, weights in best[:1]:
+            counts = [0, *(k for k, a in enumerate(weights) if k and a > LEAST_WEIGHT)]
+            few = replace(self, limits=tuple(self.limits[k] for k in counts))
+            level = float(self.limits[0].level) * np.sqrt(square)
+            found = few._proved_at(j, weights[counts])
+            if found is not None and found[0].limits[0].level > level * (1 - 1e-4):
+                return found
+            return self._proved_at(j, weights)
+        return None
+
+    def _vertices(self) -> Iterator[tuple[float, int, Array]]:
+        """Yield squares of levels, over that of the first limit, vertices, and the weights.
+
+        Of many vertices the best few with the weights of one of them.
+        """
+        N, looked = len(self.plant.vertices), list[tuple[float, int, Regulated]]()
+        start: Array | None = None
+        for j in range(N):
+            floats = self._floats(j)
+            if floats is None:
+                continue
+            if start is None or N <= FEW:
+                square, weights = dual_best(floats, DECAY * _rate(floats.A))
+                if square > 0:
+                    start = weights
+                    yield square, j, weights
+                continue
+            looked.append((_dual(floats, start, DECAY * _rate(floats.A))[0], j, floats))
+        for _, j, floats in sorted(looked, key=lambda found: -round(found[0], 6))[:FEW]:
+            square, weights = dual_best(floats, DECAY * _rate(floats.A), start)
+            if square > 0:
+                yield square, j, weights
+
+    def _floats(self, j: int) -> Regulated | None:
+        exact = _regular_at(self.plant, self.limits, self.scales, j)
+        return None if exact is None else self._regulated(exact, j)
+
+    def _regulated(self, exact: Regular, j: int) -> Regulated:
+        return _regulated(exact, _units(self.limits), _owner(self.limits), (), j)
+
+    def _proved_at(self, j: int, weights: Array) -> tuple[RmsRefutation, str] | None:
+        """Return the claim of a vertex, with the largest P that is proved."""
+        exact = _regular_at(self.plant, self.limits, self.scales, j)
+        if exact is None:
+            return None
+        A, B, E = _exact(self.plant)
+        (first, *others), unit = self.limits, _units(self.limits)
+        own, *rest = (Fraction(a) for a in (weights * unit**2).tolist())
+        used = sum((a * y.level**2 / y.intensity for a, y in zip(rest, others, strict=True)), _ZERO)
+        for P_reduced in _matrices(self._regulated(exact, j), weights):
+            square = first.intensity * (_driven(exact, P_reduced) - used) / own
+            if square <= 0:
+                continue
+            level = Fraction(float(np.sqrt(float(square))) * (1 - 1e-9))
+            limits = (replace(first, level=level), *others)
+            P = _lifted(P_reduced, exact.T)
+            claim = RmsRefutation(A, B, E, limits, j, (own, *rest), P, scales=self.scales)
+            verdict = _proved(claim)
+            if verdict is not None:
+                return claim, verdict.reason
+        return None
+
+
+def _driven(plant: Regular, P: Rationals) -> Fraction:
+    """Return tr E'P E."""
+    columns = zip(*plant.E, strict=True)
+    return sum((_dot(e, [_dot(row, e) for row in P]) for e in columns), _ZERO)
+
+
+def _dual(plant: Regulated, weights: Array, decay: float) -> tuple[float, Array]:
+    """Return the dual function's value, over the square of the first limit, and its slopes."""
+    slower = replace(plant, A=plant.A - decay * np.eye(len(plant.A)))
+    try:
+        P = slower.riccati(weights)
+        slopes = slower.mean_squares(weights, P)
+    except (SolverError, np.linalg.LinAlgError):
+        return -np.inf, np.zeros(0)
+    return slower.cost(P) - float(weights[1:].sum()), slopes
+
+
+def dual_best(plant: Regulated, decay: float, start: Array | None = None) -> tuple[float, Array]:
+    """Return the largest value of the dual function of the limits, and their weights; 0 if none.
+
+    The first weight is one. Cutting planes as in `heaviest`.
+    """
+    count, reach = int(plant.limit.max()) + 1, 4.0
+    weights = best = np.ones(count) if start is None else start
+    most, cuts = 0.0, list[Array]()
+    for _ in range(60 if count > 1 else 1):
+        value, slopes = _dual(plant, weights, decay)
+        if not len(slopes):
+            reach = np.sqrt(reach)
+        else:
+            cuts.append(slopes)
+            if value > most or len(cuts) == 1:
+                best, most = weights, value
+        if not cuts:
+            break
+        weights, bound = _highest_dual(np.array(cuts), best, reach)
+        if not bound > most + CLOSE * abs(most):
+            break
+    return max(most, 0.0), best
+
+
+def _highest_dual(cuts: Array, centre: Array, reach: float) -> tuple[Array, float]:
+    """Return weights of the largest t - sum of the others with t <= cuts @ weights, and that."""
+    from scipy.optimize import linprog
+
+    size = np.abs(cuts).max()
+    bounds = [(max(1e-7, x / reach), x * reach) for x in centre[1:]]
+    optimum = linprog(
+        np.append(np.ones(len(centre) - 1), -1.0) / size,
+        np.hstack([-cuts[:, 1:], np.ones((len(cuts), 1))]) / size,
+        cuts[:, 0] / size,
+        bounds=[*bounds, (None, None)],
+    )
+    if not optimum.success or optimum.x is None:
+        return centre, -np.inf
+    return np.append(1.0, optimum.x[:-1]), -float(optimum.fun or 0.0) * size
+
+
 def _refuted_together(
     plant: UncertainPlant, asked: tuple[Rms, ...], dampers: tuple[Damper, ...]
 ) -> Refutation | None:
@@ -207,12 +403,17 @@ def _refuted_together(
     )
     semi_active = tuple(damper.of(larger) for damper in dampers)
     for claim in _claims(larger, limits, asked[0].scales(larger), semi_active):
-        try:
-            verdict = prove(claim)
-        except FormatError:
-            continue
-        if verdict.proved:
+        verdict = _proved(claim)
+        if verdict is not None:
             return Refutation(plant, asked, claim, verdict.reason)
+    return None
+
+
+def _proved(claim: RmsRefutation) -> Verdict | None:
+    """Return the proof of a claim, None where it has none."""
+    with suppress(FormatError):
+        verdict = prove(claim)
+        return verdict if verdict.proved else None
     return None
 
 
@@ -223,32 +424,17 @@ def _claims(
     dampers: tuple[SemiActive, ...],
 ) -> Iterator[RmsRefutation]:
     """Yield claims to prove, from the vertex where the limits are furthest apart."""
-    A, B, E = (
-        [[list(row) for row in M] for M in matrices if M is not None]
-        for matrices in (
-            [v.exact_A for v in plant.vertices],
-            [v.exact_B for v in plant.vertices],
-            [v.exact_E for v in plant.vertices],
-        )
-    )
+    A, B, E = _exact(plant)
     exact_scales = tuple(map(Fraction, scales))
-    driven = E
-    if scales:
-        driven = [[[x * s for x, s in zip(row, exact_scales, strict=True)] for row in M] for M in E]
-    owner = np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
-    # the noise goes into the outputs; each is over its limit
-    unit = np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
+    owner = _owner(limits)
+    unit = _units(limits)
     vertices: list[tuple[float, int, Array, Regular, Regulated]] = []
     for j in range(len(A)):
-        outputs = [output for limit in limits for output in limit.outputs]
-        C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
-        # a damper's force is never free, whatever outputs show
-        whole = Regular(A[j], B[j], driven[j], C, D, identity(len(A[j])))
-        exact = whole if dampers else regular(A[j], B[j], driven[j], C, D)
+        exact = _regular_at(plant, limits, exact_scales, j, reduced=not dampers)
         if exact is None:
             continue
         floats = _regulated(exact, unit, owner, dampers, j)
-        weights, cost = heaviest(floats, 1e-6 * _rate(floats.A))
+        weights, cost = heaviest(floats, DECAY * _rate(floats.A))
         if cost > 1:
             vertices.append((cost, j, weights, exact, floats))
     for _, j, weights, exact, floats in sorted(vertices, key=lambda vertex: -round(vertex[0], 5)):
@@ -263,6 +449,49 @@ def _claims(
                 P = _lifted(P_reduced, exact.T)
                 evidence = (j, scaled, P, factor, dampers, multipliers, exact_scales)
                 yield RmsRefutation(A, B, E, limits, *evidence)
+
+
+def _exact(plant: UncertainPlant) -> tuple[list[Rationals], list[Rationals], list[Rationals]]:
+    """Return A, B and E of each vertex."""
+    A, B, E = (
+        [[list(row) for row in M] for M in matrices if M is not None]
+        for matrices in (
+            [v.exact_A for v in plant.vertices],
+            [v.exact_B for v in plant.vertices],
+            [v.exact_E for v in plant.vertices],
+        )
+    )
+    return A, B, E
+
+
+def _owner(limits: Sequence[RmsLimit]) -> Index:
+    """Return the number of its limit for each output."""
+    return np.repeat(np.arange(len(limits)), [len(limit.outputs) for limit in limits])
+
+
+def _units(limits: Sequence[RmsLimit]) -> Array:
+    """Return what outputs are multiplied by: the noise goes into them, each is over its limit."""
+    return np.sqrt([float(limit.intensity) / float(limit.level) ** 2 for limit in limits])
+
+
+def _regular_at(
+    plant: UncertainPlant,
+    limits: Sequence[RmsLimit],
+    scales: Sequence[Fraction],
+    j: int,
+    reduced: bool = True,
+) -> Regular | None:
+    """Return a vertex, of fewer states where it is reduced; None if nothing of it is left."""
+    v = plant.vertices[j]
+    A, B, E = ([list(row) for row in M or ()] for M in (v.exact_A, v.exact_B, v.exact_E))
+    if scales:
+        E = [[x * s for x, s in zip(row, scales, strict=True)] for row in E]
+    outputs = [output for limit in limits for output in limit.outputs]
+    C, D = ([row for y in outputs for row in getattr(y, k)[j]] for k in "CD")
+    if reduced:
+        return regular(A, B, E, C, D)
+    # a damper's force is never free, whatever outputs show
+    return Regular(A, B, E, C, D, identity(len(A)))
 
 
 def _product_of(damper: SemiActive, vertex: int, m: int) -> Array:

@@ -199,7 +199,7 @@ def test_one_number_changed_is_not_proved(here, capsys, case):
     change("stage/design.json", keys, value)
     out = ran(capsys, "check", "stage", status=1)
     assert message in out
-    assert ": proved" not in out
+    assert "design.json: proved" not in out
 
 
 def test_another_disturbance_is_seen(here, capsys):

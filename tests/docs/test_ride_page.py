@@ -73,6 +73,8 @@ def test_the_commands_print_what_the_page_shows(said, command, shown):
                 size = max(map(abs, shows[k : k + 2]))
                 assert says[k : k + 2] == pytest.approx(shows[k : k + 2], abs=FREE * size)
             continue
+        if "no law, of any order" in line:  # what is left depends on where a search ends
+            shows, says = shows[:-1], says[:-1]
         assert says == pytest.approx(shows, rel=FREE)
         if line.endswith("minimised"):
             assert says[:2] == pytest.approx(shows[:2], rel=OPTIMAL)

@@ -41,6 +41,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
         "polefence example quarter-car-ride > ride.toml",
         "polefence optimise ride.toml -o ride",
         "polefence optimise ride.toml --limit 'rms of actuator force <= 500'",
+        "polefence optimise active.toml --order 0..4 -o table",
     ),
     "tradeoff": (
         "polefence tradeoff ride.toml --over 'rms of actuator force' --values 300 1200 8",

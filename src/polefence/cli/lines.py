@@ -10,6 +10,7 @@ import numpy as np
 from polefence.certify.bounds import Bound
 from polefence.certify.checks import decays, in_time_of
 from polefence.certify.design import Design
+from polefence.certify.refutation import Refutation
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.plant.exact import ranges_of
@@ -208,3 +209,32 @@ def errors_text(bound: Bound) -> str:
     share = 100 * bound.errors
     takes = f"{digits_up(share, 2)} %" if share >= LITTLE else f"under {LITTLE} %"
     return f"; enclosing the functions takes {takes} of it"
+
+
+def limit_lines(limit: Refutation | None, proved: float, of: str = "this one") -> list[str]:
+    """Say what no law goes below, and what that leaves of a bound that is proved."""
+    if limit is None:
+        return []
+    least, *others = limit.specifications
+    level, names = float(least.at_most or 0.0), [one.title for one in others]
+    within = f" within the {'limits' if len(names) > 1 else 'limit'} on {' and '.join(names)}"
+    above = max(100 * (proved / level - 1), 0.01)
+    share = digits_up(above, 2 if above > 0.1 else 1)
+    return [
+        f"  proved: no law, of any order and whatever it measures, goes below "
+        f"{digits_down(level, 5)} at {limit.where}{within * bool(names)}; {of} is at most "
+        f"{share} % above"
+    ]
+
+
+def limit_of(limit: Refutation | None) -> dict[str, Any] | None:
+    """Return what no law goes below as plain data."""
+    if limit is None:
+        return None
+    least, *others = limit.specifications
+    return {
+        "least": least.at_most,
+        "vertex": limit.vertex + 1,
+        "where": limit.where,
+        "within": [one.title for one in others],
+    }

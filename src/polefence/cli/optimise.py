@@ -23,6 +23,7 @@ from polefence.certify.bounds import (
 )
 from polefence.certify.checks import is_stability
 from polefence.certify.design import FILE_NAME
+from polefence.certify.refutation import FILE_NAME as LIMIT
 from polefence.cli.lines import (
     decay_lines,
     decay_of,
@@ -30,6 +31,8 @@ from polefence.cli.lines import (
     every_alpha,
     gains_of,
     law_lines,
+    limit_lines,
+    limit_of,
     motion_lines,
     order_lines,
     samples_text,
@@ -64,6 +67,7 @@ from polefence.cli.output import (
     write_figure,
     write_json,
 )
+from polefence.cli.structures import several, structures_command
 from polefence.cli.terminal import say
 from polefence.export import FixedCode, FloatCode
 from polefence.export.held import Code
@@ -103,9 +107,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     road_arguments(parser)
     poles_argument(parser)
-    method_arguments(parser, SIGNAL_METHODS)
+    method_arguments(parser, SIGNAL_METHODS, ranges=True)
     sampling_arguments(parser, clock=True)
-    structure_arguments(parser)
+    structure_arguments(parser, ranges=True)
     numbers = parser.add_mutually_exclusive_group()
     numbers.add_argument(
         "--float",
@@ -127,6 +131,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "write DIR/design.json: the law with its region and bounds",
         "bounds and sampled values",
     )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="of several structures: keep rows of an interrupted run, those of DIR",
+    )
 
 
 def optimise_command(options: Any) -> int:
@@ -134,9 +143,11 @@ def optimise_command(options: Any) -> int:
     plant = at_samples(load(options.spec), options)
     road = road_of(options)
     least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
+    if several(options):
+        return structures_command(plant, least, limits, options)
     region, structure = region_of(options), structure_of(plant, options)
     method = _method_if_given(plant, options, structure)
-    check_results(options, FILE_NAME)
+    check_results(options, FILE_NAME, LIMIT)
     code = _code(plant, structure, options, limits)
     done = _found(plant, (least, limits, region, method), structure, code)
     rows = rows_of(done)
@@ -211,8 +222,11 @@ def _found(
 
 def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options: Any) -> None:
     """Write files, then print: nobody need read the output to its end."""
+    limit = done.limit_of_any_law
     if options.output is not None:
         saved(done.save(options.output))
+        if limit is not None:
+            saved(limit.save(options.output))
     label = label_of(done, method)
     if options.json is not None:
         write_json(options.json, document_of(done, rows, label))
@@ -223,6 +237,8 @@ def _finish(done: Optimised, rows: Sequence[Row], method: Method | None, options
     scheduled = method not in (None, "quadratic") and len(done.plant.vertices) > 1
     if method is not None and scheduled and done.law.K is not None:
         say(f"  one gain: no law of {method_label(method)} that was found is better")
+    if options.output is not None and limit is None and (options.output / LIMIT).exists():
+        say(f"note: {options.output / LIMIT} is that of an earlier design")
 
 
 def asked(
@@ -374,6 +390,7 @@ def lines_of(done: Optimised, rows: Sequence[Row], label: str) -> list[str]:
     lines += samples_text(done.plant, [row.bound.specification for row in rows])
     lines += decay_lines(done.decay)
     lines += motion_lines(done.plant, done.design.region, bounds=True) + _design_lines(done)
+    lines += limit_lines(done.limit_of_any_law, done.bounds[0].level)
     if done.cut:
         lines.append(f"  the search was cut: {done.cut}")
     if done.bounded_by:
@@ -528,6 +545,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
             for rest in _rests(done, rows)
         ],
         **decay_of(done.decay),
+        "limit_of_any_law": limit_of(done.limit_of_any_law),
         "shared": done.shared if np.isfinite(done.shared) else None,
         "designed": str(done.designed),
         "gains": gains_of(done.law),

@@ -22,6 +22,7 @@ from polefence.plant.weights import measurable
 from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.text import RoadSpectrum, parse_names
+from polefence.search.structures import MOST_ROWS
 
 SIGNAL_METHODS = ("quadratic", "scheduled")
 
@@ -284,10 +285,12 @@ def method_arguments(
     methods: Sequence[str] = METHODS,
     several: bool = False,
     auto: bool = False,
+    ranges: bool = False,
 ) -> None:
     """Declare --method and its options, for regions or, of `SIGNAL_METHODS`, for signals.
 
-    ``several`` methods may be named at once; ``auto``: --degree auto raises the degree.
+    ``several`` methods may be named at once; ``auto``: --degree auto raises the degree; ``ranges``:
+    --degree may be several.
     """
     signals = tuple(methods) == SIGNAL_METHODS
     default = "scheduled, unless the spec or an option asks for a structure"
@@ -313,10 +316,11 @@ def method_arguments(
         on = "simplex; box uses that the parameters are independent"
     parser.add_argument(
         "--degree",
-        type=_degree if auto else int,
-        metavar="N|auto" if auto else "N",
+        type=_degree if auto else _numbers if ranges else int,
+        metavar="N|auto" if auto else "N|N..M" if ranges else "N",
         help=f"{of}: {degree}; of a structure: of the law in the parameters; default: 1"
-        + ("; auto: raised until it is proved" if auto else ""),
+        + ("; auto: raised until it is proved" if auto else "")
+        + ("; 0..2: a row of a table each" if ranges else ""),
     )
     parser.add_argument("--elevation", type=int, metavar="N", help=f"{of}: {elevation}")
     parser.add_argument("--on", choices=("simplex", "box"), help=f"{of}; default: {on}")
@@ -329,6 +333,26 @@ def _degree(text: str) -> int | str:
         return int(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is neither a whole number nor auto") from error
+
+
+def _numbers(text: str) -> int | tuple[int, ...]:
+    """Return a whole number, or those of a range A..B."""
+    first, dots, last = text.partition("..")
+    try:
+        low, high = int(first), int(last if dots else first)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a whole number nor a range, such as 0..2"
+        ) from error
+    if not dots:
+        return low
+    if low > high:
+        raise argparse.ArgumentTypeError(f"{text!r} begins above its end; write {high}..{low}")
+    if high - low >= MOST_ROWS:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is {high - low + 1} numbers; at most {MOST_ROWS} structures are compared"
+        )
+    return tuple(range(low, high + 1))
 
 
 def budget_argument(parser: argparse.ArgumentParser, text: str) -> None:
@@ -411,18 +435,32 @@ def _raised_degree(name: str, options: Any, given: dict[str, Any]) -> Scheduled:
 # The structure of a law
 
 
-def structure_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of a law's structure; --degree is among the methods' options."""
+def structure_arguments(parser: argparse.ArgumentParser, ranges: bool = False) -> None:
+    """Declare the options of a law's structure; --degree is among the methods' options.
+
+    ``ranges``: several orders and sets of signals may be named.
+    """
     group = parser.add_argument_group(
         "structure of the law", "each option replaces that key of the spec's [law]"
     )
+    more: dict[str, Any] = {"action": "append"} if ranges else {}
     group.add_argument(
-        "--measured", metavar="NAMES", help="'A, B': states or outputs; default: all states"
+        "--measured",
+        metavar="NAMES",
+        help="'A, B': states or outputs; default: all states"
+        + ("; repeat for a table of such sets" if ranges else ""),
+        **more,
     )
     group.add_argument(
         "--schedule", metavar="NAMES", help="parameters in the law; none: one gain; default: all"
     )
-    group.add_argument("--order", type=int, metavar="N", help="states of the law's own; default: 0")
+    group.add_argument(
+        "--order",
+        type=_numbers if ranges else int,
+        metavar="N|N..M" if ranges else "N",
+        help="states of the law's own; default: 0"
+        + ("; 0..4: a row of a table each" if ranges else ""),
+    )
     group.add_argument(
         "--largest-gain", type=float, metavar="X", help="largest entry that the law may have"
     )

@@ -11,12 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from polefence.base.effort import MOST_WORK, bounded, ended
-from polefence.base.errors import InputError, NotProvedError, SolverError, require_type
+from polefence.base.errors import (
+    InputError,
+    NotProvedError,
+    PolefenceError,
+    SolverError,
+    require_type,
+)
 from polefence.base.explained import explained
 from polefence.base.processors import small_matrices
 from polefence.base.progress import stage
@@ -36,6 +43,7 @@ from polefence.certify.checks import (
 from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
 from polefence.certify.measured import require_detectable
+from polefence.certify.refutation import Refutation, least_of_any
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.methods import Method, Scheduled, options
@@ -58,7 +66,7 @@ from polefence.search.structured import as_sampled
 from polefence.search.task import Candidate, Missing, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
 from polefence.search.tune.worth import NEAR
-from polefence.search.tuned import Orders, orders_below, tuned_candidates
+from polefence.search.tuned import Orders, embedded, orders_below, tuned_candidates
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,6 +95,8 @@ class Optimised(Short):
         What a law would cost whose bound is less by a thousandth at most, where one was found.
     decay : Decay, optional
         How fast the loop decays for periods in any order, as `Analysis` has it.
+    question : tuple, optional
+        The plant without states of a law, what was minimised, and the limits.
     """
 
     design: Design
@@ -98,6 +108,7 @@ class Optimised(Short):
     bounded_by: str = ""
     closer: Closer | None = None
     decay: Decay | None = None
+    question: tuple[UncertainPlant, Specification | None, tuple[Specification, ...]] | None = None
 
     def __repr__(self) -> str:
         return f"<Optimised {self.plant.name!r}: {'; '.join(map(str, self.bounds))}>"
@@ -123,6 +134,21 @@ class Optimised(Short):
         decay = () if self.decay is None else (self.decay,)
         return (*(bound.claim for bound in self.bounds), *decay)
 
+    @cached_property
+    def limit_of_any_law(self) -> Refutation | None:
+        """What no law goes below, proved at one vertex of the family; None where that is not known.
+
+        The first of its ``specifications`` has it as ``at_most``, of laws within the others, of any
+        order, whatever they measure. Known where an rms is minimised of a plant without functions
+        of its parameters and dead times, in continuous time or, of samples at all times, behind
+        them. Looked for when it is first asked for.
+        """
+        if self.question is None:
+            return None
+        plant, minimise, limits = self.question
+        level = self.bounds[0].level
+        return None if minimise is None else limit_of_any_law(plant, minimise, limits, level)
+
     def bound(self, name: str) -> Bound:
         """Return the bound on the signal of that name.
 
@@ -140,7 +166,8 @@ class Optimised(Short):
         """Write ``design.json``, with region and bounds, into a folder; return its path.
 
         The folder is made if need be. The numbers are those that were proved: a double as it is,
-        any other rational as "p/q".
+        any other rational as "p/q". What no law goes below is a file of its own, see
+        `Refutation.save`.
 
         Raises
         ------
@@ -148,6 +175,55 @@ class Optimised(Short):
             If the folder cannot be written.
         """
         return save(self.design.certificate, self.claims, directory)
+
+
+@small_matrices()
+def limit_of_any_law(
+    plant: UncertainPlant, minimise: Specification, limits: Sequence[Specification], level: float
+) -> Refutation | None:
+    """Return what no law within limits goes below, as `Optimised.limit_of_any_law` has it.
+
+    Parameters
+    ----------
+    level : float
+        That some law is proved to keep.
+    """
+    if plant.sampling is not None:
+        plant = plant.sampling.plant  # whose laws those of samples are
+    with suppress(PolefenceError, np.linalg.LinAlgError):
+        return least_of_any(plant, minimise, limits, level)
+    return None
+
+
+@dataclass(eq=False)
+class Chain:
+    """Laws of growing order of one structure, each searched once, whatever asks for them.
+
+    Attributes
+    ----------
+    orders : sequence of int
+        That are asked for, one after the other.
+    below : sequence of pairs of Structure and Law
+        Laws of poorer structures, from which the next search begins too.
+    searches : Orders, optional
+        What has been searched.
+    """
+
+    orders: Sequence[int]
+    below: Sequence[tuple[Structure, Law]] = ()
+    searches: Orders | None = None
+
+    def of(self, task: Task, structure: Structure) -> tuple[Orders, int]:
+        """Return the searches, and the number of a structure's order."""
+        if self.searches is None:
+            highest = replace(structure, order=max(self.orders))
+            orders = sorted({*orders_below(highest), *self.orders})
+            problems = [structured(task, replace(structure, order=k)) for k in orders]
+            self.searches = Orders(task, highest, problems, orders, MOST_WORK)
+        k = self.searches.orders.index(structure.order)
+        laws = embedded(task.plant, self.searches.problems[k], structure.order, self.below)
+        self.searches.known[k] = laws
+        return self.searches, k
 
 
 @explained
@@ -163,6 +239,7 @@ def optimise(
     *,
     fewer_states: bool = True,
     bears: Callable[[Design], bool] | None = None,
+    chain: Chain | None = None,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -193,6 +270,8 @@ def optimise(
     bears : callable, optional
         Whether a design of which all is proved may be returned: where one is not, poles farther
         inside the region are searched. `polefence.export.FloatCode` is one.
+    chain : Chain, optional
+        What is known of laws of other orders, and of poorer structures.
 
     Returns
     -------
@@ -209,8 +288,9 @@ def optimise(
         If a specification does not fit the plant.
     """
     question = minimise, subject_to, region, method, budget, structure
-    done = _optimised(plant, *question, fewer_states, bears)
-    done = replace(done, decay=proved_decay(done.plant, done.law, done.bounds))
+    done = _optimised(plant, *question, fewer_states, bears, chain)
+    decay = proved_decay(done.plant, done.law, done.bounds)
+    done = replace(done, decay=decay, question=(plant, minimise, tuple(subject_to)))
     done.design.certificate.require_checkable(done.claims)
     return done
 
@@ -225,6 +305,7 @@ def _optimised(
     structure: Structure | None,
     fewer_states: bool,
     bears: Callable[[Design], bool] | None,
+    chain: Chain | None,
 ) -> Optimised:
     """Return what `optimise` does, before it is known that its file is proved."""
     require_type(plant, UncertainPlant, "plant", "polefence.load(path) reads one")
@@ -278,6 +359,8 @@ def _optimised(
     task = Task(plant, minimise, limits, inside, method, (plant, limits), words, bears)
     if either and (beyond_lmi or not is_optimisable(plant, method, count)):
         structure = Structure()  # a law that is tuned needs no inequalities to be found
+    if structure is not None and chain is not None:
+        return _as_sampled(_of_chain(task, structure, chain), asked)
     if structure is not None:
         return _as_sampled(_tuned(task, structure, fewer_states), asked)
     require_optimisable(plant, method, count)
@@ -430,6 +513,26 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
     if cut:
         advice += f"; {cut}: let it measure more, schedule it on less, or take a lower order"
     raise NotProvedError(f"{reason} and the limits; this is not a refutation; {advice}")
+
+
+def _of_chain(task: Task, structure: Structure, chain: Chain) -> Optimised:
+    """Return the best law of a structure that is proved, of searches that others share.
+
+    Raises
+    ------
+    NotProvedError
+        If there is none.
+    """
+    searches, k = chain.of(task, structure)
+    known = searches.tuned(k)
+    with bounded(MOST_WORK) as proving:
+        best = _best_tuned(*searches.problems[k], searches.starts(k), known)
+    cut = str(proving) if proving.ended else ""
+    if best is None:
+        reason = "not proved: no law of this structure was found that is proved to keep the region"
+        limits = " and the limits; this is not a refutation" if task.limits else ""
+        raise NotProvedError("; ".join(filter(None, (reason + limits, cut))))
+    return replace(best, cut=cut)
 
 
 def _slower_than_late_samples(task: Task) -> str:

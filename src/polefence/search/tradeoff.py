@@ -538,18 +538,24 @@ def _reproved(row: Row, asked: Asked) -> Row | None:
     bounds = [claim for claim in document.claims if isinstance(claim, BoundClaim)]
     claims = [claim for claim in bounds if not isinstance(claim, Decay)]
     decay = document.first(Decay)
-    certificate = _of_plant(Certificate.of(document), asked.plant)
+    certificate = of_plant(Certificate.of(document), asked.plant)
     fixed = certificate.law.K is not None
     if not _decays(row, asked, certificate, decay):
         return None
-    if not _proves(row, asked, certificate, claims) or (row["method"] == "quadratic" and not fixed):
+    limits = [None, row["value"], *(limit.at_most for limit in asked.subject_to)]
+    levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
+    wanted = (asked.minimise, asked.over, *asked.subject_to)
+    bounds_told = list(zip(wanted, levels, limits, strict=True))
+    if not proves(asked.plant, asked.region, certificate, claims, bounds_told):
+        return None
+    if row["method"] == "quadratic" and not fixed:
         return None
     kept = {key: row[key] for key in ("value", "method")}
     seen = {key: row[key] for key in ("law_of", "own", "seconds")}
     return kept | proved_row(asked, certificate, claims, row["value"], decay) | seen
 
 
-def _of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
+def of_plant(certificate: Certificate, plant: UncertainPlant) -> Certificate:
     """Return the claim as one about the plant asked for, of the same vertices."""
     law = certificate.law.of(plant.parameters)
     return replace(certificate, plant=plant, law=law) if _is_of(certificate, plant) else certificate
@@ -559,21 +565,31 @@ def _is_of(certificate: Certificate, plant: UncertainPlant) -> bool:
     return certificate.plant.digest == plant.digest
 
 
-def _proves(row: Row, asked: Asked, certificate: Certificate, claims: list[BoundClaim]) -> bool:
-    """Prove the region and every bound of a row, as being about this plant and these signals."""
-    if not _is_of(certificate, asked.plant) or certificate.region != asked.region:
+def proves(
+    plant: UncertainPlant,
+    region: Region,
+    certificate: Certificate,
+    claims: Sequence[BoundClaim],
+    bounds: Sequence[tuple[Specification, float, float | None]],
+) -> bool:
+    """Prove the region and every bound of a row, as being about this plant and these signals.
+
+    Parameters
+    ----------
+    bounds : sequence of tuple
+        For each claim what is bounded, what the row says of it, and its limit if it has one.
+    """
+    if not _is_of(certificate, plant) or certificate.region != region:
         return False
-    limits = [row["value"], *(limit.at_most for limit in asked.subject_to)]
-    levels = [row["proved"], *(bound["proved"] for bound in row["bounds"])]
-    if any(claim.level > limit for claim, limit in zip(claims[1:], limits, strict=True)):
-        return False
-    wanted = (asked.minimise, asked.over, *asked.subject_to)
     law = certificate.law.exact
-    for claim, specification, level in zip(claims, wanted, levels, strict=True):
+    for claim, (specification, told, limit) in zip(claims, bounds, strict=True):
         on, evidence = claim.subject.on, claim.subject.evidence
-        same = claim_of(asked.plant, law, on, specification, evidence, claim.level)
-        told = specification.read_as(float(claim.level)) == level
-        if not told or claim.bare != same.bare or not prove(claim).proved:
+        same = claim_of(plant, law, on, specification, evidence, claim.level)
+        if limit is not None and claim.level > limit:
+            return False
+        if specification.read_as(float(claim.level)) != told or claim.bare != same.bare:
+            return False
+        if not prove(claim).proved:
             return False
     return certificate.prove().proved
 
@@ -604,7 +620,7 @@ def proved_row(
     plant, law, alpha = asked.plant, certificate.law, seeded(asked.plant, SAMPLES)
     wanted = (asked.minimise, replace(asked.over, at_most=value), *asked.subject_to)
     levels = [float(claim.level) for claim in claims]
-    worst = [_worst(plant, law, specification, alpha) for specification in wanted]
+    worst = [worst_of(plant, law, specification, alpha) for specification in wanted]
     bounds = zip(wanted[1:], levels[1:], worst[1:], strict=True)
     return {
         "answer": "proved",
@@ -627,7 +643,7 @@ def proved_row(
     }
 
 
-def _worst(
+def worst_of(
     plant: UncertainPlant, law: Law, specification: Specification, alpha: Array
 ) -> float | None:
     """Return the worst sampled value; what is proved does not depend on there being one."""

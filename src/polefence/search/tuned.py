@@ -259,7 +259,11 @@ class Orders:
     structure : Structure
         With the highest order.
     problems : sequence of pairs of Task and Structure
-        For each of `orders_below`: of the larger plant, and of the law's gain there.
+        For each of the orders: of the larger plant, and of the law's gain there.
+    orders : sequence of int, optional
+        By default `orders_below`.
+    most : float, optional
+        The work of each order's search; by default they share that of one.
 
     Attributes
     ----------
@@ -268,11 +272,18 @@ class Orders:
     """
 
     def __init__(
-        self, bare: Task, structure: Structure, problems: Sequence[tuple[Task, Structure]]
+        self,
+        bare: Task,
+        structure: Structure,
+        problems: Sequence[tuple[Task, Structure]],
+        orders: Sequence[int] | None = None,
+        most: float | None = None,
     ) -> None:
         self.bare, self.structure, self.problems = bare, structure, problems
-        self.orders = orders_below(structure)
+        self.orders = orders_below(structure) if orders is None else list(orders)
+        self.most = MOST_WORK / len(self.orders) if most is None else most
         self.cut = False
+        self.known = dict[int, list[Law]]()  # laws to start from besides
         self._tuned = dict[int, list[Tuned]]()
         self._starts = dict[int, list[Law]]()
 
@@ -280,7 +291,7 @@ class Orders:
         """Return what searches of the k-th order find for tighter limits, the best first."""
         if k not in self._tuned:
             starts = self.starts(k)  # of the orders below first
-            with bounded(MOST_WORK / len(self.orders)) as effort:
+            with bounded(self.most) as effort:
                 candidates = _tuned(*self.problems[k], starts)
             self.cut = self.cut or effort.ended
             self._tuned[k] = [tuned for tuned in candidates if tuned.kept]
@@ -313,8 +324,10 @@ class Orders:
         yield from (k for k in reversed(every) if k != first)
 
     def starts(self, k: int) -> list[Law]:
-        """Return laws of the k-th order to start from: of one below, filters, observers."""
-        if self.orders[k] and k not in self._starts:
+        """Return laws of the k-th order to start from: of one below, known, filters, observers."""
+        if not self.orders[k]:
+            return self.known.get(k, [])
+        if k not in self._starts:
             known = list[Law]()
             if k:
                 (task, _), (before, gain) = self.problems[k], self.problems[k - 1]
@@ -324,8 +337,9 @@ class Orders:
                 )
                 known = [law for law in laws if law is not None]
             structure = replace(self.structure, order=self.orders[k])
-            self._starts[k] = [*known, *_with_states(self.bare, structure)]
-        return self._starts.get(k, [])
+            beside = self.known.get(k, [])
+            self._starts[k] = [*known, *beside, *_with_states(self.bare, structure)]
+        return self._starts[k]
 
 
 def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tuned]:
@@ -338,6 +352,32 @@ def _tuned(task: Task, structure: Structure, starts: Sequence[Law]) -> list[Tune
             [*candidates, *more[:MOST]], key=lambda tuned: (not tuned.kept, tuned.level)
         )
     return candidates[:MOST]
+
+
+def embedded(
+    plant: UncertainPlant,
+    problem: tuple[Task, Structure],
+    order: int,
+    below: Sequence[tuple[Structure, Law]],
+) -> list[Law]:
+    """Return laws of poorer structures as ones of an order: a lower one's has filters beside it.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+        Without the law's own states.
+    problem : pair of Task and Structure
+        Of the plant with them, and of the law's gain there.
+    """
+    laws = list[Law]()
+    for poorer, law in below:
+        if poorer.order == order:
+            laws.append(law)
+            continue
+        before, gain = poorer.extended(plant)
+        wider = beside_filters(law, before, problem[0].plant, gain, problem[0].region)
+        laws += [] if wider is None else [wider]
+    return laws
 
 
 def lower_degrees(plant: UncertainPlant, structure: Structure) -> Iterator[Structure]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:  # imported where used, or for signatures only
 
     from polefence.certify.margins import Margins
     from polefence.response.linear import Frequency, Response
+    from polefence.search.structures import Structures
     from polefence.search.tradeoff import Front
     from polefence.vehicle.compare import Comparison
     from polefence.vehicle.concepts import Concepts
@@ -922,6 +923,50 @@ def front_figure(front: Front) -> Figure:
     ax.margins(0.06, 0.1)
     ax.set_xlabel(f"worst {front.labels[0]}")
     ax.set_ylabel(_wrapped(f"worst {front.labels[1]}", 56))
+    ax.legend(loc="best", fontsize=8.5)
+    return figure
+
+
+def structures_figure(table: Structures) -> Figure:
+    """Draw the least bound of each structure over how many numbers its law has.
+
+    Marks of one degree and set of signals are joined in the order of their orders; the ring is the
+    law that is recommended. Dots are the same laws at sampled parameters.
+
+    Parameters
+    ----------
+    table : Structures
+    """
+    figure, (ax,) = new_figure(1, 6.4, 4.2)
+    rows = [row for row in table.rows if row["answer"] == "proved"]
+    kinds = list(dict.fromkeys((row["degree"], tuple(row["measured"] or ())) for row in rows))
+    alone = len(kinds) == 1
+    for k, (degree, signals) in enumerate(kinds):
+        of_kind = [
+            r for r in rows if (r["degree"], tuple(r["measured"] or ())) == (degree, signals)
+        ]
+        named = ", ".join(signals) or "all states"
+        label = "proved" if alone else _wrapped(f"degree {degree}, {named}", 40)
+        x, y = [r["numbers"] for r in of_kind], [r["proved"] for r in of_kind]
+        (line,) = ax.plot(x, y, marker="os^D"[k % 4], ms=6.5, mfc="none", label=label)
+        dots = [(r["numbers"], r["sampled"]) for r in of_kind if r["sampled"] is not None]
+        ax.plot(*zip(*dots, strict=True), color=line.get_color(), **SAMPLED_STYLE)
+        for row in of_kind:
+            ax.annotate(
+                f"order {row['order']}",
+                (row["numbers"], row["proved"]),
+                xytext=(6, 5),
+                textcoords="offset points",
+                fontsize=8.5,
+            )
+    chosen = table.recommended
+    if chosen is not None:
+        at = ([chosen["numbers"]], [chosen["proved"]])
+        ax.plot(*at, "o", ms=14, mfc="none", color="0.3", label="recommended")
+    ax.plot([], [], color="0.3", label="the same laws, worst of a sample", **SAMPLED_STYLE)
+    ax.margins(0.1, 0.1)
+    ax.set_xlabel("numbers in the law")
+    ax.set_ylabel(_wrapped(f"worst {table.label}", 56))
     ax.legend(loc="best", fontsize=8.5)
     return figure
 

@@ -67,7 +67,7 @@ from polefence.cli.output import (
     write_figure,
     write_json,
 )
-from polefence.cli.structures import several, structures_command
+from polefence.cli.structures import compare_structures, several
 from polefence.cli.terminal import say
 from polefence.export import FixedCode, FloatCode
 from polefence.export.held import Code
@@ -144,7 +144,7 @@ def optimise_command(options: Any) -> int:
     road = road_of(options)
     least, limits = wanted(plant, options.spec, options.minimise, options.limit, road)
     if several(options):
-        return structures_command(plant, least, limits, options)
+        return compare_structures(plant, least, limits, options)
     region, structure = region_of(options), structure_of(plant, options)
     method = _method_if_given(plant, options, structure)
     check_results(options, FILE_NAME, LIMIT)

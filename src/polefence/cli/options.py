@@ -13,7 +13,7 @@ from polefence.base.errors import InputError
 from polefence.certify.checks import example_region
 from polefence.cli.output import STANDARD
 from polefence.cli.terminal import say
-from polefence.law.structure import Structure, load_structure
+from polefence.law.structure import MOST_STRUCTURES, Structure, load_structure
 from polefence.lmi.conditions.methods import METHODS, Method, Scheduled, Slack
 from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import sensed
@@ -22,7 +22,6 @@ from polefence.plant.weights import measurable
 from polefence.region.regions import Disk, Region
 from polefence.region.text import load_region, parse_region
 from polefence.requirements.text import RoadSpectrum, parse_names
-from polefence.search.structures import MOST_ROWS
 
 SIGNAL_METHODS = ("quadratic", "scheduled")
 
@@ -348,9 +347,10 @@ def _numbers(text: str) -> int | tuple[int, ...]:
         return low
     if low > high:
         raise argparse.ArgumentTypeError(f"{text!r} begins above its end; write {high}..{low}")
-    if high - low >= MOST_ROWS:
+    if high - low >= MOST_STRUCTURES:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is {high - low + 1} numbers; at most {MOST_ROWS} structures are compared"
+            f"{text!r} is {high - low + 1} numbers; at most {MOST_STRUCTURES} structures are "
+            "compared"
         )
     return tuple(range(low, high + 1))
 

@@ -65,7 +65,7 @@ def several(options: Any) -> bool:
     return True
 
 
-def structures_command(
+def compare_structures(
     plant: UncertainPlant,
     least: Specification | None,
     limits: Sequence[Specification],

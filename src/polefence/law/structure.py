@@ -27,6 +27,7 @@ from polefence.proof.plant import WITHOUT
 from polefence.proof.short import Short
 
 MAX_DEGREE, MAX_TERMS = 8, 500  # of a law in its parameters; of numbers that are free
+MOST_STRUCTURES = 24  # that one table compares
 
 
 @dataclass(frozen=True)

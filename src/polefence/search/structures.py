@@ -32,7 +32,7 @@ from polefence.certify.design import FILE_NAME as DESIGN
 from polefence.certify.design import Design
 from polefence.certify.refutation import Refutation
 from polefence.law.laws import Law
-from polefence.law.structure import Structure
+from polefence.law.structure import MOST_STRUCTURES, Structure
 from polefence.plant.card import card
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
@@ -50,7 +50,6 @@ from polefence.search.rows import Key, Row, Run, plant_summary
 from polefence.search.task import Task
 from polefence.search.tradeoff import SAMPLES, label_of, of_plant, proves, worst_of
 
-MOST_ROWS = 24
 MOST_TOLD = 4  # rows that are said to be better than the one that is recommended
 ENOUGH = 0.01  # above the best bound, as a share of it: a simpler law is recommended
 FILE_NAME = "structures.json"
@@ -183,10 +182,10 @@ def _structures(
     if measured is not None:
         signals = [None if names is None else tuple(names) for names in measured]
     size = math.prod(len(x) for x in (signals, degrees or (0,), orders or (0,)))
-    if not 1 <= size <= MOST_ROWS:
+    if not 1 <= size <= MOST_STRUCTURES:
         raise InputError(
-            f"{size} structures: 1 to {MOST_ROWS} can be asked for; name fewer orders, degrees or "
-            "sets of signals"
+            f"{size} structures: 1 to {MOST_STRUCTURES} can be asked for; name fewer orders, "
+            "degrees or sets of signals"
         )
     if len(set(degrees or ())) > 1 and structure.schedule == ():
         raise InputError(
@@ -615,7 +614,7 @@ def finished(path: Path, asked: Asked) -> dict[Key, Row]:
         same = {key: document[key] for key in ("polefence", "plant", "question")} == head(asked)
         rows = list(document["rows"]) if same else []
         kept = dict[Key, Row]()
-        with work.counted(work.MAX_FILE * (1 + min(len(rows), MOST_ROWS))):
+        with work.counted(work.MAX_FILE * (1 + min(len(rows), MOST_STRUCTURES))):
             for row in (row for row in rows if row["answer"] == "proved"):
                 k = row["row"] - 1
                 if type(k) is not int or not 0 <= k < len(asked.structures):

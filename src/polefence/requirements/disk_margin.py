@@ -176,6 +176,11 @@ class DiskMargin(Margin):
         opened = open_loops(plant, loops, beside)
         return opened, beside, _gain(self, opened, loops, beside)
 
+    @property
+    def coupled(self) -> bool:
+        """Whether several loops are weighed, alike for all points."""
+        return len(self.names) > 1
+
     def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:
         """Whether there are several loops, and parameters that do not move."""
         return len(self.names) > 1 and may_part(plant, law)

@@ -252,6 +252,11 @@ class SectorBound(Margin):
             found[stable] = gain.values(changed, beside, alpha[stable])
         return found
 
+    @property
+    def coupled(self) -> bool:
+        """Sectors are made as small as one point wants it."""
+        return True
+
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the signals, times their radii, and the elements as a channel at points alpha.
 

@@ -255,6 +255,11 @@ class Specification(Short):
         """
         return ((None, self),)
 
+    @property
+    def coupled(self) -> bool:
+        """Whether `slopes` at one point depend on the other points."""
+        return False
+
     def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:  # noqa: ARG002
         """Return whether parts of the box may have scales of opened loops of their own."""
         return False

@@ -172,6 +172,11 @@ class WorstCaseGain(Gain):
         """Return it with that level."""
         return ((self.nearest(plant, law), self),)
 
+    @property
+    def coupled(self) -> bool:
+        """Loops are weighed, alike for all points."""
+        return True
+
     def scales_apart(self, plant: UncertainPlant, law: Any) -> bool:
         """Whether parameters do not move."""
         return may_part(plant, law)

@@ -40,7 +40,15 @@ class Modes(Short):
         try:
             return poles, right, np.linalg.inv(right)
         except np.linalg.LinAlgError:
-            return _moved(self.A)
+            each = [_of_one(A[None]) for A in self.A]
+            poles, right, left = (np.concatenate(parts) for parts in zip(*each, strict=True))
+            return poles, right, left
+
+    def __getitem__(self, some: Any) -> Modes:
+        """Return those of some matrices."""
+        modes = Modes(self.A[some], self.step)
+        modes.__dict__["_parts"] = tuple(part[some] for part in self._parts)
+        return modes
 
     @property
     def poles(self) -> Any:
@@ -106,6 +114,14 @@ def _checked(A: Array, X: Array, W: Array, step: float) -> Array:
     if len(bad):
         X[bad] = lyapunov(A[bad], W[bad], step)
     return X
+
+
+def _of_one(A: Array) -> tuple[Any, Any, Any]:
+    poles, right = np.linalg.eig(A)
+    try:
+        return poles, right, np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        return _moved(A)
 
 
 def _moved(A: Array) -> tuple[Any, Any, Any]:

@@ -13,9 +13,9 @@ slopes, and the search ends where a step by that is worth nothing either.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from polefence.base.effort import ended as effort_ended
 from polefence.base.progress import note, stage
 from polefence.plant.system import Array
 from polefence.search.tune.quadratic import minimum
+
+T = TypeVar("T")
 
 ENOUGH = 1e-8  # of a decrease that is foreseen
 LEAST, BAD, GOOD = 1e-3, 0.3, 0.7  # shares of what is foreseen: taken, less reach, more reach
@@ -97,6 +99,8 @@ class Rows:
 
 
 Evaluate = Callable[[Array], Rows | None]
+# Asks for the rows at a point, and is sent them; returns the minimum with its rows.
+Descent = Generator[Array, Rows | None, tuple[Array, Rows] | None]
 Cut = tuple[Array, Rows]  # where, and what is high there
 
 
@@ -108,7 +112,31 @@ def descend(
     effort: Effort = FULL,
     penalty: float = PENALTY,
 ) -> tuple[Array, Rows] | None:
+    """Return what `descent` finds."""
+    return answered(descent(theta, target, effort, penalty), evaluate)
+
+
+def answered(asking: Generator[Any, Any, T], answer: Callable[[Any], Any]) -> T:
+    """Return what comes of a generator whose questions are answered one by one."""
+    try:
+        question = next(asking)
+        while True:
+            question = asking.send(answer(question))
+    except StopIteration as done:
+        found: T = done.value
+        return found
+
+
+def descent(
+    theta: Array,
+    target: float = -np.inf,
+    effort: Effort = FULL,
+    penalty: float = PENALTY,
+) -> Descent:
     """Return a local minimum and the rows there; None where nothing can be evaluated at first.
+
+    A generator: it yields points whose rows it asks for, so that several descents may be evaluated
+    together.
 
     Parameters
     ----------
@@ -117,7 +145,7 @@ def descend(
     penalty : float
         At first, of what is not kept, beside the level.
     """
-    here = evaluate(theta)
+    here = yield theta
     if here is None:
         return None
     rho, cuts, merits = penalty, list[Cut](), list[float]()
@@ -135,7 +163,7 @@ def descend(
                 continue
             if not (np.isfinite(effort.rest) and measured - merit > effort.worth):
                 break
-            anew = _measured(evaluate, theta, here, _multipliers(here, H, rho, reach))
+            anew = yield from _measured(theta, here, _multipliers(here, H, rho, reach))
             if anew is None or not _foreseen(here, anew, rho, reach) > effort.rest:
                 break
             H, fresh, cuts, merits, measured = anew, False, [], [merit], merit
@@ -145,7 +173,7 @@ def descend(
         if ended:
             continue
         length = float(np.abs(d).max())
-        there, lower, share = _tried(evaluate, theta, here, d, (H, rho, reach, foreseen))
+        there, lower, share = yield from _tried(theta, here, d, (H, rho, reach, foreseen))
         if lower is None:
             reach = length / 3.0
             shortest = 1e-9 * max(1.0, float(np.abs(theta).max()))
@@ -246,20 +274,20 @@ def _direction(
 
 
 def _tried(
-    evaluate: Evaluate, theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
-) -> tuple[Rows | None, tuple[Array, Rows] | None, float]:
+    theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
+) -> Generator[Array, Rows | None, tuple[Rows | None, tuple[Array, Rows] | None, float]]:
     """Return what a step leads to, the point if it is lower, and its share of what was foreseen.
 
     Where the step itself falls short it is bent once, as the rows are.
     """
     H, rho, reach, foreseen = model
     merit = _merit(here, rho)
-    there = evaluate(theta + d)
+    there = yield theta + d
     share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
     lower = None if there is None else (theta + d, there)
     if there is not None and share < BAD and len(there.values) == len(here.values):
         bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
-        again = evaluate(theta + bent)
+        again = yield theta + bent
         if again is not None and (merit - _merit(again, rho)) / foreseen > share:
             share = (merit - _merit(again, rho)) / foreseen
             lower = theta + bent, again
@@ -274,11 +302,11 @@ def _foreseen(here: Rows, H: Array, rho: float, reach: float) -> float:
     return _direction(here, here.values, H, rho, reach)[3]
 
 
-def _measured(evaluate: Evaluate, theta: Array, here: Rows, z: Array) -> Array | None:
+def _measured(theta: Array, here: Rows, z: Array) -> Generator[Array, Rows | None, Array | None]:
     """Return the curvature of the active rows, of saddles its magnitude; None where it has none."""
     turns = []
     for step in np.diag(DIFFERENCE * np.maximum(np.abs(theta), 1.0)):
-        there = evaluate(theta + step)
+        there = yield theta + step
         turn = None if there is None else _turn(here, there, step, z)
         if turn is None:
             return None

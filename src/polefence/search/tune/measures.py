@@ -30,6 +30,7 @@ from polefence.search.tune.starts import Sizes
 from polefence.search.tune.unknowns import At, Unknowns
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
+WORST = "worst"  # asks for the worst of each measure alone
 MARGIN = 1e-5  # by which what must be kept is kept: 1e-4 costs the shown car as much
 # Times the best level: within it the smallest law is looked for. The gain of a car's law falls from
 # 7.24 to 3.48 within 1e-5 of the level, to 3.32 within 5e-4.
@@ -39,6 +40,30 @@ ONE, EACH = 8e4, 300.0
 # The same of a bound for periods in any order, times n^4 of each: a quarter of 14 ms for n = 9 and
 # two, so that such a search may take four times as long as others.
 IN_ANY_ORDER = 200.0
+AT_ONCE = 3e5  # entries of the loops that are evaluated together: beyond it takes as long
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """What a search asks of one law at points.
+
+    Attributes
+    ----------
+    theta : (size,) array
+    phase : str
+    unit : float
+        Of what is minimised, so that it is about one.
+    kappa : float, optional
+        Of regions that are smooth: in their own phase, and of one that is to be small.
+    most : float
+        What the level may be while the law is made small.
+    """
+
+    theta: Array
+    phase: str
+    unit: float = 1.0
+    kappa: float | None = None
+    most: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +133,17 @@ class Task:
         first = (self.minimise,) if isinstance(self.minimise, Specification) else ()
         return (*first, *self.limits)
 
+    @property
+    def bounds(self) -> int:
+        """How many measures there are of what loops must keep, but for limits."""
+        largest = np.any(np.isfinite(self.unknowns.largest))
+        return len(self.sides) + bool(np.isfinite(self.fastest)) + bool(largest)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether what is asked at one point depends on the others."""
+        return any(requirement.coupled for requirement in self.requirements)
+
     def unit(self, level: float) -> float:
         """Return what a level is measured in; a decay rate about zero in a rate of the plant."""
         minimise = self.minimise
@@ -147,11 +183,26 @@ class Points:
     unknowns: At
     channels: tuple[Channel, ...]
 
-    def modes(self, K: Array) -> Modes | None:
-        """Return the modes under gains of all states (count, m, n), None where they overflow."""
-        A = self.channels[0].A + self.channels[0].B @ K
-        good = np.all(np.isfinite(A)) and np.abs(A).max() < 1e100
-        return Modes(A, float(self.task.plant.step)) if good else None
+    def finite(self, K: Array) -> Any:
+        """Return at which points loops do not overflow, under gains of all states (count, m, n)."""
+        return np.abs(self._loops(K)).max(axis=(1, 2)) < 1e100
+
+    def _loops(self, K: Array) -> Array:
+        return np.asarray(self.channels[0].A + self.channels[0].B @ K)
+
+    def modes(self, K: Array) -> Modes:
+        """Return the modes under gains of all states, at points where they do not overflow."""
+        return Modes(self._loops(K), float(self.task.plant.step))
+
+    @cached_property
+    def _wide(self) -> dict[int, Points]:
+        return {1: self}
+
+    def times(self, count: int) -> Points:
+        """Return the points so many times, one law after the other."""
+        if count not in self._wide:
+            self._wide[count] = self[np.tile(np.arange(len(self.alpha)), count)]
+        return self._wide[count]
 
     def evaluable(self, modes: Modes) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
@@ -269,50 +320,75 @@ class Points:
             )
         return self.requirement(0, K, inner, modes)
 
-    def rows(
-        self,
-        theta: Array,
-        phase: str,
-        unit: float = 1.0,
-        kappa: float | None = None,
-        most: float = np.inf,
-    ) -> Rows | None:
-        """Return everything that a phase of a search minimises and keeps; None where it cannot be.
+    def answers(self, asks: Sequence[Ask]) -> list[Any]:
+        """Return rows, or the worst, of several laws: those of one phase are evaluated together."""
+        found = dict[int, Any]()
+        most = max(1, int(AT_ONCE / self.channels[0].A.size))
+        kinds = dict.fromkeys((ask.phase, ask.kappa) for ask in asks)
+        for kind in kinds:
+            alike = [k for k, ask in enumerate(asks) if (ask.phase, ask.kappa) == kind]
+            size = 1 if self.task.coupled else most
+            for first in range(0, len(alike), size):
+                some = alike[first : first + size]
+                found |= zip(some, self._answers([asks[k] for k in some]), strict=True)
+        return [found[k] for k in range(len(asks))]
 
-        Parameters
-        ----------
-        unit : float
-            Of what is minimised, so that it is about one.
-        kappa : float, optional
-            Of regions that are smooth: in their own phase, and of one that is to be small.
-        most : float
-            What the level may be while the law is made small.
-        """
-        inner = self.unknowns.gains(theta)
-        K = inner @ self.unknowns.C
-        modes = self.modes(K)
-        spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), 1)
-        if modes is None or not np.all(np.isfinite(modes.left)):
-            return None
+    def _answers(self, asks: Sequence[Ask]) -> Sequence[Any]:
+        inner = np.concatenate([self.unknowns.gains(ask.theta) for ask in asks])
+        wide, each = self.times(len(asks)), (len(asks), len(self.alpha))
+        K = inner @ wide.unknowns.C
+        if asks[0].phase == WORST:
+            worst = wide.worst(K, inner)
+            return list(np.moveaxis(worst.reshape(-1, *each), 0, 1))
+        spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), len(asks))
+        good = wide.finite(K).reshape(each).all(axis=1)
+        rows = list[Rows | None]([None] * len(asks))
+        if good.any():
+            some = np.flatnonzero(good).tolist()
+            kept = np.repeat(good, each[1])
+            pairs = self._of_finite([asks[k] for k in some], K[kept], inner[kept])
+            for k, own in zip(some, pairs, strict=True):
+                rows[k] = own
+        return rows
+
+    def _of_finite(self, asks: Sequence[Ask], K: Array, inner: Array) -> list[Rows | None]:
+        """Return rows of laws whose loops are finite."""
+        wide, each = self.times(len(asks)), (len(asks), len(self.alpha))
+        modes = wide.modes(K)
+        good = np.isfinite(modes.left).all(axis=(1, 2))
+        if asks[0].phase != REGION:
+            good &= wide.evaluable(modes)
+        good = good.reshape(each).all(axis=1)
+        if not good.any():
+            return [None] * len(asks)
+        if not good.all():
+            kept = np.repeat(good, each[1])
+            some, wide = np.flatnonzero(good).tolist(), self.times(int(good.sum()))
+            rows = wide._rows([asks[k] for k in some], K[kept], inner[kept], modes[kept])
+            numbered = dict(zip(some, rows, strict=True))
+            return [numbered.get(k) for k in range(len(asks))]
+        return wide._rows(asks, K, inner, modes)
+
+    def _rows(self, asks: Sequence[Ask], K: Array, inner: Array, modes: Modes) -> list[Rows | None]:
+        """Return rows of laws, of which each has as many of these points."""
+        phase, kappa, count = asks[0].phase, asks[0].kappa, len(self.alpha) // len(asks)
         measures = self.bounds(inner, modes, kappa if phase == REGION else None)
         if phase != REGION:
-            if not np.all(self.evaluable(modes)):
-                return None
             measures += self.limited(K, inner, modes)
         kept = [_kept(measure, margin) for measure, margin in measures]
-        if phase == LEVEL:
-            level = self.level(K, inner, modes, kappa)
-            kept.insert(0, _scaled(level, unit))
-        elif phase == SMALL:
-            kept.insert(0, _scaled(self.size(inner), unit))
-            if self.task.minimise is not None:
-                level = self.level(K, inner, modes)
-                kept.append(_kept(_less(level, most), 0.0))
-        return self._rows(kept, phase in (LEVEL, SMALL))
+        if phase in (LEVEL, SMALL):
+            units = np.array([ask.unit for ask in asks])
+            first = self.level(K, inner, modes, kappa) if phase == LEVEL else self.size(inner)
+            kept.insert(0, _scaled(first, units[first.points // count]))
+        if phase == SMALL and self.task.minimise is not None:
+            level = self.level(K, inner, modes)
+            most = np.array([ask.most for ask in asks])
+            kept.append(_kept(_less(level, most[level.points // count]), 0.0))
+        return self._each(kept, phase in (LEVEL, SMALL), len(asks))
 
-    def _rows(self, measures: Sequence[Found], first: bool) -> Rows | None:
-        """Return all rows; the first alone are the objective, or all."""
-        count, parts = len(self.alpha), []
+    def _each(self, measures: Sequence[Found], first: bool, laws: int) -> list[Rows | None]:
+        """Return all rows of each law; the first alone are the objective, or all."""
+        count, parts = len(self.alpha) // laws, []
         for k, measure in enumerate(measures):
             dK = (
                 measure.dK
@@ -322,10 +398,25 @@ class Points:
             objective = np.full(len(measure.values), k == 0 or not first)
             slope = self.unknowns.slopes(measure.points, dK)
             slope = slope if measure.mixed is None else measure.mixed @ slope
-            parts.append((measure.values, slope, measure.points + k * count, objective))
-        rows = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        finite = np.all(np.isfinite(rows.values)) and np.all(np.isfinite(rows.slopes))
-        return rows if finite else None
+            law, point = np.divmod(measure.points, count)
+            parts.append((measure.values, slope, point + k * count, objective, law))
+        *columns, law = (np.concatenate(part) for part in zip(*parts, strict=True))
+        every = [Rows(*(M[law == k] for M in columns)) for k in range(laws)]
+        return [
+            rows if np.all(np.isfinite(rows.values)) and np.all(np.isfinite(rows.slopes)) else None
+            for rows in every
+        ]
+
+    def rows(self, theta: Array, phase: str, **how: Any) -> Rows | None:
+        """Return everything that a phase of a search minimises and keeps; None where it cannot be.
+
+        Parameters
+        ----------
+        **how
+            As `Ask` has them.
+        """
+        rows: Rows | None = self.answers([Ask(theta, phase, **how)])[0]
+        return rows
 
     def worst(self, K: Array, inner: Array) -> Array:
         """Return the worst of each measure at each point, (measures, count): the level first.
@@ -333,12 +424,16 @@ class Points:
         What must be kept follows, zero or less where it is, in shares of its limit. Infinite where
         it cannot be evaluated.
         """
+        finite = self.finite(K)
+        if not np.all(finite):
+            found = np.full((1 + self.task.bounds + len(self.task.limits), len(K)), np.inf)
+            if np.any(finite):
+                found[:, finite] = self[finite].worst(K[finite], inner[finite])
+            return found
         modes = self.modes(K)
-        if modes is None:
-            return np.full((2, len(K)), np.inf)
         good = self.evaluable(modes)
         some = self if np.all(good) else self[good]
-        evaluated = Modes(modes.A[good], modes.step)
+        evaluated = modes if np.all(good) else Modes(modes.A[good], modes.step)
         bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes)]
         rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
         if np.any(good):
@@ -378,24 +473,26 @@ def _kept(measure: Found, margin: float) -> Found:
     values = measure.values + margin
     above = np.maximum(values, 0.0)
     bent = np.where(values > 0, np.log1p(above), values)
-    return _flatter(measure, bent, 1.0, 1 + above)
+    return _flatter(measure, bent, np.ones(len(values)), 1 + above)
 
 
-def _scaled(measure: Found, unit: float) -> Found:
-    """Return values in a unit, beyond two of them as logarithms."""
+def _scaled(measure: Found, unit: Array) -> Found:
+    """Return values in units (rows,), beyond two of them as logarithms."""
     share = measure.values / unit
     above = np.maximum(share - 1, 0.0)
     bent = np.where(share > 1, 1 + np.log1p(above), share)
     return _flatter(measure, bent, unit, 1 + above)
 
 
-def _flatter(measure: Found, values: Array, unit: float, each: Array) -> Found:
-    """Return other values, whose slopes are divided by a unit, and each by a number of its own."""
+def _flatter(measure: Found, values: Array, unit: Array, each: Array) -> Found:
+    """Return other values, whose slopes are divided by units, and each by a number of its own."""
     mixed = measure.mixed
     mixed = mixed if mixed is None else mixed * each / each[:, None]
-    return replace(
-        measure, values=values, turned=lambda: measure.dK / unit / each[:, None, None], mixed=mixed
-    )
+
+    def turned() -> Array:
+        return np.asarray(measure.dK / unit[:, None, None] / each[:, None, None])
+
+    return replace(measure, values=values, turned=turned, mixed=mixed)
 
 
 def _beyond(measure: Found, limit: float) -> Found:
@@ -403,8 +500,8 @@ def _beyond(measure: Found, limit: float) -> Found:
     return replace(measure, values=measure.values / limit - 1, turned=lambda: measure.dK / limit)
 
 
-def _less(measure: Found, level: float) -> Found:
-    """Return values less a level, in shares of it."""
-    size = abs(level) or 1.0
+def _less(measure: Found, level: Array) -> Found:
+    """Return values less levels (rows,), in shares of these."""
+    size = np.where(level, np.abs(level), 1.0)
     values = (measure.values - level) / size
-    return replace(measure, values=values, turned=lambda: measure.dK / size)
+    return replace(measure, values=values, turned=lambda: measure.dK / size[:, None, None])

@@ -7,12 +7,12 @@ Last comes the smallest law that is as good to a thousandth.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -35,13 +35,27 @@ from polefence.search.tune.descent import (
     QUICK,
     ROUGH,
     Effort,
+    Rows,
     descend,
+    descent,
 )
-from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WIDE, Points, Task
+from polefence.search.tune.measures import (
+    LEVEL,
+    LIMITS,
+    REGION,
+    SMALL,
+    WIDE,
+    WORST,
+    Ask,
+    Points,
+    Task,
+)
 from polefence.search.tune.meeting import met
 from polefence.search.tune.starts import regulators, typical
 from polefence.search.tune.unknowns import Unknowns
 from polefence.search.tune.worth import NEAR, SMALLER, taken
+
+T = TypeVar("T")
 
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
@@ -261,6 +275,41 @@ class _Reached:
         return max(self.excess - FEASIBLE, 0.0), self.level
 
 
+Asking = Generator[Ask, Any, T]  # asks for what `Points.answers` answers
+
+
+def together(searches: Sequence[Asking[T]], points: Points) -> list[T]:
+    """Return what comes of searches that are answered together, at points."""
+    ends, answers = dict[int, T](), dict[int, Any](dict.fromkeys(range(len(searches))))
+    while answers:
+        asks = dict[int, Ask]()
+        for k, answer in answers.items():
+            try:
+                asks[k] = searches[k].send(answer)
+            except StopIteration as done:
+                ends[k] = done.value
+        answers = dict(zip(asks, points.answers(list(asks.values())), strict=True))
+    return [ends[k] for k in range(len(searches))]
+
+
+def _asking(ask: Ask, **how: Any) -> Asking[tuple[Array, Rows] | None]:
+    """Return the minimum that a descent finds which asks so from its own points."""
+    descending = descent(ask.theta, **how)
+    try:
+        theta = next(descending)
+        while True:
+            theta = descending.send((yield replace(ask, theta=theta)))
+    except StopIteration as done:
+        found: tuple[Array, Rows] | None = done.value
+        return found
+
+
+def _level(theta: Array) -> Asking[float]:
+    """Return the worst of what is minimised."""
+    worst = yield Ask(theta, WORST)
+    return float(worst[0].max())
+
+
 class _Search:
     """A task with the points that it is looked at."""
 
@@ -286,8 +335,12 @@ class _Search:
         first = quick[: len(laws)] if len(laws) >= ENOUGH else quick
         followed = dict.fromkeys((*_distinct(first)[:BEST], *_distinct(quick)[:BEST]))
         reached = [
-            min(self._improved(start.theta, self.first), start, key=attrgetter("rank"))
-            for start in counted(list(followed), "better start")
+            min(better, start, key=attrgetter("rank"))
+            for better, start in zip(
+                self._improved([start.theta for start in followed], self.first),
+                followed,
+                strict=True,
+            )
         ]
         reached += self._meeting(_distinct(reached)[:1])
         best = counted(_distinct(reached)[:LAST], "best start")
@@ -309,7 +362,8 @@ class _Search:
         """
         quick = self._of_given(laws) if alone else self._quick(laws)
         for start in _distinct(quick)[:1]:
-            best = min(self._improved(start.theta, self.first), start, key=attrgetter("rank"))
+            better = self._improved([start.theta], self.first)[0]
+            best = min(better, start, key=attrgetter("rank"))
             if best.excess <= FEASIBLE:
                 law = self.task.unknowns.law(best.theta)
                 return Tuned(law, best.level, self.first.alpha[0], True, "")
@@ -317,16 +371,16 @@ class _Search:
 
     def _of_given(self, laws: Sequence[Law]) -> list[_Reached]:
         """Return what laws alone lead to at the corners."""
-        return [self._improved(theta, self.first, QUICK) for theta in self._given_starts(laws)]
+        return self._improved(self._given_starts(laws), self.first, QUICK)
 
     def _quick(self, laws: Sequence[Law]) -> list[_Reached]:
         """Return what all starts lead to at the corners; with patience if none is inside."""
         starts = self._starts(laws)
-        beginnings = counted(starts, "start")
-        ends = [self._improved(theta, self.first, QUICK) for theta in beginnings]
-        if any(self._outside(self.first, end.theta) <= FEASIBLE for end in ends):
+        ends = self._improved(starts, self.first, QUICK)
+        asks = [Ask(end.theta, REGION) for end in ends]
+        if any(rows and rows.level <= FEASIBLE for rows in self.first.answers(asks)):
             return ends
-        return [self._improved(theta, self.first) for theta in counted(starts, "start")]
+        return self._improved(starts, self.first)
 
     def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
         """Return the law of one plant for which all poles of a region that grows are in one place.
@@ -357,12 +411,6 @@ class _Search:
         inner, channel = self.first.unknowns.gains(theta), self.first.channels[0]
         return np.asarray(channel.A[0] + channel.B[0] @ inner[0] @ self.first.unknowns.C[0])
 
-    @staticmethod
-    def _outside(points: Points, theta: Array) -> float:
-        """Return by how much poles are outside of the region."""
-        rows = points.rows(theta, REGION)
-        return np.inf if rows is None else rows.level
-
     def _given_starts(self, laws: Sequence[Law]) -> list[Array]:
         unknowns, alpha = self.task.unknowns, self._few
         few, root = unknowns.at(alpha), _root(self.task.sizes.covariance)
@@ -387,45 +435,52 @@ class _Search:
         # none is exactly where poles coincide
         return [theta + NUDGE * random.normal(size=unknowns.size) for theta in starts]
 
+    @stage("search")
     def _improved(
-        self, theta: Array, points: Points, effort: Effort = FULL, smooth: Sequence[float] = SMOOTH
-    ) -> _Reached:
-        """Return where the phases lead to at some points: into the region, the limits, down."""
-        outside = self._outside(points, theta) > FEASIBLE
+        self,
+        starts: Sequence[Array],
+        points: Points,
+        effort: Effort = FULL,
+        smooth: Sequence[float] = SMOOTH,
+    ) -> list[_Reached]:
+        """Return where the phases lead to from each start, at some points; all go on together."""
+        return together([self._improving(one, points, effort, smooth) for one in starts], points)
+
+    def _improving(
+        self, theta: Array, points: Points, effort: Effort, smooth: Sequence[float]
+    ) -> Asking[_Reached]:
+        """Return where the phases lead to: into the region, the limits, down."""
+        rows = yield Ask(theta, REGION)
+        outside = rows is None or rows.level > FEASIBLE
         regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
         for phase, kappa in (*((REGION, kappa) for kappa in regions), (LIMITS, None)):
             # the smoothest measure stays positive well inside the region: it only leads the way
             most = effort if kappa == SMOOTH[0] else FULL
-            evaluate = partial(points.rows, phase=phase, kappa=kappa)
-            minimum = descend(evaluate, theta, 0.0, most)
+            minimum = yield from _asking(Ask(theta, phase, kappa=kappa), target=0.0, effort=most)
             if minimum is None:
                 return _Reached(theta, points, np.inf, np.inf)
             theta, rows = minimum
             if rows.level > FEASIBLE and kappa is None:
-                return _Reached(theta, points, rows.level, self._level(points, theta))
-        theta = self._lowered(theta, points, effort, smooth)
-        last = points.rows(theta, LIMITS)
+                return _Reached(theta, points, rows.level, (yield from _level(theta)))
+        theta = yield from self._lowering(theta, effort, smooth)
+        last = yield Ask(theta, LIMITS)
         if last is not None and last.level > FEASIBLE:
-            evaluate = partial(
-                points.rows, phase=LEVEL, unit=self.task.unit(self._level(points, theta))
-            )
-            minimum = descend(evaluate, theta, effort=QUICK, penalty=STRICT)
+            unit = self.task.unit((yield from _level(theta)))
+            minimum = yield from _asking(Ask(theta, LEVEL, unit), effort=QUICK, penalty=STRICT)
             if minimum is not None:
                 theta = minimum[0]
-                last = points.rows(theta, LIMITS)
-        return _Reached(theta, points, last.level if last else np.inf, self._level(points, theta))
+                last = yield Ask(theta, LIMITS)
+        level = yield from _level(theta)
+        return _Reached(theta, points, last.level if last else np.inf, level)
 
-    def _lowered(
-        self, theta: Array, points: Points, effort: Effort, smooth: Sequence[float]
-    ) -> Array:
+    def _lowering(self, theta: Array, effort: Effort, smooth: Sequence[float]) -> Asking[Array]:
         """Return where the level is least, of numbers that keep everything."""
         of_poles = isinstance(self.task.minimise, tuple)
         for kappa in (*smooth, None) if of_poles else (None,):
-            unit = self.task.unit(self._level(points, theta))
+            unit = self.task.unit((yield from _level(theta)))
             early = of_poles and kappa != smooth[-1] and effort is FULL
             most = EARLY if early else effort
-            evaluate = partial(points.rows, phase=LEVEL, unit=unit, kappa=kappa)
-            minimum = descend(evaluate, theta, effort=most)
+            minimum = yield from _asking(Ask(theta, LEVEL, unit, kappa), effort=most)
             if minimum is None:
                 break
             theta = minimum[0]
@@ -451,9 +506,8 @@ class _Search:
                 break
             settled = more is None
             effort = FULL if settled else EARLY
-            reached = self._improved(
-                reached.theta, more or reached.points, effort, smooth=SMOOTH[-1:]
-            )
+            points = more or reached.points
+            reached = self._improved([reached.theta], points, effort, smooth=SMOOTH[-1:])[0]
         if reached.excess > FEASIBLE or self.task.minimise is None:
             return reached
         points, most = reached.points, reached.level + (WIDE - 1) * abs(reached.level)

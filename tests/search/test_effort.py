@@ -1,4 +1,4 @@
-"""Of laws as good as the best to a thousandth one is returned whose gain is smaller by a fifth."""
+"""Of laws nearly as good as the best one is returned whose gain is smaller: what that may cost."""
 
 from dataclasses import replace
 
@@ -46,8 +46,25 @@ def test_a_law_that_is_worse_has_a_gain_smaller_by_a_fifth(gains, chosen):
         assert best == (replace(each[0], smaller=gains[chosen]) if chosen else None)
     # of the same level the smaller one
     assert least([Closer(1.0, 3.0, 3.0), Closer(1.0, 2.9, 2.9)], ()) == (1, None)
-    # beyond a thousandth none is taken, whatever its gain
-    assert least([each[0], Closer(1.0011, 0.0, 0.0)], ()) == (0, None)
+
+
+@pytest.mark.parametrize(
+    ("times", "worth"),  # by what the gain falls, and what that may cost
+    [
+        (1.3, 1e-3),
+        (7.9, 1e-3),
+        (8.0, 1.5e-3),
+        (16.0, 2e-3),
+        (64.0, 3e-3),
+        (1e9, 3e-3),
+        (np.inf, 3e-3),
+    ],
+)
+def test_several_halvings_of_the_gain_are_worth_half_a_thousandth_each(times, worth):
+    for level in (1.0, 40.0):
+        for share, k in ((worth * 0.99, 1), (worth * 1.01, 0)):
+            each = [Closer(level, 1.0, 1.0), Closer(level * (1 + share), 1 / times, 1 / times)]
+            assert least(each, ())[0] == k
 
 
 def gain_by_frequencies(K):

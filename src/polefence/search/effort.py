@@ -24,7 +24,7 @@ from polefence.requirements.gain_norm import GainNorm
 from polefence.response.closed import close
 from polefence.search.task import Task, level_of
 from polefence.search.tune.starts import typical
-from polefence.search.tune.worth import NEAR, taken
+from polefence.search.tune.worth import taken
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,12 @@ def least(
     most : float
         Level that is not to be exceeded, if one of them keeps it.
     """
-    lowest = min(law.level for law in every)
-    best = min((*every, *better), key=lambda law: law.level)
-    limit = max(min(best.level + NEAR * abs(best.level), max(most, lowest)), lowest)
-    k = taken([law.level for law in every], [law.gain for law in every], limit)
-    chosen = every[k]
+    first = min(range(len(every)), key=lambda k: (every[k].level, every[k].gain))
+    known = (*every, *(law for law in better if law.level < every[first].level))
+    highest = max(most, every[first].level)
+    k = taken([law.level for law in known], [law.gain for law in known], highest)
+    k = k if k < len(every) else first
+    chosen, best = every[k], min(known, key=lambda law: law.level)
     return k, replace(best, smaller=chosen.gain) if best.level < chosen.level else None
 
 

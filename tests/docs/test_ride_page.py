@@ -115,7 +115,7 @@ def test_the_prose_states_what_is_measured(said):
     own, bare = (sampled(plant, law, least, alpha).values for law in (design, None))
     share = [float(n) for n in rows()["default", CAR][2].split(" to ")]
     assert share == pytest.approx([(own / bare).min(), (own / bare).max()], rel=FREE)
-    assert "between 0.75 and 1.16 times" in TEXT
+    assert "between 0.75 and 1.13 times" in TEXT
     poles = close(plant, None, np.vstack([alpha, points(plant)])).poles()
     assert f"slowest pole is at −{-poles.real.max():.2f} 1/s" in TEXT
     assert f"least damping ratio is {(-poles.real / np.abs(poles)).min():.3f}" in TEXT

@@ -57,6 +57,7 @@ MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(
 _ZERO, _ONE = Fraction(0), Fraction(1)
 DECAY = 1e-6  # the same, of the plant's rates, while weights are sought
 CLOSE = 1e-6  # of a dual function's value, how near its highest is known
+MOST_STATES = 30  # of a plant: with 50 a limit takes a minute
 FEW = 4  # vertices at which the best weights are sought
 LEAST_WEIGHT = 1e-5  # of a limit that counts, beside one of what is minimised
 
@@ -215,10 +216,11 @@ def least_of_any(
     -------
     Refutation or None
         It holds for the laws of `refute_limits`: of any order, whatever they measure. None of a
-        plant in discrete time, with a dead time or with functions of its parameters, and where
-        something else than an rms is minimised.
+        plant in discrete time, with a dead time, with functions of its parameters or of more than
+        30 states, and where something else than an rms is minimised.
     """
     exact = plant.remainder is None and plant.dead_time is None and not plant.period
+    exact = exact and plant.shape[0] <= MOST_STATES
     if not (exact and isinstance(minimise, Rms) and minimise.limits_rms and near > 0):
         return None
     chosen = minimise.scales(plant)

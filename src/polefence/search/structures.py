@@ -429,7 +429,8 @@ class Structures(Short):
     def limit_of_any_law(self) -> Refutation | None:
         """What no law goes below, as `Optimised` has it."""
         best, asked = self.best, self.asked
-        if best is None:
+        signals = (one.outputs(asked.plant) for one in asked.structures)
+        if best is None or any(signal.F for every in signals for signal in every):
             return None
         return limit_of_any_law(asked.plant, asked.minimise, asked.subject_to, best["level"])
 

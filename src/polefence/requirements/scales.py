@@ -421,7 +421,7 @@ def slopes(loops: Loops, p: int, limit: float | None, *, leads: bool = False) ->
 
     own = np.abs(highest.u[:, p:]) ** 2 - np.abs(highest.v[:, q:]) ** 2
     along = (own[:, :, None] * scale.slopes(highest.s)).reshape(len(values), -1)
-    mixed = _following(values, values[:, None] * along / share[:, None])
+    mixed = following(values, values[:, None] * along / share[:, None])
 
     def turned() -> list[Turned]:
         own, times = highest.turned(), each[:, None, None]
@@ -432,7 +432,7 @@ def slopes(loops: Loops, p: int, limit: float | None, *, leads: bool = False) ->
     return Slopes(values, highest.points, turned, mixed)
 
 
-def _following(values: Array, along: Array) -> Array:
+def following(values: Array, along: Array) -> Array:
     """Return what slopes of values are of those for a scale that stays, (rows, rows).
 
     Where a scale is best several of the highest values are alike, and stay so while it follows

@@ -22,19 +22,18 @@ from polefence.plant.system import Array, System
 from polefence.proof import claims as proof
 from polefence.proof import laws as exact
 from polefence.proof.claims.sector import Elements
+from polefence.proof.laws import Evidence
 from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
-from polefence.requirements import scales
-from polefence.requirements.disk_margin import (
-    FEW,
-    Posed,
-)
+from polefence.requirements import popov, scales
+from polefence.requirements.disk_margin import FEW, Posed, invariant_words, require_flag
 from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.margin import Margin, level_of
 from polefence.requirements.slopes import Channel, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import (
     Row,
+    Specification,
     disturbance,
     is_number,
     listed,
@@ -68,12 +67,15 @@ class SectorBound(Margin):
         w of each element, by its name.
     sector : pair of float, or sequence of pairs
         a and b of each.
+    time_invariant : bool
+        Of elements phi(y) alone, which do not depend on time: of these more is proved.
     """
 
     disturbance: Any = field(default=(), kw_only=True)
     sector: Any = field(default=(), kw_only=True)
+    time_invariant: bool = field(default=False, kw_only=True)
     kind = "sector"
-    keys = ("disturbance", "sector")
+    keys = ("disturbance", "sector", "time_invariant")
     vector = True
     direct = True
     power = 1
@@ -94,6 +96,7 @@ class SectorBound(Margin):
             )
         self._settle("disturbance", tuple(named))
         self._settle("sector", _pairs(self.sector, count))
+        require_flag(self.time_invariant, self.kind)
 
     @classmethod
     def least(
@@ -102,12 +105,15 @@ class SectorBound(Margin):
         disturbance: str | Sequence[str],
         sector: Any,
         at_least: float | None = 1.0,
+        *,
+        time_invariant: bool = False,
     ) -> Self:
         """Return the requirement that the sectors may be so many times as wide.
 
         One by default, the sectors themselves; None: as many times as can be.
         """
-        return cls(signal, level_of(at_least), disturbance=disturbance, sector=sector)
+        own: dict[str, Any] = {"disturbance": disturbance, "sector": sector}
+        return cls(signal, level_of(at_least), **own, time_invariant=time_invariant)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -116,7 +122,7 @@ class SectorBound(Margin):
         for key, written in (("disturbance", '"NAME"'), ("sector", "[0, 20000]")):
             if key not in table:
                 raise InputError(f"{key} is missing; write {key} = {written}")
-        own = {key: table[key] for key in ("disturbance", "sector")}
+        own = {key: table[key] for key in cls.keys if key in table}
         return cls(table["signal"], **row.given(), **own)
 
     @property
@@ -124,7 +130,8 @@ class SectorBound(Margin):
         """Kind, signals, disturbances and sectors, as a line has them."""
         ends = ", ".join(exactly(end) for pair in self.sector for end in pair)
         named = listed(self.disturbance)
-        return f"{super().title} with disturbance {named} with sector [{ends}]"
+        whole = f"{super().title} with disturbance {named} with sector [{ends}]"
+        return whole + invariant_words(self.time_invariant)
 
     # --- what it is of ----------------------------------------------------------------------------
 
@@ -188,15 +195,55 @@ class SectorBound(Margin):
         return elements
 
     def posed(self, plant: UncertainPlant, law: Any) -> Posed:
-        """Return the plant with the centres fed back, the law beside it, and the gain."""
+        """Return the plant with the centres fed back, the law beside it, and the gain.
+
+        Of elements with multipliers it is posed for a level: that of the limit, or about the least.
+        """
+        changed, beside, elements = self._centred(plant, law)
+        found = self._multiplied(changed, beside, elements)
+        if found is None:
+            if elements.count > 1:
+                elements = replace(elements, weights=_weights(changed, beside, elements))
+            return changed, beside, _gain(self, changed, elements)
+        level = self.at_most or (found.level if np.isfinite(found.level) else 1.0)
+        elements = _with(elements, found.multipliers)
+        return _with_rates(replace(self, at_most=level), changed, beside, elements)
+
+    def ways(
+        self, plant: UncertainPlant, law: Any
+    ) -> tuple[tuple[float | None, Specification], ...]:
+        """Return it, of elements with multipliers with about the least level that is proved."""
+        found = self._multiplied(*self._centred(plant, law)) if self.time_invariant else None
+        return ((None if found is None else found.level, self),)
+
+    def _centred(self, plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, Elements]:
+        """Return the plant with the centres fed back, the law beside it, and the elements."""
         try:
             elements = self.elements(plant)
-            changed, beside = _with_centres(plant, law, elements)
+            return (*_with_centres(plant, law, elements), elements)
         except FormatError as error:
             raise InputError(f"{self.title}: {error}") from error
-        if elements.count > 1:
-            elements = replace(elements, weights=_weights(changed, beside, elements))
-        return changed, beside, _gain(self, changed, elements)
+
+    def _rated(self, changed: UncertainPlant, law: Any, elements: Elements) -> tuple[bool, ...]:
+        """Return which elements of a plant with their centres fed back may have multipliers.
+
+        None where none may.
+        """
+        if not self.time_invariant:
+            return ()
+        subject = _subject(changed, law)
+        rated = tuple(_may_be_led(elements, k, subject) for k in range(elements.count))
+        return rated if any(rated) else ()
+
+    def _multiplied(
+        self, changed: UncertainPlant, law: Any, elements: Elements
+    ) -> popov.Found | None:
+        """Return multipliers for a few points; None where no element may have one."""
+        free = self._rated(changed, law, elements)
+        if not free:
+            return None
+        few = seeded(changed, len(changed.vertices) + FEW)
+        return popov.found(_loops(changed, law, elements, few), free)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -208,7 +255,7 @@ class SectorBound(Margin):
         rest = elements.remainder(subject.remainder, subject.n, subject.m)
         law = elements.law(subject.law)
         changed = replace(subject, A=A, B=B, E=E, law=law, remainder=rest, nodes=())
-        return proof.SectorBound.of(changed, elements, level)
+        return proof.SectorBound.of(changed, elements, level, invariant=self.time_invariant)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its centres."""
@@ -217,9 +264,8 @@ class SectorBound(Margin):
     @property
     def surely(self) -> SectorBound:
         """The limit of elements that are numbers: what exceeds it refutes this one."""
-        return LinearElements(
-            self.signal, self.at_most, disturbance=self.disturbance, sector=self.sector
-        )
+        own: dict[str, Any] = {key: getattr(self, key) for key in self.keys}
+        return LinearElements(self.signal, self.at_most, **own)
 
     def linear(self, plant: UncertainPlant, law: Any, alpha: Array) -> tuple[Array, Array]:
         """Return the least factors for which numbers in the sectors make loops unstable.
@@ -244,13 +290,17 @@ class SectorBound(Margin):
     def values(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
         """Return 1 over the factor at points alpha; infinite where the centres are not stable."""
         law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
-        changed, beside, gain = self.posed(plant, law)
-        closed = close(changed, beside, alpha)
+        changed, beside, elements = self._centred(plant, law)
+        found = self._multiplied(changed, beside, elements)
+        closed, values = close(changed, beside, alpha), np.full(len(alpha), np.inf)
         stable = np.all(growth(closed.poles(), closed.step) < 0, axis=1)
-        found = np.full(len(alpha), np.inf)
-        if stable.any():
-            found[stable] = gain.values(changed, beside, alpha[stable])
-        return found
+        if stable.any() and found is not None:
+            loops = _loops(changed, beside, elements, alpha[stable])
+            values[stable] = popov.values(loops, found.multipliers)
+        elif stable.any():
+            changed, beside, gain = self.posed(plant, law)
+            values[stable] = gain.values(changed, beside, alpha[stable])
+        return values
 
     @property
     def coupled(self) -> bool:
@@ -269,7 +319,8 @@ class SectorBound(Margin):
         radii = np.array([(b - a) / 2 for a, b in self.sector])[:, None]
         S = np.eye(plant.disturbance_count)[:, chosen]
         F = np.zeros((len(alpha), len(chosen), len(chosen)))
-        return Channel(*plant.at(alpha), E, radii * C, radii * D, F, S)
+        rated = self._rated(*self._centred(plant, None))
+        return Channel(*plant.at(alpha), E, radii * C, radii * D, F, S, rated=rated)
 
     def slopes(self, loops: ClosedLoops) -> Slopes:
         """Return peaks of the largest singular value with their slopes, elements weighed anew.
@@ -284,8 +335,13 @@ class SectorBound(Margin):
             if np.all(growth(fed.loops.modes.poles, loops.modes.step) < 0):
                 break
             share *= NEARER
-        several = len(centres) > 1
-        found = scales.slopes(fed.loops, 0, 1.0) if several else Gain("z").slopes(fed.loops)
+        free = _unmoved(fed.loops)
+        if any(free):
+            found = popov.slopes(fed.loops, free)
+        elif len(centres) > 1:
+            found = scales.slopes(fed.loops, 0, 1.0)
+        else:
+            found = Gain("z").slopes(fed.loops)
         values = found.values
         if share < 1:  # more than any limit
             values = (max(1.0, self.at_most or 1.0) + values) / share
@@ -362,6 +418,7 @@ class ElementsGain(Gain):
     """The gain of a loop with the centres fed back, whose claim is that of its elements."""
 
     elements: Elements = field(default_factory=lambda: Elements((), (), (), ()))
+    invariant: bool = False
     asked: str = ""
 
     @property
@@ -375,8 +432,9 @@ class ElementsGain(Gain):
         level: Fraction,
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
-        """Return the claim about the elements."""
-        return proof.SectorBound.of(subject, self.elements, level)
+        """Return the claim about the elements: of the loop without p y'."""
+        bare = self.elements.with_rates(subject, -1)
+        return proof.SectorBound.of(bare, self.elements, level, invariant=self.invariant)
 
 
 def _pairs(given: Any, count: int) -> tuple[tuple[float, float], ...]:
@@ -409,35 +467,44 @@ def _with_centres(
     E = elements.of(E)
     A, B = elements.fed_back((A, B), E)
     n, m = plant.shape
-    named = tuple(f"element {k + 1}" for k in range(elements.count))
-    beside = _reading(plant, law, elements)
+    beside = law
+    if isinstance(law, PolynomialGain) and law.passes:
+        beside = _reading(law, elements.law(_rows_read(plant, law)), elements.count)
+    named: dict[str, Any] = {
+        "disturbances": tuple(f"element {k + 1}" for k in range(elements.count)),
+        "states": tuple(f"state {i + 1}" for i in range(n)),
+        "noise": (),
+        "vehicle": None,
+        "remainder": elements.remainder(plant.remainder, n, m),
+    }
+    return _of_matrices(plant, beside, (A, B, E), **named), beside
+
+
+def _of_matrices(
+    plant: UncertainPlant, law: Any, matrices: tuple[Any, Any, Any], **changes: Any
+) -> UncertainPlant:
+    """Return a plant with other matrices, whose outputs are what a law beside it reads."""
     vertices = list[System]()
     for j, vertex in enumerate(plant.vertices):
-        rows_A, rows_B, rows_E = (tuple(map(tuple, M[j])) for M in (A, B, E))
-        vertices.append(System(rows_A, rows_B, rows_E, vertex.name))
-    changed = replace(
-        plant,
-        vertices=tuple(vertices),
-        disturbances=named,
-        states=tuple(f"state {i + 1}" for i in range(n)),
-        outputs=beside.measured if isinstance(beside, PolynomialGain) else (),
-        noise=(),
-        vehicle=None,
-        remainder=elements.remainder(plant.remainder, n, m),
-    )
-    return changed, beside
+        A, B, E = (tuple(map(tuple, M[j])) for M in matrices)
+        vertices.append(System(A, B, E, vertex.name))
+    outputs = law.measured if isinstance(law, PolynomialGain) else ()
+    return replace(plant, vertices=tuple(vertices), outputs=outputs, **changes)
 
 
-def _reading(plant: UncertainPlant, law: Any, elements: Elements) -> Any:
-    """Return the law into whose signals the centres are fed back, and the elements pass."""
+def _rows_read(plant: UncertainPlant, law: Any) -> exact.Law:
+    """Return the rows of what a law reads, where disturbances pass into it."""
     if not isinstance(law, PolynomialGain) or not law.passes:
-        return law
+        return exact.Law()
     known = [y.exact(plant) for y in law.measured]
-    C, F = (
-        tuple([list(y[k][j]) for y in known] for j in range(len(plant.vertices))) for k in (0, 2)
-    )
-    read = elements.law(exact.Law(C=C, F=F))
-    none = [[Fraction(0)] * elements.count] * len(known)
+    count = len(plant.vertices)
+    C, F = (tuple([list(y[k][j]) for y in known] for j in range(count)) for k in (0, 2))
+    return exact.Law(C=C, F=F)
+
+
+def _reading(law: PolynomialGain, read: exact.Law, count: int) -> PolynomialGain:
+    """Return a law of other rows of so many elements."""
+    none = [[Fraction(0)] * count] * len(law.measured)
     return replace(
         law,
         measured=tuple(
@@ -445,18 +512,78 @@ def _reading(plant: UncertainPlant, law: Any, elements: Elements) -> Any:
                 y.name,
                 y.unit,
                 C=[M[j] for M in read.C],
-                F=[M[j] for M in read.F or (none,) * len(C)],
+                F=[M[j] for M in read.F or (none,) * len(read.C)],
             )
             for j, y in enumerate(law.measured)
         ),
     )
 
 
-def _gain(asked: SectorBound | None, changed: UncertainPlant, elements: Elements) -> ElementsGain:
-    """Return the gain from the elements to their signals."""
+# --- multipliers: of a plant with the centres fed back, and the law beside it --------------------
+
+
+def _subject(plant: UncertainPlant, law: Any) -> proof.Subject:
+    """Return the loop exactly, with the rows of a law into which elements pass."""
+    A, B, E = matrices_of(plant)
+    read, rest = _rows_read(plant, law), plant.remainder
+    return proof.Subject(A, B, E, read, Evidence([]), step=plant.period, remainder=rest)
+
+
+def _may_be_led(elements: Elements, k: int, subject: proof.Subject) -> bool:
+    """Whether an element may have a multiplier."""
+    own = tuple(Fraction(j == k) for j in range(elements.count))
+    try:
+        replace(elements, multipliers=own).require_led(subject)
+    except FormatError:
+        return False
+    return True
+
+
+def _unmoved(loops: ClosedLoops) -> tuple[bool, ...]:
+    """Return which of those that may have multipliers have rates that no element enters."""
+    if not any(loops.rated):
+        return ()
+    moved = np.abs(loops.C @ loops.E).max(axis=2)
+    size = np.linalg.norm(loops.C, axis=2) * np.linalg.norm(loops.E, axis=(1, 2))[:, None]
+    still = np.all(moved <= 1e-12 * size, axis=0)
+    return tuple(bool(a and b) for a, b in zip(loops.rated, still, strict=True))
+
+
+def _with(elements: Elements, found: popov.Multipliers) -> Elements:
+    """Return the elements with multipliers."""
+    weights, times = found.exact
+    pairs = zip(times, elements.radii, strict=True)
+    multipliers = tuple(t * r for t, r in pairs)
+    return replace(elements, weights=weights, multipliers=multipliers if any(multipliers) else ())
+
+
+def _with_rates(asked: SectorBound, changed: UncertainPlant, law: Any, elements: Elements) -> Posed:
+    """Return the plant and the law with p y' fed back, and the gain at the level that is asked."""
+    subject = _subject(changed, law)
+    led = elements.with_rates(subject)
+    beside = _reading(law, led.law, elements.count) if led.law.F else law
+    wide = _of_matrices(changed, beside, (led.A, led.B, led.E), remainder=led.remainder)
+    rated = elements.rated(Fraction(asked.at_most or 1.0), subject)
+    return wide, beside, _gain(asked, wide, elements, rated)
+
+
+def _loops(changed: UncertainPlant, law: Any, elements: Elements, alpha: Array) -> ClosedLoops:
+    """Return loops at points alpha, from z to r y of elements that weigh alike."""
+    closed = close(changed, law, alpha)
+    channel = Gain.channel(_gain(None, changed, elements.alike), delta_form(changed), alpha)
+    return channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
+
+
+def _gain(
+    asked: SectorBound | None,
+    changed: UncertainPlant,
+    elements: Elements,
+    rated: tuple[proof.Output, ...] = (),
+) -> ElementsGain:
+    """Return the gain from the elements to their signals, or to what multipliers make of these."""
     outputs = [
         Output(f"signal {k + 1}", C=[M[0] for M in y.C], D=[M[0] for M in y.D])
-        for k, y in enumerate(elements.outputs())
+        for k, y in enumerate(rated or elements.outputs())
     ]
     scales = dict(zip(changed.disturbances, map(float, elements.scales), strict=True))
     return ElementsGain(
@@ -465,18 +592,14 @@ def _gain(asked: SectorBound | None, changed: UncertainPlant, elements: Elements
         at=SAMPLES,
         disturbances=None if set(scales.values()) == {1.0} else scales,
         elements=elements,
+        invariant=asked is not None and asked.time_invariant,
         asked="" if asked is None else asked.title,
     )
 
 
 def _weights(changed: UncertainPlant, law: Any, elements: Elements) -> tuple[Fraction, ...]:
     """Return weights of elements for which the gain is about least at a few points."""
-    alpha = seeded(changed, len(changed.vertices) + FEW)
-    closed = close(changed, law, alpha)
-    modes = Modes(closed.closed, closed.step)
-    if not np.all(growth(modes.poles, closed.step) < 0):
+    loops = _loops(changed, law, elements, seeded(changed, len(changed.vertices) + FEW))
+    if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
         return elements.weights
-    signals = _gain(None, changed, elements)
-    channel = Gain.channel(signals, delta_form(changed), alpha)
-    loops = channel.closed(closed.K, modes, closed.passed)
     return scales.scaled(loops, 0, 1.0).scale.exact[0]

@@ -46,6 +46,8 @@ class Channel:
     reads : tuple of str, int or Acting
         Of opened loops: the signal of a law, or the number of the input, that each of w adds to,
         or a disturbance of the plant's own.
+    rated : tuple of bool
+        Of elements: those that may have multipliers, see `polefence.requirements.popov`.
     """
 
     A: Array
@@ -60,6 +62,7 @@ class Channel:
     length: float = 1.0
     beside: tuple[Channel, ...] = ()
     reads: tuple[str | int | Acting, ...] = ()
+    rated: tuple[bool, ...] = ()
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more
@@ -114,7 +117,7 @@ class Channel:
         if passing is not None and self.S is not None:
             moved = passing @ self.S
             E, F = E + self.B @ moved, F + self.D @ moved
-        return Loops(modes, E, shown, F, self.more, self.length, beside)
+        return Loops(modes, E, shown, F, self.more, self.length, beside, self.rated)
 
     def slopes(self, slopes: Slopes) -> Array:
         """Return slopes with respect to K (rows, m, n)."""
@@ -145,6 +148,7 @@ class Loops:
     more : (count,) array or zero
     length : float
     beside : tuple of Loops
+    rated : tuple of bool
         See `Channel`.
     """
 
@@ -155,6 +159,7 @@ class Loops:
     more: Any = 0.0
     length: float = 1.0
     beside: tuple[Loops, ...] = ()
+    rated: tuple[bool, ...] = ()
 
     @property
     def A(self) -> Array:

@@ -13,6 +13,21 @@ d r y is less than one for some positive d of each: of x'P x, which shows it, th
 negative along every motion, whatever phi is.
 
 Where the gain is less than ``level`` the radii may be 1 / level times as large.
+
+Of phi(y) that does not depend on time more is proved, by Popov's criterion (Popov, Automation and
+Remote Control 22, 1961; Khalil, Nonlinear Systems, 3rd ed., section 7.1.2). For y' that no z
+enters, a number p of each, rho = r / level and P = |p|, z = zt + p y' is fed back, and the gain
+from d^-1 zt to d (r y + level P y') is proved to be below ``level``, by some x'Q x. For p >= 0
+
+    |zt|^2 - |rho y + p y'|^2  =  z^2 - rho^2 y^2 - 2 p y'(z + rho y),
+
+and for p < 0 the same with P, z and y' of the other sign. So of
+
+    V = x'Q x + 2 sum d^2 P int_0^y (rho s + sign(p) z(s)) ds,
+
+in which no integral is negative, nor more than a constant times y^2, the derivative is at most that
+of x'Q x less the supply, and d^2 (z^2 - rho^2 y^2), which is not positive: it falls as |x|^2 does.
+Parameters may move, for C, c and r are constant.
 """
 
 from __future__ import annotations
@@ -66,12 +81,15 @@ class Elements(Short):
         a and b of each.
     weights : tuple of Fraction
         d of each.
+    multipliers : tuple of Fraction
+        p of each; none where all are zero.
     """
 
     signals: tuple[Output, ...]
     disturbances: tuple[int, ...]
     sectors: tuple[Sector, ...]
     weights: tuple[Fraction, ...]
+    multipliers: tuple[Fraction, ...] = ()
 
     @property
     def count(self) -> int:
@@ -80,8 +98,8 @@ class Elements(Short):
 
     @property
     def alike(self) -> Self:
-        """They with weights of one."""
-        return replace(self, weights=(ONE,) * self.count)
+        """They with weights of one, and no multipliers."""
+        return replace(self, weights=(ONE,) * self.count, multipliers=())
 
     @property
     def centres(self) -> Rationals:
@@ -113,6 +131,7 @@ class Elements(Short):
             ("disturbances", numbers),
             ("sectors", self.sectors),
             ("weights", self.weights),
+            ("multipliers", self.multipliers or self.weights),
         ):
             if len(values) != self.count:
                 raise FormatError(f"{key} must hold {self.count} entries, one an element")
@@ -232,12 +251,101 @@ class Elements(Short):
         C, _ = self.fed_back((list(law.C), none), F)
         return replace(law, C=tuple(C), F=tuple(F))
 
+    # --- multipliers: of a plant and a law with the centres fed back -----------------------------
+
+    @property
+    def led(self) -> list[int]:
+        """Numbers of those whose multipliers are not zero."""
+        return [k for k, p in enumerate(self.multipliers) if p]
+
+    def require_led(self, subject: Subject) -> None:
+        """Refuse multipliers of signals whose rates an element enters, or that are not known.
+
+        Raises
+        ------
+        FormatError
+            Saying of which, and why.
+        """
+        if self.led and subject.step:
+            raise FormatError("multipliers: in discrete time there are none")
+        for k in self.led:
+            why = self._beyond(k, subject)
+            if why:
+                raise FormatError(f"multipliers: {quoted(self.signals[k].name)} {why}")
+
+    def _beyond(self, k: int, subject: Subject) -> str:
+        """Say why an element has no multiplier; "" where it may have one."""
+        y, rest = self.signals[k], subject.remainder
+        (C,) = y.C[0]
+        if _varies(y.C) or any(any(row) for (row,) in y.D):
+            return "depends on parameters, or on inputs"
+        seen = [i for i, x in enumerate(C) if x]
+        if any(any(product([C], E)[0]) for E in subject.E):
+            return "has a rate that an element enters"
+        if rest is not None and any(any(row) for i in seen for row in rest.rows_of(i)):
+            return "has a rate that is a function of the parameters"
+        A, B = self._rates(k, subject)
+        if subject.law.F and any(map(any, B)):
+            return "has a rate into which the law passes an element"
+        columns = [[row[k] for row in E] for E in subject.E]
+        passed = [[row[k] for row in F] for F in subject.law.F]
+        off = rest is not None and any(
+            row[subject.n + subject.m + k] for i in range(subject.n) for row in rest.rows_of(i)
+        )
+        if (_varies(A) or _varies(B)) and (_varies(columns) or _varies(passed) or off):
+            return "has a rate, and an effect, that both depend on parameters"
+        return ""
+
+    def _rates(self, k: int, subject: Subject) -> tuple[Rationals, Rationals]:
+        """Return the rows of y' = C A x + C B u of one at every vertex."""
+        (C,) = self.signals[k].C[0]
+        A, B = ([product([C], M)[0] for M in rows] for rows in (subject.A, subject.B))
+        return A, B
+
+    def with_rates(self, subject: Subject, times: int = 1) -> Subject:
+        """Return the loop with so many times p y' fed back; it has the same y'.
+
+        Raises
+        ------
+        FormatError
+            As `require_led`.
+        """
+        self.require_led(subject)
+        A, B, law, rest = list(subject.A), list(subject.B), subject.law, subject.remainder
+        for k in self.led:
+            p, (of_A, of_B) = times * self.multipliers[k], self._rates(k, subject)
+            A, B = _plus(A, subject.E, of_A, p, k), _plus(B, subject.E, of_B, p, k)
+            if law.F:
+                law = replace(law, C=tuple(_plus(law.C, law.F, of_A, p, k)))
+            if rest is not None and rest.source is not None:
+                rate, entering = [*of_A[0], *of_B[0]], subject.n + subject.m + k
+                directions = tuple(_directed(M, entering, p, rate) for M in rest.source.directions)
+                rest = replace(rest.source, directions=directions).on_box
+        return replace(subject, A=A, B=B, law=law, remainder=rest)
+
     def outputs(self) -> tuple[Output, ...]:
         """Return d r y of each."""
         outputs = list[Output]()
         for y, r, d in zip(self.signals, self.radii, self.weights, strict=True):
             C, D = ([[[d * r * x for x in M[0]]] for M in rows] for rows in (y.C, y.D))
             outputs.append(Output(C, D))
+        return tuple(outputs)
+
+    def rated(self, level: Fraction, subject: Subject) -> tuple[Output, ...]:
+        """Return d (r y + level |p| y') of each."""
+        outputs = list(self.outputs())
+        for k in self.led:
+            size = self.weights[k] * level * abs(self.multipliers[k])
+            C, D = (
+                [[[x + size * v for x, v in zip(M[0], rate, strict=True)]] for M, rate in pairs]
+                for pairs in (
+                    zip(rows, rates, strict=True)
+                    for rows, rates in zip(
+                        (outputs[k].C, outputs[k].D), self._rates(k, subject), strict=True
+                    )
+                )
+            )
+            outputs[k] = Output(C, D)
         return tuple(outputs)
 
     @property
@@ -269,6 +377,29 @@ def _varies(rows: Sequence[Sequence[Any]]) -> bool:
     return any(row != rows[0] for row in rows)
 
 
+def _plus(
+    matrices: Sequence[Rationals], E: Sequence[Rationals], rates: Rationals, p: Fraction, k: int
+) -> list[Rationals]:
+    """Return M + p E rate at every vertex, of the k-th column of E."""
+    return [
+        [[x + p * e[k] * v for x, v in zip(old, rate, strict=True)] for old, e in rows]
+        for rows, rate in zip(
+            (zip(M, own, strict=True) for M, own in zip(matrices, E, strict=True)),
+            rates,
+            strict=True,
+        )
+    ]
+
+
+def _directed(M: Rows, entering: int, p: Fraction, row: Sequence[Fraction]) -> Rows:
+    """Return the direction of a function in [A, B, E] with p E row in its first columns."""
+    count = len(row)
+    return tuple(
+        (*(x + p * own[entering] * v for x, v in zip(own, row, strict=False)), *own[count:])
+        for own in M
+    )
+
+
 @dataclass(frozen=True)
 class SectorBound(Gain):
     """The loop is stable for all elements in sectors; ``level`` is 1 over what widens them.
@@ -280,6 +411,7 @@ class SectorBound(Gain):
     late_as: ClassVar[str | None] = None
 
     elements: Elements = field(kw_only=True)
+    invariant: bool = field(default=False, kw_only=True)  # whether phi does not depend on time
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -292,20 +424,48 @@ class SectorBound(Gain):
             read_numbers(table),
             tuple((a, b) for a, b in rows),
             table.numbers("weights"),
+            table.numbers("multipliers") if "multipliers" in table else (),
         )
         changed, beside_it = elements.plant(plant), elements.law(law)
         subject = read_subject(table.table("evidence"), changed, beside_it, on)
-        return cls.of(subject, elements, table.number("level"))
+        invariant = table.flag("invariant")
+        return cls.of(subject, elements, table.number("level"), invariant=invariant)
 
     @classmethod
-    def of(cls, subject: Subject, elements: Elements, level: Fraction) -> Self:
+    def of(
+        cls, subject: Subject, elements: Elements, level: Fraction, *, invariant: bool = False
+    ) -> Self:
         """Return the claim about a loop whose centres are fed back."""
-        return cls(subject, elements.outputs(), level, scales=elements.scales, elements=elements)
+        known: dict[str, Any] = {"scales": elements.scales, "elements": elements}
+        return cls(subject, elements.outputs(), level, **known, invariant=invariant)
 
     @property
     def bare(self) -> Self:
-        """What is claimed: weights are a part of what proves it."""
-        return self.of(super().bare.subject, self.elements.alike, self.level)
+        """What is claimed: weights and multipliers are a part of what proves it."""
+        subject, alike = super().bare.subject, self.elements.alike
+        return self.of(subject, alike, self.level, invariant=self.invariant)
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the evidence is of another loop than the subject."""
+        return bool(self.elements.led)
+
+    @property
+    def series(self) -> Self:
+        """The same claim about the loop with p y' fed back, which has no multipliers."""
+        if not self.filtered:
+            return self
+        elements = self.elements
+        outputs = elements.rated(self.level, self.subject)
+        subject, none = elements.with_rates(self.subject), replace(elements, multipliers=())
+        return replace(self, subject=subject, outputs=outputs, elements=none)
+
+    def require(self) -> None:
+        """Refuse multipliers that do not fit; then as any other claim."""
+        if self.elements.multipliers and not self.invariant:
+            raise FormatError("multipliers: they are for what does not vary in time; say invariant")
+        self.elements.require_led(self.subject)
+        super().require()
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
@@ -313,7 +473,10 @@ class SectorBound(Gain):
         table: dict[str, Any] = {"kind": self.kind} | write_outputs(elements.signals)
         table["disturbances"] = [k + 1 for k in elements.disturbances]
         table["sectors"] = plain([list(pair) for pair in elements.sectors])
-        table |= {"weights": plain(elements.weights), "level": plain(self.level)}
+        table |= {"invariant": True} if self.invariant else {}
+        table |= {"weights": plain(elements.weights)}
+        table |= {"multipliers": plain(elements.multipliers)} if elements.multipliers else {}
+        table |= {"level": plain(self.level)}
         return table | {"evidence": write_evidence(self.subject)}
 
     def require_extra(self) -> None:
@@ -353,15 +516,21 @@ class SectorBound(Gain):
     def elements_words(self, plant: Plant, sectors: Sequence[Sector]) -> list[str]:
         """Return each element in words, its sector rounded inwards."""
         pairs = zip(element_words(self.elements, plant), map(inwards, sectors), strict=True)
-        return [f"{w} = phi(t, y) in [{low}, {high}], {y}" for (w, y), (low, high) in pairs]
+        return [f"{w} = {self.phi} in [{low}, {high}], {y}" for (w, y), (low, high) in pairs]
+
+    @property
+    def phi(self) -> str:
+        """An element in words."""
+        return "phi(y)" if self.invariant else "phi(t, y)"
 
     def statement(self, plant: Plant) -> str:
         """Say for which elements what is proved."""
         said = "; ".join(self.elements_words(plant, self.elements.widened(self.level)))
         every = "every phi" if self.elements.count == 1 else "all phi"
+        times = "that does not depend on time" if self.invariant else "constant or not in time"
         return (
             f"{self.kind}: x = 0 is globally exponentially stable{self.time_text} for {every} with "
-            "y phi(t, y) between a y^2 and b y^2, [a, b] its sector, constant or not in time: "
+            f"y {self.phi} between a y^2 and b y^2, [a, b] its sector, {times}: "
             f"{said}, no other disturbance acting, on the {self.subject.on}"
         )
 

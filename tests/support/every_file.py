@@ -259,6 +259,7 @@ MARGINS = (
     "--limit", "delay margin of u",
     "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
     "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
+    "--limit", "sector of x with disturbance [w] with sector [-2, 2] with time_invariant true",
 )  # fmt: skip
 
 APART = [

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,8 +33,10 @@ EXCHANGES, MORE = (
 )  # of known frequencies, how many are looked at more closely, in each of so many
 AT_ONCE = 24  # of them to begin with
 MOST_STEPS = 80  # of one search
-ENOUGH = 1e-6  # how near the least that known peaks allow
+ENOUGH, NEARLY = 1e-6, 1e-4  # how near the least that known peaks allow; while a law is tuned
 WIDEST = 1e6  # how much less than the first the square of a level is looked for
+SHORT = 1e-5  # by what share a level may be higher of multipliers that are as short as can be
+LONGER = 2.0  # times these: of a spring that moves anyhow the factor is 2.2, of the shortest 2.0
 LONGEST = 300.0  # t, in what turns the highest peak by its own size
 NEAR = 0.7  # of a peak, and of the highest: those that have slopes
 CLOSELY = 20  # points at which peaks are found exactly, the highest
@@ -101,31 +104,60 @@ class Found(NamedTuple):
     w: Array
 
 
-def found(loops: Loops, free: Any, rounds: int = ROUNDS) -> Found:
-    """Return the multipliers with which the level is about least: infinite of no stable loops.
+def found(loops: Loops, free: Any, *, longer: bool = False) -> Found:
+    """Return short multipliers with which the level is about least: infinite of no stable loops.
 
     Parameters
     ----------
     free : (elements,) array of bool
         Which may have t.
+    longer : bool, optional
+        Whether they may be longer for the same: while parameters move more is proved with those.
     """
+    best, search = _best(loops, free, ROUNDS)
+    if search is None or not np.any(best.multipliers.t):
+        return best
+    short = _shortest(loops, search, best)
+    if not longer:
+        return short
+    own = short.multipliers
+    more = _proved(loops, own._replace(t=LONGER * own.t), best.level)
+    return more if more.level <= short.level * (1 + SHORT) else short
+
+
+def _best(loops: Loops, free: Any, rounds: int) -> tuple[Found, Search | None]:
+    """Return the multipliers with which the level is about least, and what they were found for."""
     if not np.all(growth(loops.modes.poles, 0.0) < 0):
         none = np.zeros(len(free))
-        return Found(Multipliers(none, none), np.inf, np.zeros(0, dtype=int), np.zeros(0))
+        return Found(Multipliers(none, none), np.inf, np.zeros(0, dtype=int), np.zeros(0)), None
     best, search = _begun(loops, np.asarray(free))
-    guess = best
+    guess, near = best, 1 + (ENOUGH if rounds > HASTY else NEARLY)
     for _ in range(rounds if best.level > 0 else 0):
         multipliers, level = search.least(guess.multipliers)
         guess = _proved(loops, multipliers, level)
         if guess.level < best.level:
             best = guess
-        if guess.level <= level * (1 + ENOUGH):
+        if guess.level <= level * near:
             break
         if not np.isfinite(guess.level):
             guess = _missed(loops, multipliers, level)
             if not len(guess.w):
                 break
         search = search.beside(loops, guess)
+    return best, search
+
+
+def _shortest(loops: Loops, search: Search, best: Found) -> Found:
+    """Return the shortest multipliers that prove about the same: proofs with them are easier."""
+    most = best.level * (1 + SHORT)
+    for _ in range(ROUNDS):
+        multipliers, level = search.least(best.multipliers, most)
+        found = _proved(loops, multipliers, level)
+        if found.level <= most * (1 + SHORT):
+            return found
+        search = search.beside(
+            loops, found if np.isfinite(found.level) else _missed(loops, multipliers, most)
+        )
     return best
 
 
@@ -205,8 +237,8 @@ class Search(NamedTuple):
             G=np.concatenate([self.G, G]), s=np.concatenate([self.s, s]), some=some
         )
 
-    def least(self, start: Multipliers) -> tuple[Multipliers, float]:
-        """Return the best multipliers, and the level that is least with them."""
+    def least(self, start: Multipliers, most: float | None = None) -> tuple[Multipliers, float]:
+        """Return the best multipliers, or the shortest for a level, and the least with them."""
         level = float(start.levels(self.G, self.s)[0].max())
         if not np.isfinite(level):
             start = start._replace(t=0 * start.t)
@@ -215,8 +247,8 @@ class Search(NamedTuple):
         some = np.union1d(self.some, np.argsort(-heights)[:AT_ONCE])
         now = start, level
         for _ in range(EXCHANGES):
-            now = self._replace(some=some)._searched(*now)
-            heights = now[0].heights(self.G, self.s, now[1])[0]
+            now = self._replace(some=some)._searched(*now, most)
+            heights = now[0].heights(self.G, self.s, most or now[1])[0]
             over = np.flatnonzero(heights > 1 + ENOUGH)
             over = np.setdiff1d(over, some)
             if not len(over):
@@ -224,8 +256,10 @@ class Search(NamedTuple):
             some = np.union1d(some, over[np.argsort(-heights[over])[:MORE]])
         return now
 
-    def _searched(self, start: Multipliers, level: float) -> tuple[Multipliers, float]:
-        """Return the best for those that are looked at."""
+    def _searched(
+        self, start: Multipliers, level: float, most: float | None = None
+    ) -> tuple[Multipliers, float]:
+        """Return the best for those that are looked at; under a level the shortest that keep it."""
         from scipy.optimize import minimize  # deferred: slow to import
 
         G, s, size = self.G[self.some], self.s[self.some], len(self.free)
@@ -238,37 +272,46 @@ class Search(NamedTuple):
             t[open_t] = x[size - 1 : -1] * unit
             return Multipliers(d, t), level / float(np.sqrt(max(x[-1], 1e-12)))
 
-        def margins(x: Array) -> tuple[Array, Array]:
-            multipliers, own = whole(x)
-            top, v = multipliers.heights(G, s, own)
-            of_d, of_t, of_square = _slopes(multipliers, G, s, own, v)
-            columns = (of_d[:, open_d], of_t[:, open_t] * unit)
-            return 1 - top, -np.hstack([*columns, of_square[:, None] / x[-1]])
+        @lru_cache(maxsize=1)  # values and slopes are asked for one after the other
+        def highest(*numbers: float) -> tuple[Multipliers, float, Any, Any]:
+            multipliers, own = whole(np.array(numbers))
+            return multipliers, own, *multipliers.heights(G, s, own)
 
+        def room(x: Array) -> Array:
+            return np.asarray(1 - highest(*x)[2])
+
+        def slopes(x: Array) -> Array:
+            multipliers, own, _, v = highest(*x)
+            of_d, of_t, of_square = _slopes(multipliers, G, s, own, v)
+            columns = of_d[:, open_d], of_t[:, open_t] * unit, of_square[:, None] / x[-1]
+            return -np.hstack(columns)
+
+        def cost(x: Array) -> tuple[float, Array]:
+            own = np.zeros(len(x))
+            if most is None:
+                own[-1] = -1.0
+                return -float(x[-1]), own
+            own[size - 1 : -1] = x[size - 1 : -1]
+            return float(own @ own) / 2, own
+
+        square = (0.5, WIDEST) if most is None else ((level / most) ** 2,) * 2
         x = np.concatenate([np.zeros(size - 1), start.t[open_t] / unit, [1.0]])
+        x[-1] = np.clip(x[-1], *square)
         ends = [(-scales.FARTHEST, scales.FARTHEST)] * (size - 1)
         ends += [(-LONGEST, LONGEST)] * int(open_t.sum())
         settings: dict[str, Any] = {
-            "jac": lambda x: np.append(np.zeros(len(x) - 1), -1.0),
+            "jac": True,
             "method": "SLSQP",
-            "bounds": [*ends, (0.5, WIDEST)],
-            "constraints": {
-                "type": "ineq",
-                "fun": lambda x: margins(x)[0],
-                "jac": lambda x: margins(x)[1],
-            },
+            "bounds": [*ends, square],
+            "constraints": {"type": "ineq", "fun": room, "jac": slopes},
             "options": {"maxiter": MOST_STEPS, "ftol": 1e-9},
         }
-        solved = minimize(_less_the_last, x, **settings).x
+        solved = minimize(cost, x, **settings).x
         if not np.all(np.isfinite(solved)):
             return start, level
         multipliers = whole(solved)[0]
         reached = float(multipliers.levels(G, s)[0].max())
         return (multipliers, reached) if np.isfinite(reached) else (start, level)
-
-
-def _less_the_last(x: Array) -> float:
-    return -float(x[-1])
 
 
 def _slopes(
@@ -323,7 +366,7 @@ def _some(loops: Loops, part: Any) -> Loops:
 
 def slopes(loops: Loops, free: Any) -> Slopes:
     """Return levels at peaks with their slopes, multipliers found anew."""
-    best = found(loops, free, HASTY)
+    best, _ = _best(loops, free, HASTY)
     multipliers = best.multipliers
     if not np.any(multipliers.t) and len(multipliers.t) == 1:
         return Gain("z").slopes(loops)

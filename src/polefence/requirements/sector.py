@@ -69,11 +69,14 @@ class SectorBound(Margin):
         a and b of each.
     time_invariant : bool
         Of elements phi(y) alone, which do not depend on time: of these more is proved.
+    multiplied : bool
+        Whether the proof of these has multipliers where it may: else it is the circle criterion's.
     """
 
     disturbance: Any = field(default=(), kw_only=True)
     sector: Any = field(default=(), kw_only=True)
     time_invariant: bool = field(default=False, kw_only=True)
+    multiplied: bool = field(default=True, kw_only=True)
     kind = "sector"
     keys = ("disturbance", "sector", "time_invariant")
     vector = True
@@ -212,9 +215,11 @@ class SectorBound(Margin):
     def ways(
         self, plant: UncertainPlant, law: Any
     ) -> tuple[tuple[float | None, Specification], ...]:
-        """Return it, of elements with multipliers with about the least level that is proved."""
+        """Return it with multipliers, of about the least level that is proved; and without."""
         found = self._multiplied(*self._centred(plant, law)) if self.time_invariant else None
-        return ((None if found is None else found.level, self),)
+        if found is None:
+            return super().ways(plant, law)
+        return (found.level, self), (None, replace(self, multiplied=False))
 
     def _centred(self, plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, Elements]:
         """Return the plant with the centres fed back, the law beside it, and the elements."""
@@ -229,7 +234,7 @@ class SectorBound(Margin):
 
         None where none may.
         """
-        if not self.time_invariant:
+        if not (self.time_invariant and self.multiplied):
             return ()
         subject = _subject(changed, law)
         rated = tuple(_may_be_led(elements, k, subject) for k in range(elements.count))
@@ -243,7 +248,7 @@ class SectorBound(Margin):
         if not free:
             return None
         few = seeded(changed, len(changed.vertices) + FEW)
-        return popov.found(_loops(changed, law, elements, few), free)
+        return popov.found(_loops(changed, law, elements, few), free, longer=bool(changed.moving))
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant

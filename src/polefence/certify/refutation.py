@@ -379,6 +379,8 @@ def _highest_dual(cuts: Array, centre: Array, reach: float) -> tuple[Array, floa
     from scipy.optimize import linprog
 
     size = np.abs(cuts).max()
+    if not size > 0:  # some law makes nothing of what is minimised
+        return centre, -np.inf
     bounds = [(max(1e-7, x / reach), x * reach) for x in centre[1:]]
     optimum = linprog(
         np.append(np.ones(len(centre) - 1), -1.0) / size,

@@ -18,7 +18,7 @@ HALVINGS = 3, 6  # of the gain, from which on each is worth half of that, and up
 
 def near(level: float, gain: float, smaller: float) -> float:
     """Return the level up to which a law of a smaller gain is as good as one of this level."""
-    halvings = np.log2(gain / smaller) if smaller > 0 else np.inf
+    halvings = float(np.log2(gain / smaller)) if 0 < smaller < gain else np.inf * (gain > smaller)
     fewest, most = HALVINGS
     times = min(halvings, most) / 2 if halvings >= fewest else 1.0
     return float(level + times * NEAR * abs(level))

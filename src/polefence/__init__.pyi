@@ -138,7 +138,11 @@ from polefence.search.optimise import Optimised as Optimised, optimise as optimi
 from polefence.search.place import place as place, tightest as tightest
 from polefence.search.rows import RunOptions as RunOptions
 from polefence.search.semi_active import SemiActiveLaw as SemiActiveLaw, semi_active as semi_active
-from polefence.search.structures import Structures as Structures, structures as structures
+from polefence.search.structures import (
+    AskedStructures as AskedStructures,
+    Structures as Structures,
+    structures as structures,
+)
 from polefence.search.tradeoff import Asked as Asked, Front as Front, tradeoff as tradeoff
 from polefence.show import plots as plots
 

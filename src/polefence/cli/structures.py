@@ -27,7 +27,7 @@ from polefence.plant.family import UncertainPlant
 from polefence.requirements.specification import Specification, limit_text
 from polefence.search.rows import Row
 from polefence.search.structures import FILE_NAME as TABLE
-from polefence.search.structures import Asked, Structures, asked_of, save_row, structures
+from polefence.search.structures import AskedStructures, Structures, asked_of, save_row, structures
 
 SINGLE = {"bits": "float", "fixed": "fixed"}  # options of one law alone
 SIGNALS = 36  # letters of the signals in a row
@@ -153,7 +153,7 @@ def _lines(table: Structures) -> list[str]:
     return [*lines, f"recommended: {table.reason}", *law_lines(table.design().law)]
 
 
-def table_lines(asked: Asked, rows: Sequence[Row]) -> list[str]:
+def table_lines(asked: AskedStructures, rows: Sequence[Row]) -> list[str]:
     """Return the rows of a table that are finished, below its head."""
     sets = len({one.measured for one in asked.structures}) > 1
     width = max(len(_signals(row)) for row in rows) if sets else 0
@@ -188,7 +188,7 @@ def _signals(row: Row) -> str:
 
 
 @contextmanager
-def _finished(asked: Asked, directory: Path | None) -> Iterator[Callable[[Row], None]]:
+def _finished(asked: AskedStructures, directory: Path | None) -> Iterator[Callable[[Row], None]]:
     """Show how many rows are finished, each with its law in its folder.
 
     Where Ctrl-C ends the others those that are finished are printed.

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -240,7 +241,6 @@ def optimise(
     *,
     fewer_states: bool = True,
     bears: Callable[[Design], bool] | None = None,
-    chain: Chain | None = None,
 ) -> Optimised:
     """Design the law with the smallest worst case of one signal, within limits on others.
 
@@ -271,8 +271,6 @@ def optimise(
     bears : callable, optional
         Whether a design of which all is proved may be returned: where one is not, poles farther
         inside the region are searched. `polefence.export.FloatCode` is one.
-    chain : Chain, optional
-        What is known of laws of other orders, and of poorer structures.
 
     Returns
     -------
@@ -289,7 +287,31 @@ def optimise(
         If a specification does not fit the plant.
     """
     question = minimise, subject_to, region, method, budget, structure
-    done = _optimised(plant, *question, fewer_states, bears, chain)
+    return _answered(plant, *question, fewer_states, bears, None)
+
+
+@explained
+@small_matrices()
+def optimise_in(
+    chain: Chain,
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    region: Region | None,
+    structure: Structure,
+) -> Optimised:
+    """Return what `optimise` does, of a structure among others of which something is known."""
+    question = minimise, subject_to, region, None, None, structure
+    return _answered(plant, *question, False, None, chain)
+
+
+def _answered(
+    plant: UncertainPlant,
+    minimise: Specification | None,
+    subject_to: Sequence[Specification],
+    *how: Any,
+) -> Optimised:
+    done = _optimised(plant, minimise, subject_to, *how)
     decay = proved_decay(done.plant, done.law, done.bounds)
     done = replace(done, decay=decay, question=(plant, minimise, tuple(subject_to)))
     done.design.certificate.require_checkable(done.claims)

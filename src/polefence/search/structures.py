@@ -45,7 +45,13 @@ from polefence.proof.text import plural
 from polefence.region.regions import Region
 from polefence.requirements.named import by_name
 from polefence.requirements.specification import Specification
-from polefence.search.optimise import Chain, Optimised, limit_of_any_law, optimise, structured
+from polefence.search.optimise import (
+    Chain,
+    Optimised,
+    limit_of_any_law,
+    optimise_in,
+    structured,
+)
 from polefence.search.rows import Key, Row, Run, plant_summary
 from polefence.search.task import Task
 from polefence.search.tradeoff import SAMPLES, label_of, of_plant, proves, worst_of
@@ -139,7 +145,7 @@ def asked_of(
     orders: Sequence[int] | None = None,
     degrees: Sequence[int] | None = None,
     measured: Sequence[Sequence[str] | None] | None = None,
-) -> Asked:
+) -> AskedStructures:
     """Return the question of `structures`, which fits the plant.
 
     Raises
@@ -156,7 +162,7 @@ def asked_of(
     region = stable_region(plant) if region is None else in_time_of(plant, region)
     structure = Structure() if structure is None else structure
     every = _structures(structure, orders, degrees, measured)
-    asked = Asked(plant, asked_for[0], asked_for[1:], region, every)
+    asked = AskedStructures(plant, asked_for[0], asked_for[1:], region, every)
     for one in (minimise, *subject_to):
         one.require_fit(plant)
     require_movable(plant, region)
@@ -202,7 +208,7 @@ def _structures(
 
 
 @dataclass(frozen=True, eq=False)
-class Asked(Short):
+class AskedStructures(Short):
     """Question of a table of structures.
 
     Attributes
@@ -315,21 +321,14 @@ def _is_within(poorer: Structure, richer: Structure) -> bool:
     return signals and poorer.degree <= richer.degree and poorer.order <= richer.order
 
 
-def _row_of(asked: Asked, k: int, chain: Chain) -> Row:
+def _row_of(asked: AskedStructures, k: int, chain: Chain) -> Row:
     """Return one row; whatever fails in it is its reason."""
     one, start = asked.structures[k], time.perf_counter()
     answer: Row
     try:
         with stage(asked.words(k)):
-            done = optimise(
-                asked.plant,
-                asked.minimise,
-                asked.subject_to,
-                asked.region,
-                structure=one,
-                fewer_states=False,
-                chain=chain,
-            )
+            question = asked.plant, asked.minimise, asked.subject_to, asked.region
+            done = optimise_in(chain, *question, one)
             answer = _proved(asked, k, done)
     except PolefenceError as error:  # one row's failure is not the table's
         reason = " ".join(str(error).split()).removeprefix("not proved: ")
@@ -339,13 +338,15 @@ def _row_of(asked: Asked, k: int, chain: Chain) -> Row:
     return asked.head(k) | answer | {"seconds": time.perf_counter() - start}
 
 
-def _proved(asked: Asked, k: int, done: Optimised) -> Row:
+def _proved(asked: AskedStructures, k: int, done: Optimised) -> Row:
     certificate, claims = done.design.certificate, done.claims
     certificate.require_checkable(claims)
     return proved_row(asked, k, certificate, claims)
 
 
-def proved_row(asked: Asked, k: int, certificate: Certificate, claims: Sequence[BoundClaim]) -> Row:
+def proved_row(
+    asked: AskedStructures, k: int, certificate: Certificate, claims: Sequence[BoundClaim]
+) -> Row:
     """Return what a row says of a law: what is proved, and its worst at sampled parameters."""
     (task, _), law = asked.problem(k), certificate.law
     alpha = seeded(task.plant, SAMPLES)
@@ -389,7 +390,7 @@ class Structures(Short):
 
     Attributes
     ----------
-    asked : Asked
+    asked : AskedStructures
         Plant, specifications, region and structures.
     rows : tuple of dict
         One a structure, poorer ones first, as plain data: ``row``, counted from one; ``order``,
@@ -402,7 +403,7 @@ class Structures(Short):
         ``seconds``.
     """
 
-    asked: Asked
+    asked: AskedStructures
     rows: tuple[Row, ...]
 
     def __repr__(self) -> str:
@@ -571,7 +572,7 @@ class Structures(Short):
         }
 
 
-def head(asked: Asked) -> dict[str, Any]:
+def head(asked: AskedStructures) -> dict[str, Any]:
     """Return what stands above the rows."""
     return {
         "polefence": VERSION,
@@ -580,7 +581,7 @@ def head(asked: Asked) -> dict[str, Any]:
     }
 
 
-def save_row(asked: Asked, row: Row, directory: Path) -> Path | None:
+def save_row(asked: AskedStructures, row: Row, directory: Path) -> Path | None:
     """Write the law of a row into its folder; return its path, None where none is proved."""
     if row["performance"] is None:
         return None
@@ -592,14 +593,14 @@ def _text(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def write_rows(path: Path, asked: Asked, rows: Sequence[Row]) -> None:
+def write_rows(path: Path, asked: AskedStructures, rows: Sequence[Row]) -> None:
     """Write a table, whole or not at all."""
     make_folder(path.parent)
     document = head(asked) | {"rows": list(rows)}
     write_text(path, _text(document))
 
 
-def finished(path: Path, asked: Asked) -> dict[Key, Row]:
+def finished(path: Path, asked: AskedStructures) -> dict[Key, Row]:
     """Return the proved rows of an earlier run, all proved afresh.
 
     Raises
@@ -628,7 +629,7 @@ def finished(path: Path, asked: Asked) -> dict[Key, Row]:
     return kept
 
 
-def _reproved(row: Row, asked: Asked, k: int) -> Row:
+def _reproved(row: Row, asked: AskedStructures, k: int) -> Row:
     """Return what is proved of a row, its law sampled again.
 
     Raises

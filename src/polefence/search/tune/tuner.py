@@ -61,8 +61,8 @@ T = TypeVar("T")
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
-# Starts at random. Of the gains of eight plants of a library 8, and 6 that are followed, lower one by
-# 4.6 and one by 0.9 % beside 4 and 3, and take a third more time; 16 and 8 lower none of them more.
+# Starts at random, and those that are followed. Of the gains of eight plants of a library 8 and 6
+# lower one by 4.6 and one by 0.9 % beside 4 and 3, in a third more time; 16 and 8 none any more.
 RANDOM, SEED = 8, 20261122
 # The same beside laws that are given: those of an order start near one another. Three masses, one
 # velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.

@@ -59,6 +59,7 @@ DECAY = 1e-6  # the same, of the plant's rates, while weights are sought
 CLOSE = 1e-6  # of a dual function's value, how near its highest is known
 MOST_STATES = 30  # of a plant: with 50 a limit takes a minute
 FEW = 4  # vertices at which the best weights are sought
+LITTLE = 1e-4  # of a level, which is no matter; and of weights
 LEAST_WEIGHT = 1e-5  # of a limit that counts, beside one of what is minimised
 
 FILE_NAME = "limit.json"
@@ -274,10 +275,15 @@ class Within(Short):
             counts = [0, *(k for k, a in enumerate(weights) if k and a > LEAST_WEIGHT)]
             few = replace(self, limits=tuple(self.limits[k] for k in counts))
             level = float(self.limits[0].level) * np.sqrt(square)
-            found = few._proved_at(j, weights[counts])
-            if found is not None and found[0].limits[0].level > level * (1 - 1e-4):
-                return found
-            return self._proved_at(j, weights)
+            # how much room rounding takes depends on the weights: none of little is often better
+            tried = [(few, weights[counts]), (self, weights), (self, np.maximum(weights, LITTLE))]
+            known = list[tuple[RmsRefutation, str]]()
+            for question, chosen in tried:
+                found = question._proved_at(j, chosen)
+                known += [] if found is None else [found]
+                if found is not None and found[0].limits[0].level > level * (1 - LITTLE):
+                    break
+            return max(known, key=lambda found: found[0].limits[0].level, default=None)
         return None
 
     def _vertices(self) -> Iterator[tuple[float, int, Array]]:

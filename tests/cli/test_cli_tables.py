@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from polefence.base.errors import PolefenceError
 from polefence.cli.main import main
 from polefence.search import structures as search
 from support.commands import ran, refused
@@ -109,24 +110,24 @@ def test_ctrl_c_keeps_and_prints_the_rows_that_are_finished(here, capsys, monkey
 
 
 def test_a_row_without_a_law_leaves_the_others(here, capsys, monkeypatch):
-    real = search.optimise
+    real = search.optimise_in
 
-    def failing(*question, structure, **options):
-        if not structure.order:
-            raise search.PolefenceError("not proved: none of order 0")
-        return real(*question, structure=structure, **options)
+    def failing(*question):
+        if not question[-1].order:
+            raise PolefenceError("not proved: none of order 0")
+        return real(*question)
 
-    monkeypatch.setattr(search, "optimise", failing)
+    monkeypatch.setattr(search, "optimise_in", failing)
     with hasty():
         out = ran(capsys, "optimise", "two.toml", "--order", "0..1", "-o", "some")
     assert "undecided" in out
     assert "row 1: none of order 0" in out
     assert not Path("some/order-0-degree-1").exists()
 
-    def none(*_, **__):
-        raise search.PolefenceError("not proved: none")
+    def none(*_):
+        raise PolefenceError("not proved: none")
 
-    monkeypatch.setattr(search, "optimise", none)
+    monkeypatch.setattr(search, "optimise_in", none)
     out = ran(capsys, "optimise", "two.toml", "--order", "0..1", "-o", "none", status=1)
     assert "recommended" not in out
     assert not Path("none/design.json").exists()

@@ -61,9 +61,9 @@ T = TypeVar("T")
 INSIDE, ON_EDGES = 160, 3  # points of the cloud: in the family, and on each edge
 MOST_CORNERS, MOST_CLOUD = 16, 600
 SMOOTH = 10.0, 300.0, 1e4  # kappa, one after the other, before poles themselves
-# Starts at random, and those that are followed. Of the gains of eight plants of a library 8 and 6
-# lower one by 4.6 and one by 0.9 % beside 4 and 3, in a third more time; 16 and 8 none any more.
-RANDOM, SEED = 8, 20261122
+# Starts at random: of 20 laws, of random plants and shown ones, one is 0.4 % worse without; of
+# eight gains of a library none is better with 8.
+RANDOM, SEED = 4, 20261122
 # The same beside laws that are given: those of an order start near one another. Three masses, one
 # velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.
 BESIDE = 8
@@ -71,7 +71,9 @@ STRICT = 1e5  # of what is not quite kept at the end
 ENOUGH = 4  # laws that are given, beside which the search has no regulators of its own
 # Times the best gain: of two laws of a car it leads to levels 0.16 and 0.35 % lower.
 FARTHER = 4.0, 16.0
-BEST, LAST = 6, 2  # starts that are followed at the corners, and over the family
+# Starts that are followed at the corners, and over the family: of eight gains of a library 6 lower
+# one by 4.6 and one by 1 % beside 3, in a third more time.
+BEST, LAST = 6, 2
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 KEPT = 1e-6  # limits to rounding
 ALIKE = 1e-3  # of laws that count as one

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 
+from polefence.base.errors import InputError
 from polefence.certify.bounds import best_bound, kept_bound
 from polefence.cli.main import main
 from polefence.law.laws import given_law
@@ -115,6 +116,8 @@ def test_bounds_of_a_random_family_are_near_samples_of_plants_scaled_alone():
     assert worst <= bound.level * (1 + 1e-6)
     assert bound.level <= worst * 1.003  # 1.105 of one scale
     assert len(bound.claim.subject.evidence.cells) > 1
+    with pytest.raises(InputError, match="by the transfer function, without a Lyapunov matrix"):
+        bound.lyapunov_at(p=0.2, q=0.1)
 
 
 @pytest.mark.parametrize(

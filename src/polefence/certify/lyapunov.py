@@ -47,11 +47,6 @@ def lyapunov_matrix(
     InputError
         If alpha is no product of the parameters' weights where the evidence is about those.
     """
-    if evidence.transfer:
-        raise InputError(
-            "this bound is proved by the transfer function, without a Lyapunov matrix; "
-            "design.lyapunov_at gives that of the poles"
-        )
     at = _coordinates(list(alpha), sizes)
     for piece in evidence.cells:
         sides = list(zip(at[1::2], piece.low, piece.high, strict=True))
@@ -59,6 +54,11 @@ def lyapunov_matrix(
             inner = [(weight - low) / (high - low) for weight, low, high in sides]
             at, evidence = [x for upper in inner for x in (1 - upper, upper)], piece.evidence
             break
+    if evidence.transfer:
+        raise InputError(
+            "this bound is proved by the transfer function, without a Lyapunov matrix; "
+            "design.lyapunov_at gives that of the poles"
+        )
     X = _of(law, sizes, evidence, at)
     exact = X if evidence.dual else inverse(X, "the Lyapunov matrix")
     P: Array = np.array([[float(x) for x in row] for row in exact])

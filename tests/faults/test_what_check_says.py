@@ -449,7 +449,7 @@ def test_outputs_are_the_specs(with_outputs, tmp_path, monkeypatch, capsys, chan
     assert said_by(capsys, "check", "rows")[0] == 0  # true of what is written out
     status, out = said_by(capsys, "check", "rows", "--spec", "rows.toml")
     assert status == 1
-    assert f"rows: but NOT about rows.toml: {message}" in out
+    assert f"rows/design.json: but NOT about rows.toml: {message}" in out
 
 
 def test_an_output_that_no_claim_is_about_may_be_another(with_outputs, tmp_path, capsys):

@@ -348,11 +348,11 @@ class _Search:
                 strict=True,
             )
         ]
-        if not alone:
-            reached += self._farther(_distinct(reached)[:1])
         reached += self._meeting(_distinct(reached)[:1])
-        best = counted(_distinct(reached)[:LAST], "best start")
-        results = [self._tuned(self._finished(end)) for end in best]
+        ends = _distinct(reached)[:LAST]
+        # beside these, none of which makes way: what is best at the corners need not be elsewhere
+        ends += [] if alone else self._farther(ends[:1])
+        results = [self._tuned(self._finished(end)) for end in counted(ends, "best start")]
         given = [self._given(law) for law in laws if self._of_structure(law)]
         results += [tuned for tuned in given if tuned.kept]
         results.sort(key=lambda tuned: (not tuned.kept, tuned.level))
@@ -398,7 +398,8 @@ class _Search:
             return []
         starts = [times * start.theta for start in best for times in FARTHER]
         ends = _distinct(self._improved(starts, self.first, QUICK))[:1]
-        return self._improved([end.theta for end in ends], self.first)
+        better = self._improved([end.theta for end in ends], self.first)
+        return [end for end in better if _distinct([*best, end])[0] is end]
 
     def _meeting(self, best: Sequence[_Reached]) -> list[_Reached]:
         """Return the law of one plant for which all poles of a region that grows are in one place.

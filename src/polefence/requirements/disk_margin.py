@@ -187,7 +187,7 @@ class DiskMargin(Margin):
 
     def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
         """Yield the best scale of the loops at each point, and the level it leads to."""
-        loops = _closed(*self._alike(plant, law), alpha)
+        loops = closed_loops(*self._alike(plant, law), alpha)
         if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
             yield from ((np.zeros(len(self.names)), np.inf) for _ in alpha)
             return
@@ -745,7 +745,7 @@ def _signal(plant: UncertainPlant, name: str) -> Output:
     return inputs(plant)[i] if kind == "input" else plant.signal(_read(plant, None)[i])
 
 
-def _closed(plant: UncertainPlant, law: Any, gain: LoopGain, alpha: Array) -> ClosedLoops:
+def closed_loops(plant: UncertainPlant, law: Any, gain: Specification, alpha: Array) -> ClosedLoops:
     """Return the loops from what is added at opened loops to what arrives there."""
     wide = behind(plant, law, gain)
     closed = close(wide.plant, wide.law, alpha)
@@ -763,7 +763,7 @@ def _scale(
     plant: UncertainPlant, law: Any, gain: LoopGain, alpha: Array
 ) -> tuple[tuple[Fraction, ...], tuple[tuple[Fraction, Fraction], ...]]:
     """Return weights and leads for which the gain of D M D^-1 is about least at points alpha."""
-    loops = _closed(plant, law, gain, alpha)
+    loops = closed_loops(plant, law, gain, alpha)
     if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
         return gain.loops.weights, ()
     leads = gain.invariant and plant.dead_time is None  # a proof with one has none

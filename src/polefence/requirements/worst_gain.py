@@ -13,7 +13,6 @@ import numpy as np
 from polefence.base.errors import InputError, shown
 from polefence.base.explained import explained_fields
 from polefence.law.laws import law_or_table
-from polefence.plant.delta import delta_form
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output
@@ -30,6 +29,7 @@ from polefence.requirements.disk_margin import (
     Posed,
     Unmodelled,
     all_paths,
+    closed_loops,
     invariant_words,
     may_part,
     named_disturbances,
@@ -49,9 +49,7 @@ from polefence.requirements.gain import Gain, sampled_frequency
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import OwnScale, Row, Specification
-from polefence.requirements.weights import Shape, behind
-from polefence.response.closed import close
-from polefence.response.modes import Modes
+from polefence.requirements.weights import Shape
 from polefence.response.peaks import largest, response
 from polefence.response.stationary import growth
 
@@ -204,11 +202,8 @@ class WorstCaseGain(Gain):
 
     def _closed(self, plant: UncertainPlant, law: Any, alpha: Array) -> ClosedLoops:
         """Return the loops from [w; w_k] to [z; v_k], none scaled."""
-        opened, beside, gain = self._opened(plant, law, 1.0, (Fraction(1),) * len(self.inputs))
-        wide = behind(opened, beside, gain)
-        closed = close(wide.plant, wide.law, alpha)
-        channel = Gain.channel(wide.specification, delta_form(wide.plant), alpha)  # type: ignore[arg-type]
-        return channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
+        alike = (Fraction(1),) * len(self.inputs)
+        return closed_loops(*self._opened(plant, law, 1.0, alike), alpha)
 
     def _opened(
         self,

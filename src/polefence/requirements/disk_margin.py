@@ -186,13 +186,9 @@ class DiskMargin(Margin):
         return len(self.names) > 1 and may_part(plant, law)
 
     def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
-        """Yield the best scale of the loops at each point, and the level it leads to."""
+        """Return the best scale of the loops at each point, and the level it leads to."""
         loops = closed_loops(*self._alike(plant, law), alpha)
-        if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
-            yield from ((np.zeros(len(self.names)), np.inf) for _ in alpha)
-            return
-        for found in scales.of_each(loops, 0, 1.0, leads=self.time_invariant):
-            yield found.scale.middle, found.level
+        return scales.of_each(loops, 0, 1.0, leads=self.time_invariant)
 
     def _require_cut(self, plant: UncertainPlant, law: Any, loops: Loops) -> None:
         """Refuse a loop that is not the one that its name says.

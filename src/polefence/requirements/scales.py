@@ -20,6 +20,7 @@ from polefence.requirements.gain import Highest
 from polefence.requirements.slopes import Loops, Slopes, Turned
 from polefence.response.modes import Modes
 from polefence.response.peaks import largest, peaks, response
+from polefence.response.stationary import growth
 
 # Of 60 random loops with units from 1e-3 to 1e3, 2 to 4 opened at once, none took more than 35
 # steps for known peaks, more than 7 rounds, or logarithms of weights more than 13 apart.
@@ -175,12 +176,22 @@ def scaled(
     return min(found, key=lambda one: one.level)
 
 
-def of_each(loops: Loops, p: int, limit: float | None, *, leads: bool) -> Iterator[Scaled]:
-    """Yield the scale of each of some loops alone."""
+def of_each(
+    loops: Loops, p: int, limit: float | None, *, leads: bool
+) -> Iterator[tuple[Array, float]]:
+    """Yield the middle of the best scale of each loop alone, and the level that it leads to.
+
+    Where some loop is not stable all levels are infinite.
+    """
+    stable = bool(np.all(growth(loops.modes.poles, loops.modes.step) < 0))
     for k in range(len(loops.A)):
+        if not stable:
+            yield np.zeros(loops.E.shape[-1]), np.inf
+            continue
         modes = Modes(np.asarray(loops.A)[k : k + 1], loops.modes.step)
         E, C, F = (M[k : k + 1] for M in (loops.E, loops.C, loops.F))
-        yield scaled(replace(loops, modes=modes, E=E, C=C, F=F), p, limit, leads=leads)
+        found = scaled(replace(loops, modes=modes, E=E, C=C, F=F), p, limit, leads=leads)
+        yield found.scale.middle, found.level
 
 
 def points(w: Array, step: float) -> Any:

@@ -180,13 +180,9 @@ class WorstCaseGain(Gain):
         return may_part(plant, law)
 
     def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
-        """Yield the best scale of the loops at each point, and the least level with it."""
+        """Return the best scale of the loops at each point, and the least level with it."""
         loops = self._closed(plant, law, alpha)
-        if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
-            yield from ((np.zeros(len(self.inputs)), np.inf) for _ in alpha)
-            return
-        for found in scales.of_each(loops, len(self.entries), None, leads=self.time_invariant):
-            yield found.scale.middle, found.level
+        return scales.of_each(loops, len(self.entries), None, leads=self.time_invariant)
 
     def _scaled(self, plant: UncertainPlant, law: Any) -> tuple[float, scales.Scale]:
         """Return the level, and a scale of the loops, that are about best at a few points."""

@@ -26,6 +26,7 @@ from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.sector import SectorBound
 from polefence.requirements.worst_gain import WorstCaseGain
+from support.specs import CROSSED
 
 EARLIER = Path(__file__).parents[1] / "proof" / "format2" / "one-gain-1.json"
 SPEC = """name = "mass"
@@ -119,17 +120,6 @@ FILES = (
     "passing/design.json", "margins/design.json", "failing/margins.json", "delayed/design.json",
     "apart/design.json",
 )  # fmt: skip
-CROSSED = """name = "crossed"
-states = ["x1", "x2"]
-inputs = ["u"]
-disturbances = ["w1", "w2"]
-[parameter.p]
-range = [-1, 1]
-[matrices]
-A = [[-1, 0], [0, -1]]
-B = [[1], [0]]
-E = [[0, "2 + p"], ["2 - p", 0]]
-"""
 PASSING = (
     SPEC
     + """[outputs]
@@ -264,8 +254,8 @@ MARGINS = (
 
 APART = [
     "verify", "crossed.toml", "--gain", "[[0, 0]]", "--region", "half_plane(0)",
-    "--limit", "unmodelled dynamics of [x1 -> w1, x2 -> w2] with weight 1 >= 0.4",
-    "--limit", "worst-case gain of [x1, x2] <= 8 with inputs [x1 -> w1, x2 -> w2] with weight 0.3 "
+    "--limit", "unmodelled dynamics of [v1 -> w1, v2 -> w2] with weight 1 >= 0.4",
+    "--limit", "worst-case gain of [v1, v2] <= 8 with inputs [v1 -> w1, v2 -> w2] with weight 0.3 "
     "with time_invariant true", "-o", "apart",
 ]  # fmt: skip
 LATE_SAMPLES = [

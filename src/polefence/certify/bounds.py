@@ -29,7 +29,7 @@ from polefence.certify.certificate import Certificate
 from polefence.certify.design import FILE_NAME
 from polefence.certify.evidence import finer, pieces_of
 from polefence.certify.lyapunov import lyapunov_matrix, weights_at
-from polefence.certify.own_scales import Found, InParts
+from polefence.certify.scaled_parts import Found, InParts
 from polefence.law.laws import Law
 from polefence.lmi.conditions import performance
 from polefence.lmi.conditions.lyapunov import Loop

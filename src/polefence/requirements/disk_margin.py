@@ -34,7 +34,7 @@ from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.margin import Margin, level_of
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
-from polefence.requirements.specification import OwnScale, Row, Specification, is_number
+from polefence.requirements.specification import BestScale, Row, Specification, is_number
 from polefence.requirements.weights import Shape, behind
 from polefence.response.closed import close
 from polefence.response.loop_margins import LoopMargins, margins
@@ -185,7 +185,7 @@ class DiskMargin(Margin):
         """Whether there are several loops, and parameters that do not move."""
         return len(self.names) > 1 and may_part(plant, law)
 
-    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+    def best_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[BestScale]:
         """Return the best scale of the loops at each point, and the level it leads to."""
         loops = closed_loops(*self._alike(plant, law), alpha)
         return scales.of_each(loops, 0, 1.0, leads=self.time_invariant)

@@ -40,7 +40,7 @@ SMALLEST, LARGEST = 1e-30, 1e30  # of a scale: its square, times that of E, is t
 SIGNAL_REMEDY = (
     'name a state or an input, or of a quarter car for example "sprung-mass acceleration"'
 )
-OwnScale = tuple[Array, float]  # of opened loops at one point, and the level it leads to
+BestScale = tuple[Array, float]  # of opened loops at one point, and the level it leads to
 # Names that need no quotes in a list.
 _PLAIN = re.compile(r"""[^\s,*\[\]"]([^,*\[\]"]*[^\s,*\[\]"])?""")
 
@@ -264,7 +264,7 @@ class Specification(Short):
         """Return whether parts of the box may have scales of opened loops of their own."""
         return False
 
-    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+    def best_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[BestScale]:
         """Yield the best scale at each point alpha, and the level it leads to."""
         raise NotImplementedError
 

@@ -48,7 +48,7 @@ from polefence.requirements.disk_margin import (
 from polefence.requirements.gain import Gain, sampled_frequency
 from polefence.requirements.slopes import Acting, Channel, Slopes
 from polefence.requirements.slopes import Loops as ClosedLoops
-from polefence.requirements.specification import OwnScale, Row, Specification
+from polefence.requirements.specification import BestScale, Row, Specification
 from polefence.requirements.weights import Shape
 from polefence.response.peaks import largest, response
 from polefence.response.stationary import growth
@@ -179,7 +179,7 @@ class WorstCaseGain(Gain):
         """Whether parameters do not move."""
         return may_part(plant, law)
 
-    def own_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[OwnScale]:
+    def best_scales(self, plant: UncertainPlant, law: Any, alpha: Array) -> Iterator[BestScale]:
         """Return the best scale of the loops at each point, and the least level with it."""
         loops = self._closed(plant, law, alpha)
         return scales.of_each(loops, len(self.entries), None, leads=self.time_invariant)

@@ -19,25 +19,8 @@ from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.worst_gain import WorstCaseGain
+from support.specs import CROSSED
 
-# v1 = (2 + p)/(s + 1) w2, v2 = (2 - p)/(s + 1) w1: of one plant the best scale leads to the root of
-# the product, 2 at p = 0; one scale of all has 3, at both ends.
-CROSSED = """
-name = "crossed"
-states = ["x1", "x2"]
-inputs = ["u"]
-disturbances = ["w1", "w2"]
-[parameter.p]
-range = [-1, 1]
-[matrices]
-A = [[-1, 0], [0, -1]]
-B = [[1], [0]]
-E = [[0, "2 + p"], ["2 - p", 0]]
-[outputs]
-"v1" = {C = [1, 0]}
-"v2" = {C = [0, 1]}
-"""
-WEIGHT = "0.1*(s + 1)/(0.1*s + 1)"
 PATHS = ["v1 -> w1", "v2 -> w2"]
 
 

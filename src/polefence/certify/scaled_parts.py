@@ -123,7 +123,7 @@ class InParts:
         with suppress(InputError):  # no scale is one for all
             opened, beside, gain = specification.posed(plant, law)
             alpha = alpha[np.argsort(-gain.values(opened, beside, alpha), kind="stable")]
-        own = specification.own_scales(plant, law, alpha[:CLOSELY])
+        own = specification.best_scales(plant, law, alpha[:CLOSELY])
         return float(max(level for _, level in own))
 
     def _widest(self, box: Box) -> int:
@@ -135,7 +135,7 @@ class InParts:
         for k in range(count):
             ends[2 * k : 2 * k + 2, k] = 0.0, 1.0
         alpha = domain.alpha(np.stack([1 - ends, ends], axis=-1).reshape(2 * count, -1))
-        theta = [theta for theta, _ in self.specification.own_scales(plant, law, alpha)]
+        theta = [theta for theta, _ in self.specification.best_scales(plant, law, alpha)]
         moved = [np.abs(a - b).max() for a, b in zip(theta[::2], theta[1::2], strict=True)]
         return int(np.argmax(moved))
 

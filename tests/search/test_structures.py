@@ -66,6 +66,18 @@ def test_no_law_goes_below_its_limit(table):
     assert 0 < least <= table.best["level"]
 
 
+def test_the_figure_draws_each_row_and_what_no_law_goes_below(table):
+    pytest.importorskip("matplotlib")
+    from polefence.show.plots import structures_figure
+
+    table, _ = table
+    (ax,) = structures_figure(table).axes
+    drawn = {(x, y) for line in ax.lines for x, y in zip(*line.get_data(), strict=True)}
+    assert {(row["numbers"], row["proved"]) for row in table.rows} <= drawn
+    (dotted,) = (line for line in ax.lines if line.get_label() == "no law goes below, proved")
+    assert set(dotted.get_ydata()) == {table.limit_of_any_law.specifications[0].at_most}
+
+
 def test_each_law_is_of_its_row_and_proved_afresh(table):
     table, _ = table
     for row in table.rows:

@@ -931,7 +931,8 @@ def structures_figure(table: Structures) -> Figure:
     """Draw the least bound of each structure over how many numbers its law has.
 
     Marks of one degree and set of signals are joined in the order of their orders; the ring is the
-    law that is recommended. Dots are the same laws at sampled parameters.
+    law that is recommended. Dots are the same laws at sampled parameters. No law goes below the
+    dotted line.
 
     Parameters
     ----------
@@ -955,16 +956,20 @@ def structures_figure(table: Structures) -> Figure:
             ax.annotate(
                 f"order {row['order']}",
                 (row["numbers"], row["proved"]),
-                xytext=(6, 5),
+                xytext=(6, 9),
                 textcoords="offset points",
                 fontsize=8.5,
             )
+    limit = table.limit_of_any_law
+    if limit is not None:
+        least = float(limit.specifications[0].at_most or 0.0)
+        ax.axhline(least, color="0.3", ls=":", label="no law goes below, proved")
     chosen = table.recommended
     if chosen is not None:
         at = ([chosen["numbers"]], [chosen["proved"]])
         ax.plot(*at, "o", ms=14, mfc="none", color="0.3", label="recommended")
     ax.plot([], [], color="0.3", label="the same laws, worst of a sample", **SAMPLED_STYLE)
-    ax.margins(0.1, 0.1)
+    ax.margins(0.15, 0.15)
     ax.set_xlabel("numbers in the law")
     ax.set_ylabel(_wrapped(f"worst {table.label}", 56))
     ax.legend(loc="best", fontsize=8.5)

@@ -10,6 +10,7 @@ from polefence.law.laws import FixedGain, PolynomialGain
 from polefence.plant.spec import loads
 from polefence.requirements.gain import Gain
 from polefence.search.structures import asked_of, numbers_of, structures
+from polefence.show.plots import structures_figure
 from support.hasty import hasty
 from support.specs import ONE_STATE, TWO_STATES
 

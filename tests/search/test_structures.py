@@ -69,7 +69,6 @@ def test_no_law_goes_below_its_limit(table):
 
 def test_the_figure_draws_each_row_and_what_no_law_goes_below(table):
     pytest.importorskip("matplotlib")
-    from polefence.show.plots import structures_figure
 
     table, _ = table
     (ax,) = structures_figure(table).axes

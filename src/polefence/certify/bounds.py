@@ -102,6 +102,7 @@ FROM_STATES: tuple[float, ...] = (5e-2, 0.15, 0.5)
 # loop with dead time 4.6, 2.7 and 1.4 % at 8, 16 and 32 cells, which take 5, 7 and 13 s.
 FINER = 0.03
 # The same of what is posed for one level after the other, as a limit.
+NEARLY = 0.01  # how near one that is looked for a bound is near enough
 AS_LIMITS = (2e-5, 2e-4, 2e-3, 1e-2, 5e-2, 0.2, 0.6, 1.5)
 NEAREST = 1e-4  # so near the worst sample dual polynomials end
 CLOSE = 2e-3  # a bound within this share of the worst sample is good enough
@@ -224,9 +225,11 @@ def _least_bound(
     plant: UncertainPlant, law: Law, specification: Specification, known: Known | None = None
 ) -> Bound | None:
     best: Bound | None = None
+    hoped = 0.0  # how near what was looked for a bound leaves nothing to another way
     for nearest, way in specification.ways(delta_form(plant), law):
-        if best is not None and (nearest is None or best.level <= nearest):
+        if best is not None and best.level <= (hoped if nearest is None else nearest):
             break
+        hoped = max(hoped, (nearest or 0.0) * (1 + NEARLY))
         bound = (
             _best_bound(*way.posed(delta_form(plant), law), known)
             if nearest is None

@@ -126,7 +126,7 @@ def in_series(
         filtered.append(Output(C, D, output.name, tuple(F) if passes else (), output.unit))
         at += weighting.states
     remainder = subject.remainder and subject.remainder.padded(subject.n, subject.m, more)
-    law = _wider(subject.law, subject.n, more)
+    law = widened(subject.law, subject.n, more)
     known = zip(nodes, A[vertices:], B[vertices:], E[vertices:] or [[]] * len(nodes), strict=True)
     larger = replace(
         subject,
@@ -223,7 +223,7 @@ class Entering:
         """Return a law of the larger plant."""
         n, more = self.n, states_of(self.filters)
         if not law.F:
-            return _wider(law, n, more)
+            return widened(law, n, more)
         C, F = list[Rationals](), list[Rationals]()
         for rows, passed in zip(law.C, law.F, strict=True):
             wide = list(map(self.row, rows, passed))
@@ -275,7 +275,7 @@ def before(
     return larger, tuple(map(entering.signal, outputs))
 
 
-def _wider(law: Law, n: int, more: int) -> Law:
+def widened(law: Law, n: int, more: int) -> Law:
     """Return a law of n states as one of more, which are not fed back.
 
     A W grows by a multiple of the identity: any will do that is positive.

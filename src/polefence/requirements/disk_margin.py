@@ -116,7 +116,7 @@ class DiskMargin(Margin):
     def title(self) -> str:
         """Kind, loops and skew, as a line has them."""
         skew = f" with sigma {exactly(self.sigma)}" if self.sigma else ""
-        return f"{super().title}{skew}{invariant_words(self.time_invariant)}"
+        return f"{super().title}{skew}{flag_words(self.time_invariant)}"
 
     def scales(self, plant: UncertainPlant) -> tuple[float, ...]:  # noqa: ARG002
         """Return nothing: no disturbance of the plant acts."""
@@ -347,16 +347,15 @@ def written_weight(weight: Any) -> Any:
     return "".join(weight.split()) if isinstance(weight, str) else weight
 
 
-def require_flag(time_invariant: Any, kind: str) -> None:
+def require_flag(value: Any, kind: str, key: str = FLAG) -> None:
     """Refuse what is neither true nor false."""
-    if not isinstance(time_invariant, bool):
-        written = shown(time_invariant)
-        raise InputError(f"time_invariant = {written} of a {kind} must be true or false")
+    if not isinstance(value, bool):
+        raise InputError(f"{key} = {shown(value)} of a {kind} must be true or false")
 
 
-def invariant_words(time_invariant: bool) -> str:
-    """Return what a title says of errors that do not vary in time."""
-    return " with time_invariant true" if time_invariant else ""
+def flag_words(value: bool, key: str = FLAG) -> str:
+    """Return what a title says of a key that is true or false."""
+    return f" with {key} true" if value else ""
 
 
 @dataclass(frozen=True)
@@ -402,7 +401,7 @@ class Unmodelled(DiskMargin):
     def title(self) -> str:
         """Kind, loops and weight, as a line has them."""
         whole = f"{self.kind} of {self.name} with weight {self.shapes[0].name}"
-        return whole + invariant_words(self.time_invariant)
+        return whole + flag_words(self.time_invariant)
 
     @classmethod
     def least(  # type: ignore[override]

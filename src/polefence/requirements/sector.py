@@ -12,7 +12,7 @@ import numpy as np
 
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained_fields
-from polefence.law.laws import PolynomialGain, law_or_table
+from polefence.law.laws import Law, PolynomialGain, law_or_table
 from polefence.plant.delta import delta_form
 from polefence.plant.exact import matrices_of
 from polefence.plant.family import UncertainPlant
@@ -25,11 +25,11 @@ from polefence.proof.claims.sector import Elements
 from polefence.proof.laws import Evidence
 from polefence.proof.text import exactly
 from polefence.proof.work import FormatError
-from polefence.requirements import popov, scales
-from polefence.requirements.disk_margin import FEW, Posed, invariant_words, require_flag
+from polefence.requirements import multipliers, scales
+from polefence.requirements.disk_margin import FEW, Posed, flag_words, require_flag
 from polefence.requirements.gain import SAMPLES, Gain
 from polefence.requirements.margin import Margin, level_of
-from polefence.requirements.slopes import Channel, Slopes, Turned
+from polefence.requirements.slopes import Channel, Rated, Slopes, Turned
 from polefence.requirements.slopes import Loops as ClosedLoops
 from polefence.requirements.specification import (
     Row,
@@ -38,10 +38,14 @@ from polefence.requirements.specification import (
     is_number,
     listed,
 )
+from polefence.requirements.weights import wider
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth
 
+# By what share a level may be higher of shorter multipliers; the others while parameters move.
+SHORTER = (multipliers.SHORT, 0.03, 0.1, 0.3)
+FLAGS = ("time_invariant", "slope_restricted")  # keys
 FARTHEST = Fraction(1000)  # the largest factor at which numbers are tried
 FACTORS, HALVINGS = 200, 40  # at which they are, and between two of them
 MOST_CORNERS, INNER, SEED = 16, 12, 1  # directions of several
@@ -69,16 +73,19 @@ class SectorBound(Margin):
         a and b of each.
     time_invariant : bool
         Of elements phi(y) alone, which do not depend on time: of these more is proved.
-    multiplied : bool
-        Whether the proof of these has multipliers where it may: else it is the circle criterion's.
+    slope_restricted : bool
+        Of those alone whose slope, between any two points, is in the sector too: still more.
+    weighed : Elements, optional
+        With what it is proved, where that is known: else it is looked for.
     """
 
     disturbance: Any = field(default=(), kw_only=True)
     sector: Any = field(default=(), kw_only=True)
     time_invariant: bool = field(default=False, kw_only=True)
-    multiplied: bool = field(default=True, kw_only=True)
+    slope_restricted: bool = field(default=False, kw_only=True)
+    weighed: Elements | None = field(default=None, kw_only=True, compare=False)
     kind = "sector"
-    keys = ("disturbance", "sector", "time_invariant")
+    keys = ("disturbance", "sector", "time_invariant", "slope_restricted")
     vector = True
     direct = True
     power = 1
@@ -99,7 +106,8 @@ class SectorBound(Margin):
             )
         self._settle("disturbance", tuple(named))
         self._settle("sector", _pairs(self.sector, count))
-        require_flag(self.time_invariant, self.kind)
+        for key in FLAGS:
+            require_flag(getattr(self, key), self.kind, key)
 
     @classmethod
     def least(
@@ -110,13 +118,15 @@ class SectorBound(Margin):
         at_least: float | None = 1.0,
         *,
         time_invariant: bool = False,
+        slope_restricted: bool = False,
     ) -> Self:
         """Return the requirement that the sectors may be so many times as wide.
 
         One by default, the sectors themselves; None: as many times as can be.
         """
         own: dict[str, Any] = {"disturbance": disturbance, "sector": sector}
-        return cls(signal, level_of(at_least), **own, time_invariant=time_invariant)
+        own |= {"time_invariant": time_invariant, "slope_restricted": slope_restricted}
+        return cls(signal, level_of(at_least), **own)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -134,7 +144,12 @@ class SectorBound(Margin):
         ends = ", ".join(exactly(end) for pair in self.sector for end in pair)
         named = listed(self.disturbance)
         whole = f"{super().title} with disturbance {named} with sector [{ends}]"
-        return whole + invariant_words(self.time_invariant)
+        return whole + "".join(flag_words(getattr(self, key), key) for key in FLAGS)
+
+    @property
+    def stays(self) -> bool:
+        """Whether elements do not depend on time."""
+        return self.time_invariant or self.slope_restricted
 
     # --- what it is of ----------------------------------------------------------------------------
 
@@ -203,23 +218,39 @@ class SectorBound(Margin):
         Of elements with multipliers it is posed for a level: that of the limit, or about the least.
         """
         changed, beside, elements = self._centred(plant, law)
-        found = self._multiplied(changed, beside, elements)
-        if found is None:
-            if elements.count > 1:
-                elements = replace(elements, weights=_weights(changed, beside, elements))
+        level, elements = self._weigh(changed, beside, elements)
+        if not (elements.multipliers or elements.lags):
             return changed, beside, _gain(self, changed, elements)
-        level = self.at_most or (found.level if np.isfinite(found.level) else 1.0)
-        elements = _with(elements, found.multipliers)
-        return _with_rates(replace(self, at_most=level), changed, beside, elements)
+        asked = replace(self, at_most=self.at_most or level or 1.0)
+        return _with_multipliers(asked, changed, beside, elements)
+
+    def _weigh(
+        self, changed: UncertainPlant, law: Any, elements: Elements
+    ) -> tuple[float | None, Elements]:
+        """Return with what it is proved, and about the level where that has multipliers."""
+        if self.weighed is not None:
+            return None, self.weighed
+        for found in self._multiplied(changed, law, elements):
+            if not found.multipliers.alone:
+                return found.level, _with(elements, found.multipliers)
+        return None, replace(elements, weights=_weights(changed, law, elements))
 
     def ways(
         self, plant: UncertainPlant, law: Any
     ) -> tuple[tuple[float | None, Specification], ...]:
         """Return it with multipliers, of about the least level that is proved; and without."""
-        found = self._multiplied(*self._centred(plant, law)) if self.time_invariant else None
-        if found is None:
-            return super().ways(plant, law)
-        return (found.level, self), (None, replace(self, multiplied=False))
+        changed, beside, elements = self._centred(plant, law)
+        shares = SHORTER if changed.moving else SHORTER[:1]
+        several = self._multiplied(changed, beside, elements, shares)
+        if any(np.any(found.multipliers.h) for found in several):
+            several += self._multiplied(changed, beside, elements, lags=False)
+        ways = list[tuple[float | None, Specification]]()
+        for found in several:
+            if not found.multipliers.alone:
+                own = _with(elements, found.multipliers)
+                ways.append((found.level, replace(self, weighed=own)))
+        bare = replace(elements, weights=_weights(changed, beside, elements))
+        return (*ways, (None, replace(self, weighed=bare)))
 
     def _centred(self, plant: UncertainPlant, law: Any) -> tuple[UncertainPlant, Any, Elements]:
         """Return the plant with the centres fed back, the law beside it, and the elements."""
@@ -229,26 +260,34 @@ class SectorBound(Margin):
         except FormatError as error:
             raise InputError(f"{self.title}: {error}") from error
 
-    def _rated(self, changed: UncertainPlant, law: Any, elements: Elements) -> tuple[bool, ...]:
-        """Return which elements of a plant with their centres fed back may have multipliers.
-
-        None where none may.
-        """
-        if not (self.time_invariant and self.multiplied):
-            return ()
+    def _rated(self, changed: UncertainPlant, law: Any, elements: Elements) -> Rated:
+        """Return which elements of a plant with their centres fed back may have multipliers."""
+        count = elements.count
+        none = Rated((False,) * count, (False,) * count)
+        if not self.stays:
+            return none
         subject = _subject(changed, law)
-        rated = tuple(_may_be_led(elements, k, subject) for k in range(elements.count))
-        return rated if any(rated) else ()
+        led = tuple(_may_have(elements, k, subject, "multipliers") for k in range(count))
+        lagged = (_may_have(elements, k, subject, "lags") for k in range(count))
+        return Rated(led, tuple(lagged) if self.slope_restricted else none.lagged)
 
     def _multiplied(
-        self, changed: UncertainPlant, law: Any, elements: Elements
-    ) -> popov.Found | None:
-        """Return multipliers for a few points; None where no element may have one."""
-        free = self._rated(changed, law, elements)
-        if not free:
-            return None
+        self,
+        changed: UncertainPlant,
+        law: Any,
+        elements: Elements,
+        shares: Sequence[float] = SHORTER[:1],
+        *,
+        lags: bool = True,
+    ) -> tuple[multipliers.Found, ...]:
+        """Return multipliers for a few points; none where no element may have one."""
+        rated = self._rated(changed, law, elements)
+        rated = rated if lags else rated._replace(lagged=())
+        if not rated.any:
+            return ()
         few = seeded(changed, len(changed.vertices) + FEW)
-        return popov.found(_loops(changed, law, elements, few), free, longer=bool(changed.moving))
+        loops = _loops(changed, law, elements, few)
+        return multipliers.found(loops, *rated, longer=bool(changed.moving), shares=shares)
 
     def claim(
         self, subject: proof.Subject, level: Fraction, plant: UncertainPlant
@@ -260,7 +299,12 @@ class SectorBound(Margin):
         rest = elements.remainder(subject.remainder, subject.n, subject.m)
         law = elements.law(subject.law)
         changed = replace(subject, A=A, B=B, E=E, law=law, remainder=rest, nodes=())
-        return proof.SectorBound.of(changed, elements, level, invariant=self.time_invariant)
+        return proof.SectorBound.of(changed, elements, level, **self.claimed)
+
+    @property
+    def claimed(self) -> dict[str, bool]:
+        """What a claim says of curves."""
+        return {"invariant": self.stays, "restricted": self.slope_restricted}
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:  # noqa: ARG002
         """Say that none has its centres."""
@@ -296,12 +340,12 @@ class SectorBound(Margin):
         """Return 1 over the factor at points alpha; infinite where the centres are not stable."""
         law = law_or_table(plant, law.as_law() if hasattr(law, "as_law") else law)
         changed, beside, elements = self._centred(plant, law)
-        found = self._multiplied(changed, beside, elements)
+        several = self._multiplied(changed, beside, elements)
         closed, values = close(changed, beside, alpha), np.full(len(alpha), np.inf)
         stable = np.all(growth(closed.poles(), closed.step) < 0, axis=1)
-        if stable.any() and found is not None:
+        if stable.any() and several:
             loops = _loops(changed, beside, elements, alpha[stable])
-            values[stable] = popov.values(loops, found.multipliers)
+            values[stable] = multipliers.values(loops, several[0].multipliers)
         elif stable.any():
             changed, beside, gain = self.posed(plant, law)
             values[stable] = gain.values(changed, beside, alpha[stable])
@@ -340,9 +384,9 @@ class SectorBound(Margin):
             if np.all(growth(fed.loops.modes.poles, loops.modes.step) < 0):
                 break
             share *= NEARER
-        free = _unmoved(fed.loops)
-        if any(free):
-            found = popov.slopes(fed.loops, free)
+        rated = _unmoved(fed.loops)
+        if rated.any:
+            found = multipliers.slopes(fed.loops, *rated)
         elif len(centres) > 1:
             found = scales.slopes(fed.loops, 0, 1.0)
         else:
@@ -423,7 +467,8 @@ class ElementsGain(Gain):
     """The gain of a loop with the centres fed back, whose claim is that of its elements."""
 
     elements: Elements = field(default_factory=lambda: Elements((), (), (), ()))
-    invariant: bool = False
+    bare: proof.Subject | None = None  # the loop without multipliers, of exactly this law
+    claimed: Any = field(default_factory=dict)
     asked: str = ""
 
     @property
@@ -437,9 +482,11 @@ class ElementsGain(Gain):
         level: Fraction,
         plant: UncertainPlant,  # noqa: ARG002
     ) -> proof.BoundClaim:
-        """Return the claim about the elements: of the loop without p y'."""
-        bare = self.elements.with_rates(subject, -1)
-        return proof.SectorBound.of(bare, self.elements, level, invariant=self.invariant)
+        """Return the claim about the elements: of the loop without multipliers."""
+        if self.bare is not None:
+            own = {key: getattr(self.bare, key) for key in ("A", "B", "E", "law", "remainder")}
+            subject = replace(subject, **own)
+        return proof.SectorBound.of(subject, self.elements, level, **self.claimed)
 
 
 def _pairs(given: Any, count: int) -> tuple[tuple[float, float], ...]:
@@ -534,42 +581,60 @@ def _subject(plant: UncertainPlant, law: Any) -> proof.Subject:
     return proof.Subject(A, B, E, read, Evidence([]), step=plant.period, remainder=rest)
 
 
-def _may_be_led(elements: Elements, k: int, subject: proof.Subject) -> bool:
-    """Whether an element may have a multiplier."""
-    own = tuple(Fraction(j == k) for j in range(elements.count))
+def _may_have(elements: Elements, k: int, subject: proof.Subject, key: str) -> bool:
+    """Whether an element may have a multiplier, or a lag."""
+    one = Fraction(1) if key == "multipliers" else (Fraction(1), Fraction(1))
+    none = Fraction(0) if key == "multipliers" else (Fraction(0), Fraction(0))
+    own: dict[str, Any] = {key: tuple(one if j == k else none for j in range(elements.count))}
     try:
-        replace(elements, multipliers=own).require_led(subject)
+        replace(elements, **own).require_multipliers(subject)
     except FormatError:
         return False
     return True
 
 
-def _unmoved(loops: ClosedLoops) -> tuple[bool, ...]:
-    """Return which of those that may have multipliers have rates that no element enters."""
-    if not any(loops.rated):
-        return ()
+def _unmoved(loops: ClosedLoops) -> Rated:
+    """Return which may have multipliers: those of rates that no element enters, and lags."""
+    rated = loops.rated
+    if rated is None or not any(rated.led):
+        return rated or Rated((), ())
     moved = np.abs(loops.C @ loops.E).max(axis=2)
     size = np.linalg.norm(loops.C, axis=2) * np.linalg.norm(loops.E, axis=(1, 2))[:, None]
     still = np.all(moved <= 1e-12 * size, axis=0)
-    return tuple(bool(a and b) for a, b in zip(loops.rated, still, strict=True))
+    led = tuple(bool(a and b) for a, b in zip(rated.led, still, strict=True))
+    return rated._replace(led=led)
 
 
-def _with(elements: Elements, found: popov.Multipliers) -> Elements:
+def _with(elements: Elements, found: multipliers.Multipliers) -> Elements:
     """Return the elements with multipliers."""
     weights, times = found.exact
-    pairs = zip(times, elements.radii, strict=True)
-    multipliers = tuple(t * r for t, r in pairs)
-    return replace(elements, weights=weights, multipliers=multipliers if any(multipliers) else ())
+    led = tuple(t * r for t, r in zip(times, elements.radii, strict=True))
+    lags = found.lags
+    return replace(
+        elements,
+        weights=weights,
+        multipliers=led if any(led) else (),
+        lags=lags if any(b for _, b in lags) else (),
+    )
 
 
-def _with_rates(asked: SectorBound, changed: UncertainPlant, law: Any, elements: Elements) -> Posed:
-    """Return the plant and the law with p y' fed back, and the gain at the level that is asked."""
-    subject = _subject(changed, law)
-    led = elements.with_rates(subject)
-    beside = _reading(law, led.law, elements.count) if led.law.F else law
-    wide = _of_matrices(changed, beside, (led.A, led.B, led.E), remainder=led.remainder)
-    rated = elements.rated(Fraction(asked.at_most or 1.0), subject)
-    return wide, beside, _gain(asked, wide, elements, rated)
+def _with_multipliers(
+    asked: SectorBound, changed: UncertainPlant, law: Any, elements: Elements
+) -> Posed:
+    """Return the plant and the law with p y' and l fed back, and the gain at the level asked."""
+    level, subject = Fraction(asked.at_most or 1.0), _subject(changed, law)
+    led = elements.with_lags(level, elements.with_rates(subject))
+    more = [f"lag {k + 1}" for k in elements.lagging]
+    known = {"remainder": led.remainder, "states": (*changed.states, *more)}
+    wide = _of_matrices(changed, None, (led.A, led.B, led.E), **known)
+    beside = wider(law, changed, wide)
+    if led.law.F:
+        beside = _reading(beside, led.law, elements.count)
+    if isinstance(beside, PolynomialGain):
+        wide = replace(wide, outputs=beside.measured)
+    rated = elements.rated(level, subject)
+    bare = replace(subject, law=law.exact) if isinstance(law, Law) else None
+    return wide, beside, replace(_gain(asked, wide, elements, rated), bare=bare)
 
 
 def _loops(changed: UncertainPlant, law: Any, elements: Elements, alpha: Array) -> ClosedLoops:
@@ -597,13 +662,15 @@ def _gain(
         at=SAMPLES,
         disturbances=None if set(scales.values()) == {1.0} else scales,
         elements=elements,
-        invariant=asked is not None and asked.time_invariant,
+        claimed={} if asked is None else asked.claimed,
         asked="" if asked is None else asked.title,
     )
 
 
 def _weights(changed: UncertainPlant, law: Any, elements: Elements) -> tuple[Fraction, ...]:
     """Return weights of elements for which the gain is about least at a few points."""
+    if elements.count == 1:
+        return elements.weights
     loops = _loops(changed, law, elements, seeded(changed, len(changed.vertices) + FEW))
     if not np.all(growth(loops.modes.poles, loops.modes.step) < 0):
         return elements.weights

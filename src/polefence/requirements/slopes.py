@@ -24,6 +24,18 @@ class Acting(NamedTuple):
     number: int
 
 
+class Rated(NamedTuple):
+    """Which elements may have multipliers of Popov, and which those of Zames and Falb."""
+
+    led: tuple[bool, ...]
+    lagged: tuple[bool, ...]
+
+    @property
+    def any(self) -> bool:
+        """Whether one may have some."""
+        return any((*self.led, *self.lagged))
+
+
 @dataclass(frozen=True, eq=False)
 class Channel:
     """x' = A x + B u + E w, z = C x + D u + F w at ``count`` points: what one requirement is of.
@@ -46,8 +58,8 @@ class Channel:
     reads : tuple of str, int or Acting
         Of opened loops: the signal of a law, or the number of the input, that each of w adds to,
         or a disturbance of the plant's own.
-    rated : tuple of bool
-        Of elements: those that may have multipliers, see `polefence.requirements.popov`.
+    rated : Rated, optional
+        Of elements: those that may have multipliers, see `polefence.requirements.multipliers`.
     """
 
     A: Array
@@ -62,7 +74,7 @@ class Channel:
     length: float = 1.0
     beside: tuple[Channel, ...] = ()
     reads: tuple[str | int | Acting, ...] = ()
-    rated: tuple[bool, ...] = ()
+    rated: Rated | None = None
 
     def __getitem__(self, some: Any) -> Channel:
         more = self.more[some] if np.ndim(self.more) else self.more
@@ -159,7 +171,7 @@ class Loops:
     more: Any = 0.0
     length: float = 1.0
     beside: tuple[Loops, ...] = ()
-    rated: tuple[bool, ...] = ()
+    rated: Rated | None = None
 
     @property
     def A(self) -> Array:

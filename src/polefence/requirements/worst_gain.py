@@ -30,7 +30,7 @@ from polefence.requirements.disk_margin import (
     Unmodelled,
     all_paths,
     closed_loops,
-    invariant_words,
+    flag_words,
     may_part,
     named_disturbances,
     open_loops,
@@ -114,7 +114,7 @@ class WorstCaseGain(Gain):
         """Kind, signal, chosen disturbances, inputs and weight, as a line has them."""
         inputs = ", ".join(self.inputs)
         whole = f"{super().title} with inputs [{inputs}] with weight {self.shapes[0].name}"
-        return whole + invariant_words(self.time_invariant)
+        return whole + flag_words(self.time_invariant)
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:

@@ -28,6 +28,21 @@ and for p < 0 the same with P, z and y' of the other sign. So of
 in which no integral is negative, nor more than a constant times y^2, the derivative is at most that
 of x'Q x less the supply, and d^2 (z^2 - rho^2 y^2), which is not positive: it falls as |x|^2 does.
 Parameters may move, for C, c and r are constant.
+
+Of phi(y) whose slope is in the sector too, between any two points, more is proved by a multiplier
+of Zames and Falb (SIAM Journal on Control 6(1), 1968) of first order. Then rho y + z and rho y - z
+do not fall as y grows. So of one of them, f, and the other, g, the integral of f (g - h * g) is not
+negative from zero to any time, for h(t) = 2 |b| exp(-(a + |b|) t), whose integral is at most one
+for |b| <= a: a function and another that grows with it are nowhere more alike than without a shift.
+With f = rho y - z for b > 0, f = rho y + z for b < 0, and s the sign of b, that integral is of
+yt^2 - zt^2 with
+
+    l' = -a l + b rho y + |b| zt,    z = l + zt,    yt = rho y - s l,
+
+and l = 0 at the time from which it is taken. So the loop with z = l + zt fed back, of one state
+more for each such element, is proved to have a gain below one from d^-1 zt to d yt. Of every motion
+from x, the integral of |x(t)|^2 is then at most a constant times |x|^2, and x falls as
+exponentially as that says. Here rows of y may depend on parameters, and z may enter y'.
 """
 
 from __future__ import annotations
@@ -50,6 +65,7 @@ from polefence.proof.claims.signal import (
     write_evidence,
     write_outputs,
 )
+from polefence.proof.filters import widened
 from polefence.proof.laws import Law, add
 from polefence.proof.matrices import ONE, ZERO, Rationals, beside, product
 from polefence.proof.plant import Output, Plant, split
@@ -57,9 +73,10 @@ from polefence.proof.reading import Table, plain
 from polefence.proof.remainder import Remainder, Rows
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, digits_up, number_text, quoted
-from polefence.proof.work import FormatError
+from polefence.proof.work import RATIONAL, FormatError, spend
 
 Sector = tuple[Fraction, Fraction]
+Lag = tuple[Fraction, Fraction]
 MAX_WIDTH = 1000  # disturbances of a plant
 VARYING = (
     "where an element acts (E) and its signal both depend on parameters, so that their product is "
@@ -83,6 +100,8 @@ class Elements(Short):
         d of each.
     multipliers : tuple of Fraction
         p of each; none where all are zero.
+    lags : tuple of (Fraction, Fraction)
+        a and b of each, zero where it has none; none where all are.
     """
 
     signals: tuple[Output, ...]
@@ -90,6 +109,7 @@ class Elements(Short):
     sectors: tuple[Sector, ...]
     weights: tuple[Fraction, ...]
     multipliers: tuple[Fraction, ...] = ()
+    lags: tuple[Lag, ...] = ()
 
     @property
     def count(self) -> int:
@@ -99,7 +119,7 @@ class Elements(Short):
     @property
     def alike(self) -> Self:
         """They with weights of one, and no multipliers."""
-        return replace(self, weights=(ONE,) * self.count, multipliers=())
+        return replace(self, weights=(ONE,) * self.count, multipliers=(), lags=())
 
     @property
     def centres(self) -> Rationals:
@@ -132,6 +152,7 @@ class Elements(Short):
             ("sectors", self.sectors),
             ("weights", self.weights),
             ("multipliers", self.multipliers or self.weights),
+            ("lags", self.lags or self.weights),
         ):
             if len(values) != self.count:
                 raise FormatError(f"{key} must hold {self.count} entries, one an element")
@@ -258,7 +279,12 @@ class Elements(Short):
         """Numbers of those whose multipliers are not zero."""
         return [k for k, p in enumerate(self.multipliers) if p]
 
-    def require_led(self, subject: Subject) -> None:
+    @property
+    def lagging(self) -> list[int]:
+        """Numbers of those that have lags."""
+        return [k for k, (_, b) in enumerate(self.lags) if b]
+
+    def require_multipliers(self, subject: Subject) -> None:
         """Refuse multipliers of signals whose rates an element enters, or that are not known.
 
         Raises
@@ -266,8 +292,13 @@ class Elements(Short):
         FormatError
             Saying of which, and why.
         """
-        if self.led and subject.step:
-            raise FormatError("multipliers: in discrete time there are none")
+        if (self.led or self.lagging) and subject.step:
+            raise FormatError("multipliers, lags: in discrete time there are none")
+        for k, (a, b) in enumerate(self.lags):
+            if b and self.multipliers and self.multipliers[k]:
+                raise FormatError("multipliers, lags: an element has one or the other")
+            if abs(b) > a:
+                raise FormatError("lags must be pairs [a, b], b from -a to a")
         for k in self.led:
             why = self._beyond(k, subject)
             if why:
@@ -302,18 +333,18 @@ class Elements(Short):
         A, B = ([product([C], M)[0] for M in rows] for rows in (subject.A, subject.B))
         return A, B
 
-    def with_rates(self, subject: Subject, times: int = 1) -> Subject:
-        """Return the loop with so many times p y' fed back; it has the same y'.
+    def with_rates(self, subject: Subject) -> Subject:
+        """Return the loop with p y' fed back; it has the same y'.
 
         Raises
         ------
         FormatError
-            As `require_led`.
+            As `require_multipliers`.
         """
-        self.require_led(subject)
+        self.require_multipliers(subject)
         A, B, law, rest = list(subject.A), list(subject.B), subject.law, subject.remainder
         for k in self.led:
-            p, (of_A, of_B) = times * self.multipliers[k], self._rates(k, subject)
+            p, (of_A, of_B) = self.multipliers[k], self._rates(k, subject)
             A, B = _plus(A, subject.E, of_A, p, k), _plus(B, subject.E, of_B, p, k)
             if law.F:
                 law = replace(law, C=tuple(_plus(law.C, law.F, of_A, p, k)))
@@ -322,6 +353,47 @@ class Elements(Short):
                 directions = tuple(_directed(M, entering, p, rate) for M in rest.source.directions)
                 rest = replace(rest.source, directions=directions).on_box
         return replace(subject, A=A, B=B, law=law, remainder=rest)
+
+    def with_lags(self, level: Fraction, subject: Subject) -> Subject:
+        """Return the loop with l fed back, of one state more for each that has a lag."""
+        lagging, n, m, rest = self.lagging, subject.n, subject.m, subject.remainder
+        if not lagging:
+            return subject
+        if level <= 0:
+            raise FormatError("level must be positive")
+        size, more = n + len(lagging), len(lagging)
+        spend(RATIONAL * len(subject.A) * size * (size + m + subject.q), 64, 64)
+
+        def wider(M: Sequence[Sequence[Fraction]], first: int, at: int) -> Rationals:
+            """Return rows of [..., w], w from ``first`` on, with l after the column ``at``."""
+            return [
+                [*row[:at], *(row[first + k] for k in lagging), *row[at:]] for row in map(list, M)
+            ]
+
+        A, B, E = [], [], []
+        for j, (of_x, of_u, of_z) in enumerate(zip(subject.A, subject.B, subject.E, strict=True)):
+            rows = [[*x, *z] for x, z in zip(of_x, of_z, strict=True)]
+            A.append([row[:size] for row in wider(rows, n, n)])
+            B.append([*map(list, of_u)])
+            E.append([*map(list, of_z)])
+            for i, k in enumerate(lagging):
+                (a, b), y = self.lags[k], self.signals[k]
+                share = b * self.radii[k] / level
+                own = [-a * (i == other) for other in range(more)]
+                A[-1].append([*(share * x for x in y.C[j][0]), *own])
+                B[-1].append([share * x for x in y.D[j][0]])
+                E[-1].append([abs(b) * (k == other) for other in range(subject.q)])
+
+        def taller(M: Rows) -> Rows:
+            rows = [tuple(row) for row in wider(M, n + m, n)]
+            return (*rows, *((ZERO,) * (size + m + subject.q) for _ in lagging))
+
+        law = widened(subject.law, n, more)
+        if law.F:
+            pairs = zip(subject.law.C, law.F, strict=True)
+            C = ([[*c, *f] for c, f in zip(*pair, strict=True)] for pair in pairs)
+            law = replace(law, C=tuple([row[:size] for row in wider(M, n, n)] for M in C))
+        return replace(subject, A=A, B=B, E=E, law=law, remainder=rest and rest.mapped(taller))
 
     def outputs(self) -> tuple[Output, ...]:
         """Return d r y of each."""
@@ -332,8 +404,8 @@ class Elements(Short):
         return tuple(outputs)
 
     def rated(self, level: Fraction, subject: Subject) -> tuple[Output, ...]:
-        """Return d (r y + level |p| y') of each."""
-        outputs = list(self.outputs())
+        """Return d (r y + level |p| y') of each, or d (r y - s level l)."""
+        outputs, more = list(self.outputs()), len(self.lagging)
         for k in self.led:
             size = self.weights[k] * level * abs(self.multipliers[k])
             C, D = (
@@ -346,6 +418,10 @@ class Elements(Short):
                 )
             )
             outputs[k] = Output(C, D)
+        for k, y in enumerate(outputs if more else ()):
+            own = [level * self.weights[k] * (-1 if self.lags[k][1] > 0 else 1)]
+            last = [x * (k == other) for other in self.lagging for x in own]
+            outputs[k] = Output([[[*C[0], *last]] for C in y.C], y.D)
         return tuple(outputs)
 
     @property
@@ -412,6 +488,7 @@ class SectorBound(Gain):
 
     elements: Elements = field(kw_only=True)
     invariant: bool = field(default=False, kw_only=True)  # whether phi does not depend on time
+    restricted: bool = field(default=False, kw_only=True)  # and its slope is in the sector too
 
     @classmethod
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:
@@ -419,52 +496,67 @@ class SectorBound(Gain):
         law = require_law(law, cls.kind)
         signals = read_outputs(table, plant, MAX_ENTRIES)
         rows = table.matrix("sectors", len(signals), 2)
+        lags = table.matrix("lags", len(signals), 2) if "lags" in table else []
         elements = Elements(
             signals,
             read_numbers(table),
             tuple((a, b) for a, b in rows),
             table.numbers("weights"),
             table.numbers("multipliers") if "multipliers" in table else (),
+            tuple((a, b) for a, b in lags),
         )
         changed, beside_it = elements.plant(plant), elements.law(law)
         subject = read_subject(table.table("evidence"), changed, beside_it, on)
-        invariant = table.flag("invariant")
-        return cls.of(subject, elements, table.number("level"), invariant=invariant)
+        flags = {key: table.flag(key) for key in ("invariant", "restricted")}
+        return cls.of(subject, elements, table.number("level"), **flags)
 
     @classmethod
     def of(
-        cls, subject: Subject, elements: Elements, level: Fraction, *, invariant: bool = False
+        cls,
+        subject: Subject,
+        elements: Elements,
+        level: Fraction,
+        *,
+        invariant: bool = False,
+        restricted: bool = False,
     ) -> Self:
         """Return the claim about a loop whose centres are fed back."""
         known: dict[str, Any] = {"scales": elements.scales, "elements": elements}
-        return cls(subject, elements.outputs(), level, **known, invariant=invariant)
+        known |= {"invariant": invariant, "restricted": restricted}
+        return cls(subject, elements.outputs(), level, **known)
 
     @property
     def bare(self) -> Self:
         """What is claimed: weights and multipliers are a part of what proves it."""
         subject, alike = super().bare.subject, self.elements.alike
-        return self.of(subject, alike, self.level, invariant=self.invariant)
+        flags = {"invariant": self.invariant, "restricted": self.restricted}
+        return self.of(subject, alike, self.level, **flags)
 
     @property
     def filtered(self) -> bool:
         """Whether the evidence is of another loop than the subject."""
-        return bool(self.elements.led)
+        return bool(self.elements.led or self.elements.lagging)
 
     @property
     def series(self) -> Self:
-        """The same claim about the loop with p y' fed back, which has no multipliers."""
+        """The same claim about the loop with p y', or l, fed back: it has no multipliers."""
         if not self.filtered:
             return self
         elements = self.elements
         outputs = elements.rated(self.level, self.subject)
-        subject, none = elements.with_rates(self.subject), replace(elements, multipliers=())
+        subject = elements.with_lags(self.level, elements.with_rates(self.subject))
+        none = replace(elements, multipliers=(), lags=())
         return replace(self, subject=subject, outputs=outputs, elements=none)
 
     def require(self) -> None:
         """Refuse multipliers that do not fit; then as any other claim."""
         if self.elements.multipliers and not self.invariant:
             raise FormatError("multipliers: they are for what does not vary in time; say invariant")
-        self.elements.require_led(self.subject)
+        if self.restricted and not self.invariant:
+            raise FormatError("restricted: it is of what does not vary in time; say invariant")
+        if self.elements.lags and not self.restricted:
+            raise FormatError("lags: they are for slopes in the sectors; say restricted")
+        self.elements.require_multipliers(self.subject)
         super().require()
 
     def write(self) -> dict[str, Any]:
@@ -474,8 +566,10 @@ class SectorBound(Gain):
         table["disturbances"] = [k + 1 for k in elements.disturbances]
         table["sectors"] = plain([list(pair) for pair in elements.sectors])
         table |= {"invariant": True} if self.invariant else {}
+        table |= {"restricted": True} if self.restricted else {}
         table |= {"weights": plain(elements.weights)}
         table |= {"multipliers": plain(elements.multipliers)} if elements.multipliers else {}
+        table |= {"lags": plain([list(pair) for pair in elements.lags])} if elements.lags else {}
         table |= {"level": plain(self.level)}
         return table | {"evidence": write_evidence(self.subject)}
 
@@ -527,10 +621,13 @@ class SectorBound(Gain):
         """Say for which elements what is proved."""
         said = "; ".join(self.elements_words(plant, self.elements.widened(self.level)))
         every = "every phi" if self.elements.count == 1 else "all phi"
+        within = f"y {self.phi} between a y^2 and b y^2"
+        if self.restricted:
+            within = "phi(0) = 0 and (phi(y1) - phi(y2)) / (y1 - y2) from a to b"
         times = "that does not depend on time" if self.invariant else "constant or not in time"
         return (
             f"{self.kind}: x = 0 is globally exponentially stable{self.time_text} for {every} with "
-            f"y {self.phi} between a y^2 and b y^2, [a, b] its sector, {times}: "
+            f"{within}, [a, b] its sector, {times}: "
             f"{said}, no other disturbance acting, on the {self.subject.on}"
         )
 

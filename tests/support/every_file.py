@@ -250,6 +250,7 @@ MARGINS = (
     "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
     "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
     "--limit", "sector of x with disturbance [w] with sector [-2, 2] with time_invariant true",
+    "--limit", "sector of x with disturbance [w] with sector [-2, 1] with slope_restricted true",
 )  # fmt: skip
 
 APART = [
@@ -353,6 +354,7 @@ def _write_passing(made: Path) -> None:
         InitialPeak("x", impulse=1), DiskMargin("u"), DiskMargin(["u", "slip"]),
         WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
         SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
+        SectorBound("v", disturbance="w", sector=(-0.2, 0.5), slope_restricted=True),
         WorstCaseGain(
             "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
         ),

@@ -33,7 +33,8 @@ Of phi(y) whose slope is in the sector too, between any two points, more is prov
 of Zames and Falb (SIAM Journal on Control 6(1), 1968) of first order. Then rho y + z and rho y - z
 do not fall as y grows. So of one of them, f, and the other, g, the integral of f (g - h * g) is not
 negative from zero to any time, for h(t) = 2 |b| exp(-(a + |b|) t), whose integral is at most one
-for |b| <= a: a function and another that grows with it are nowhere more alike than without a shift.
+for |b| <= a: of two signals that rise and fall together the integral of the product is largest
+where neither is delayed.
 With f = rho y - z for b > 0, f = rho y + z for b < 0, and s the sign of b, that integral is of
 yt^2 - zt^2 with
 

@@ -4,18 +4,7 @@ At one vertex the least weighted sum of mean squares over all laws is that of th
 regulator, sum a_i E[y_i^2] >= S tr E'P E with P from a Riccati equation. It is concave in the
 weights a; its largest value over that of the limits themselves is the square of the factor by which
 every law exceeds one of the limits (Boyd & Barratt 1991, on weights of several mean squares).
-
-The regulator is that of a plant of fewer states, computed exactly. Inputs that no output shows cost
-nothing. What they move at once is as good as an input itself: with
-B2 their columns and T B2 = 0, y = T x and x = Y y + B2 v,
-
-    y' = T A Y y + T A B2 v + T B1 u1 + T E w.
-
-Repeated until no input is left that no output shows. Then motions along which some u = F x keeps
-all outputs zero cost nothing either, and those that neither grow nor fade, the zeros at s = 0, have
-no regulator: with T zero along them, y = T x has A + B F and C + D F. No law of the plant does
-better than the best of this one, and for a P of this one the inequality holds with T'P T of the
-plant.
+The regulator is that of a plant of fewer states, see `polefence.certify.regular`.
 """
 
 from __future__ import annotations
@@ -32,12 +21,14 @@ from polefence.base import VERSION
 from polefence.base.errors import InputError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.renamed import write_in
+from polefence.certify.regular import Regular, dot, lifted, regular
 from polefence.lmi.conditions.pencil import Index
 from polefence.plant.dampers import Damper
 from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Verdict, prove
+from polefence.proof.claims.gain_conflict import GainRefutation
 from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -46,6 +37,7 @@ from polefence.proof.short import Short
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
+from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification, disturbance, limit_text
 from polefence.requirements.weights import with_weights
@@ -54,7 +46,7 @@ from polefence.requirements.weights import with_weights
 # as a share of that what is taken off the cost, for directions that no output sees.
 MARGINS = tuple((10.0 ** (k / 2), share) for share in (0.0, 1.0) for k in range(-18, -5))
 
-_ZERO, _ONE = Fraction(0), Fraction(1)
+_ZERO = Fraction(0)
 DECAY = 1e-6  # the same, of the plant's rates, while weights are sought
 CLOSE = 1e-6  # of a dual function's value, how near its highest is known
 MOST_STATES = 30  # of a plant: with 50 a limit takes a minute
@@ -72,17 +64,17 @@ class Refutation(Short):
     Attributes
     ----------
     plant : UncertainPlant
-    specifications : tuple of Rms
+    specifications : tuple of Rms or of Gain
         The limits.
-    claim : RmsRefutation
+    claim : RmsRefutation or GainRefutation
         With its evidence, for `polefence.proof.claims.base.prove`.
     reason : str
         What was proved.
     """
 
     plant: UncertainPlant
-    specifications: tuple[Rms, ...]
-    claim: RmsRefutation
+    specifications: tuple[Rms, ...] | tuple[Gain, ...]
+    claim: RmsRefutation | GainRefutation
     reason: str
 
     @property
@@ -331,7 +323,7 @@ class Within(Short):
                 continue
             level = Fraction(float(np.sqrt(float(square))) * (1 - 1e-9))
             limits = (replace(first, level=level), *others)
-            P = _lifted(P_reduced, exact.T)
+            P = lifted(P_reduced, exact.T)
             claim = RmsRefutation(A, B, E, limits, j, (own, *rest), P, scales=self.scales)
             verdict = _proved(claim)
             if verdict is not None:
@@ -342,7 +334,7 @@ class Within(Short):
 def _driven(plant: Regular, P: Rationals) -> Fraction:
     """Return tr E'P E."""
     columns = zip(*plant.E, strict=True)
-    return sum((_dot(e, [_dot(row, e) for row in P]) for e in columns), _ZERO)
+    return sum((dot(e, [dot(row, e) for row in P]) for e in columns), _ZERO)
 
 
 def _dual(plant: Regulated, weights: Array, decay: float) -> tuple[float, Array]:
@@ -456,7 +448,7 @@ def _claims(
         for P_reduced in _matrices(floats, weights):
             factor = _factor(exact, P_reduced, allowed)
             if factor >= 1:
-                P = _lifted(P_reduced, exact.T)
+                P = lifted(P_reduced, exact.T)
                 evidence = (j, scaled, P, factor, dampers, multipliers, exact_scales)
                 yield RmsRefutation(A, B, E, limits, *evidence)
 
@@ -562,164 +554,6 @@ def _factor(plant: Regular, P: Rationals, allowed: Fraction | int) -> Fraction:
     if not (least > 0 and allowed > 0):
         return Fraction(0)
     return Fraction(float(np.sqrt(least / float(allowed))) * (1 - 1e-9))
-
-
-def _lifted(P: Rationals, T: Rationals) -> Rationals:
-    """Return T'P T."""
-    columns = list(zip(*T, strict=True))
-    half = [[_dot(row, column) for column in columns] for row in P]
-    return [[_dot(left, right) for right in zip(*half, strict=True)] for left in columns]
-
-
-@dataclass(frozen=True)
-class Regular(Short):
-    """x' = A x + B u + E w, y = C x + D u with D of full column rank, x = T times the plant's."""
-
-    A: Rationals
-    B: Rationals
-    E: Rationals
-    C: Rationals
-    D: Rationals
-    T: Rationals
-
-
-def regular(A: Rationals, B: Rationals, E: Rationals, C: Rationals, D: Rationals) -> Regular | None:
-    """Return the plant of fewer states; None if no state or input is left."""
-    plant = _without_unseen(Regular(A, B, E, C, D, identity(len(A))))
-    while hidden := _null_space(plant.D):
-        fewer = _without_inputs(plant, hidden)
-        if fewer is None:
-            return None
-        plant = fewer
-    return _without_zeros(plant)
-
-
-def _without_unseen(plant: Regular) -> Regular:
-    """Return the plant without states, such as a sensor's, that no output depends on, if stable."""
-    size = range(len(plant.A))
-    kept = {i for i in size if any(row[i] for row in plant.C)}
-    while more := {k for i in kept for k in size if plant.A[i][k]} - kept:
-        kept |= more
-    left = sorted(set(size) - kept)
-    if not (left and kept):
-        return plant
-    dropped = np.array([[float(plant.A[i][k]) for k in left] for i in left])
-    if np.linalg.eigvals(dropped).real.max() >= 0:
-        return plant
-    rows = sorted(kept)
-    A, C = ([[row[k] for k in rows] for row in M] for M in (plant.A, plant.C))
-    B, E, T = ([M[i] for i in rows] for M in (plant.B, plant.E, plant.T))
-    return Regular([A[i] for i in rows], B, E, C, plant.D, T)
-
-
-def _without_inputs(plant: Regular, hidden: Rationals) -> Regular | None:
-    """Return the plant with what hidden inputs move as inputs in their place."""
-    n, (_, shown) = len(plant.A), _reduced(plant.D)
-    G, pivots = _reduced(_transposed(_product(plant.B, _transposed(hidden))))
-    if len(pivots) == n or not (pivots or shown):
-        return None
-    T, Y = _quotient(G, pivots, n)
-    V = [[g[i] for g in G] for i in range(n)]
-    moved = [
-        [*a, *(b[j] for j in shown)] for a, b in zip(_product(plant.A, V), plant.B, strict=True)
-    ]
-    seen = [
-        [*c, *(d[j] for j in shown)] for c, d in zip(_product(plant.C, V), plant.D, strict=True)
-    ]
-    A, C = _product(T, _product(plant.A, Y)), _product(plant.C, Y)
-    return Regular(A, _product(T, moved), _product(T, plant.E), C, seen, _product(T, plant.T))
-
-
-def _without_zeros(plant: Regular) -> Regular | None:
-    """Return the plant without the motions of zeros at s = 0."""
-    n, m = len(plant.A), len(plant.B[0])
-    DT = _transposed(plant.D)
-    both = [[*a, *b] for a, b in zip(_product(DT, plant.D), _product(DT, plant.C), strict=True)]
-    F = [[-x for x in row[m:]] for row in _reduced(both)[0]]
-    A, C = _sum(plant.A, _product(plant.B, F)), _sum(plant.C, _product(plant.D, F))
-    seen, power = _settled(_reduced(C)[0], A, C), _settled(_reduced(A)[0], A, [])
-    G, pivots = _reduced(_null_space([*seen, *power]) if seen or power else identity(n))
-    if not pivots:
-        return plant
-    if len(pivots) == n:
-        return None
-    T, Y = _quotient(G, pivots, n)
-    return Regular(
-        _product(T, _product(A, Y)),
-        _product(T, plant.B),
-        _product(T, plant.E),
-        _product(C, Y),
-        plant.D,
-        _product(T, plant.T),
-    )
-
-
-def _settled(rows: Rationals, A: Rationals, first: Rationals) -> Rationals:
-    """Return ``first`` and rows times A, reduced, again and again until their number stays."""
-    while rows and len(rows) < len(A):
-        more = _reduced([*first, *_product(rows, A)])[0]
-        if len(more) == len(rows):
-            break
-        rows = more
-    return rows
-
-
-def _quotient(G: Rationals, pivots: list[int], n: int) -> tuple[Rationals, Rationals]:
-    """Return T with T g = 0 for the rows g of a reduced basis, and Y with T Y = I."""
-    others = [q for q in range(n) if q not in pivots]
-    T = [[_ONE * (q == j) for j in range(n)] for q in others]
-    for row, q in zip(T, others, strict=True):
-        for g, p in zip(G, pivots, strict=True):
-            row[p] -= g[q]
-    return T, [[_ONE * (i == q) for q in others] for i in range(n)]
-
-
-def _transposed(matrix: Rationals) -> Rationals:
-    return [list(row) for row in zip(*matrix, strict=True)]
-
-
-def _product(a: Rationals, b: Rationals) -> Rationals:
-    columns = list(zip(*b, strict=True))
-    return [[_dot(row, column) for column in columns] for row in a]
-
-
-def _sum(a: Rationals, b: Rationals) -> Rationals:
-    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
-
-
-def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True)), _ZERO)
-
-
-def _reduced(matrix: Rationals) -> tuple[Rationals, list[int]]:
-    """Return the reduced row echelon form without rows of zeros, and its pivots' columns."""
-    rows, done, pivots = [row[:] for row in matrix], list[list[Fraction]](), list[int]()
-    for j in range(len(matrix[0]) if matrix else 0):
-        k = next((k for k, row in enumerate(rows) if row[j]), None)
-        if k is None:
-            continue
-        first = rows.pop(k)
-        first = [x / first[j] for x in first]
-        rows, done = (
-            [[x - row[j] * f for x, f in zip(row, first, strict=True)] for row in others]
-            for others in (rows, done)
-        )
-        done.append(first)
-        pivots.append(j)
-    return done, pivots
-
-
-def _null_space(matrix: Rationals) -> Rationals:
-    """Return a basis, as rows."""
-    rows, pivots = _reduced(matrix)
-    width = len(matrix[0])
-    basis = []
-    for j in (j for j in range(width) if j not in pivots):
-        vector = [_ONE * (i == j) for i in range(width)]
-        for row, p in zip(rows, pivots, strict=True):
-            vector[p] = -row[j]
-        basis.append(vector)
-    return basis
 
 
 @dataclass(frozen=True, eq=False)

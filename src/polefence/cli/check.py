@@ -34,7 +34,7 @@ from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.delay_margin import DelayMargin
 from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.observer import Observer
-from polefence.proof.claims.refutation import RmsRefutation
+from polefence.proof.claims.refutation import Refuted
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.sector import SectorBound
 from polefence.proof.claims.signal import SignalClaim
@@ -178,7 +178,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
         if difference is not None:
             return difference
         plant = at_sample_time(plant, document.plant.step, samples.delay - samples.early)
-    if document.first(RmsRefutation) or document.first(Clipped):
+    if document.first(Refuted) or document.first(Clipped):
         plant = _weighted(plant, claimed, spec)
     plant = with_law_of(plant, claimed, spec)
     if samples is not None and sampled and plant.shape == claimed.shape:
@@ -193,7 +193,7 @@ def _against(document: Document, plant: UncertainPlant, spec: str) -> str | None
             difference = _other_filter(claim, document.plant.step, spec)
         if difference is None:
             difference = _other_signal(_outputs_of(claim), document.plant, file_plant(plant))
-        if difference is None and isinstance(claim, Clipped | RmsRefutation) and claim.dampers:
+        if difference is None and isinstance(claim, Clipped | Refuted) and claim.dampers:
             difference = _other_damper(claim.dampers, plant, spec)
     if difference is None and isinstance(document.law, Law) and document.law.measured:
         measured = [document.plant.signal(name) for name in document.law.measured]
@@ -233,7 +233,7 @@ def _outputs_of(claim: Claim) -> Sequence[Output]:
         return claim.outputs
     if isinstance(claim, Clipped):
         return claim.limit.outputs
-    limits = claim.limits if isinstance(claim, RmsRefutation) else ()
+    limits = claim.limits if isinstance(claim, Refuted) else ()
     return [output for limit in limits for output in limit.outputs]
 
 

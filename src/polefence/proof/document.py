@@ -24,6 +24,7 @@ from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.factor_margin import GainMargin, PhaseMargin
 from polefence.proof.claims.failure import Failure
 from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.gain_conflict import GainRefutation
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import GainNorm
 from polefence.proof.claims.initial_peak import InitialPeak
@@ -81,6 +82,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             Rounded,
             Cells,
             RmsRefutation,
+            GainRefutation,
             Failure,
             Clipped,
         )

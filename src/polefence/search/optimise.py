@@ -44,6 +44,7 @@ from polefence.certify.checks import (
 from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
 from polefence.certify.measured import require_detectable
+from polefence.certify.least_gain import least_gain_of_any
 from polefence.certify.refutation import Refutation, least_of_any
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
@@ -140,15 +141,17 @@ class Optimised(Short):
         """What no law goes below, proved at one vertex of the family; None where that is not known.
 
         The first of its ``specifications`` has it as ``at_most``, of laws within the others, of any
-        order, whatever they measure but white noise itself. Known where an rms is minimised of a
-        plant of up to 30 states without functions of its parameters and dead times, in continuous
-        time or, of samples, behind them. Looked for when it is first asked for.
+        order, whatever they measure but, of an rms, white noise itself. Known where an rms or a
+        gain is minimised of a plant of up to 30 states without functions of its parameters and dead
+        times, in continuous time or, of samples, behind them. Looked for when it is first asked
+        for.
         """
-        if self.question is None or self.law.passes:  # it may cancel white noise as it comes
+        if self.question is None:
             return None
         plant, minimise, limits = self.question
-        level = self.bounds[0].level
-        return None if minimise is None else limit_of_any_law(plant, minimise, limits, level)
+        if minimise is None or (minimise.limits_rms and self.law.passes):
+            return None  # the law may cancel white noise as it comes
+        return limit_of_any_law(plant, minimise, limits, self.bounds[0].level)
 
     def bound(self, name: str) -> Bound:
         """Return the bound on the signal of that name.
@@ -193,7 +196,8 @@ def limit_of_any_law(
     from scipy import linalg  # whose BLAS is there before it is to have one thread
 
     with small_matrices(), suppress(PolefenceError, linalg.LinAlgError):
-        return least_of_any(plant, minimise, limits, level)
+        found = least_of_any(plant, minimise, limits, level)
+        return found or least_gain_of_any(plant, minimise, limits, level)
     return None
 
 

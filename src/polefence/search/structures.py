@@ -431,8 +431,10 @@ class Structures(Short):
         """What no law goes below, as `Optimised` has it."""
         best, asked = self.best, self.asked
         signals = (one.outputs(asked.plant) for one in asked.structures)
-        if best is None or any(signal.F for every in signals for signal in every):
+        if best is None:
             return None
+        if asked.minimise.limits_rms and any(signal.F for every in signals for signal in every):
+            return None  # a law may cancel white noise as it comes
         return limit_of_any_law(asked.plant, asked.minimise, asked.subject_to, best["level"])
 
     @property

@@ -72,8 +72,25 @@ class RmsLimit(Short):
         return write_outputs(self.outputs) | numbers
 
 
+class Refuted(Claim):
+    """No law keeps limits at once, at a vertex."""
+
+    letters: ClassVar[str] = "ABE"
+    of_law: ClassVar[bool] = False
+    of_laws: ClassVar[str] = "law"  # what laws are meant, in words
+
+    limits: tuple[Any, ...]  # each with its outputs
+    vertex: int
+    factor: Fraction = Fraction(1)
+    dampers: tuple[SemiActive, ...] = ()
+
+    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
+        """Say that an output has the name of another signal of the plant."""
+        return misnamed([output for limit in self.limits for output in limit.outputs], plant)
+
+
 @dataclass(frozen=True)
-class RmsRefutation(Short, Claim):
+class RmsRefutation(Short, Refuted):
     """At a vertex no law keeps the limits, nor ``factor`` times each: the claim and its evidence.
 
     Attributes
@@ -97,8 +114,6 @@ class RmsRefutation(Short, Claim):
     """
 
     kind: ClassVar[str] = "conflict"
-    letters: ClassVar[str] = "ABE"
-    of_law: ClassVar[bool] = False
 
     A: list[Rationals]
     B: list[Rationals]
@@ -163,10 +178,6 @@ class RmsRefutation(Short, Claim):
         return f"at vertex {self.vertex + 1} no {self.of_laws}{meant} keeps{once} " + (
             f"{' and '.join(said)}{acting}"
         )
-
-    def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
-        """Say that an output has the name of another signal of the plant."""
-        return misnamed([output for limit in self.limits for output in limit.outputs], plant)
 
     def decided(self) -> Verdict:
         """Prove a claim that is consistent; undecided does not say that there is a law."""

@@ -1,0 +1,384 @@
+"""What no law's gain goes below, at a vertex: found in floats, proved exactly.
+
+Of Z in `polefence.proof.claims.gain_conflict` let Z = M Y M', M a basis of what has M'[B; D] = 0:
+of states and of outputs that inputs do not move. With M' = [I, Q], M'[A; C] = R and Y > 0,
+
+    maximise  tr [E; F]'Z [E; F] - sum g_i^2 b_i / p_i   subject to   b_0 = 1,   N + N' >= 0
+
+is convex for given shares p; its value times p_0 is the square of a gain that no law within limits
+g_i on others goes below. In between shares are those that are best for the Z there is,
+p_i = g_i sqrt(b_i) of their sum. Solved by a barrier method in the coordinates in which the
+matrices are identities at each step; every iterate has Y > 0 and N + N' > 0, so what floats end at
+is proved in rationals as it is.
+
+Y starts from a filter that sees all states through the other outputs, backwards in time. There is
+none where some motions stay unseen for some u and do not grow: the zeros. These are taken off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from polefence.base.errors import SolverError
+from polefence.certify.refutation import FEW, MOST_STATES, Refutation
+from polefence.certify.regular import (
+    Regular,
+    null_space,
+    product,
+    regular,
+    transposed,
+    without_zeros,
+)
+from polefence.lmi.conditions.pencil import Index
+from polefence.plant.family import UncertainPlant
+from polefence.plant.system import Array
+from polefence.proof.claims.base import prove
+from polefence.proof.claims.gain_conflict import GainLimit, GainRefutation
+from polefence.proof.matrices import Rationals
+from polefence.proof.plant import Output
+from polefence.proof.short import Short
+from polefence.proof.work import FormatError
+from polefence.requirements.gain import ALL_TIMES, Gain
+from polefence.requirements.specification import Specification, disturbance
+from polefence.requirements.weights import with_weights
+
+_ZERO = Fraction(0)
+ROUGH, FINE = 3e-2, 1e-6  # of a squared gain, how near its largest is known
+GROWTH = 8.0  # of the barrier's weight, from one centre to the next
+CENTRED = 0.1  # Newton's decrement
+MOST_STEPS = 200
+LOST = 1e3  # of its order, a decrement that is none
+FAR = 5  # steps to the first centre
+NEGLIGIBLE = 1e-6  # of what some law has, which is no limit
+FIRST_SHARES = (0.5, 0.9, 0.1)  # of what is minimised
+LEAST_SHARE = 1e-6
+ROUNDS = 12  # of shares
+BETTER = 1e-5  # of a level, for which shares are sought on
+LITTLE = 1e-4  # of a level, which is no matter
+ROUNDING = 1e-12  # of a level
+
+
+def least_gain_of_any(
+    plant: UncertainPlant, minimise: Specification, limits: Sequence[Specification], near: float
+) -> Refutation | None:
+    """Return the proof that no law within limits has a gain below a level; None if none was found.
+
+    The level is the ``at_most`` of the first of its specifications; behind it stand the limits that
+    count. Those that are not on a gain from the same disturbances are left out: without them there
+    are more laws.
+
+    Parameters
+    ----------
+    near : float
+        What some law within the limits keeps.
+
+    Returns
+    -------
+    Refutation or None
+        It holds for every law for which states and inputs have no more than some multiple of the
+        energy of the disturbances: of any order, linear or not, whatever it is told. None of a plant
+        in discrete time, with a dead time, with functions of its parameters or of more than 30
+        states, and where something else than a gain is minimised, or one at samples.
+    """
+    exact = plant.remainder is None and plant.dead_time is None and not plant.period
+    exact = exact and plant.shape[0] <= MOST_STATES
+    if not (exact and _is_gain(minimise) and near > 0):
+        return None
+    chosen = minimise.scales(plant)
+    known = (s for s in limits if _is_gain(s) and s.at_most)
+    asked = [replace(minimise, at_most=near), *(s for s in known if s.scales(plant) == chosen)]
+    larger, bare = with_weights(plant, asked)
+    disturbance(larger)
+    bounded = [
+        GainLimit(s.exact_outputs(larger), Fraction(w.at_most or 0.0))
+        for w, s in zip(asked, bare, strict=True)
+    ]
+    question = Question(larger, tuple(bounded), tuple(map(Fraction, asked[0].scales(larger))))
+    claim = question.best()
+    if claim is None or float(claim.limits[0].level) < NEGLIGIBLE * near:
+        return None
+    kept = [asked[bounded.index(limit)] for limit in claim.limits[1:]]
+    first = replace(minimise, at_most=float(claim.limits[0].level))
+    specifications = [s for s in (first, *kept) if isinstance(s, Gain)]
+    with suppress(FormatError):
+        verdict = prove(claim)
+        if verdict.proved:
+            return Refutation(plant, tuple(specifications), claim, verdict.reason)
+    return None
+
+
+def _is_gain(specification: Specification) -> bool:
+    return isinstance(specification, Gain) and specification.at == ALL_TIMES
+
+
+@dataclass(frozen=True, eq=False)
+class Question(Short):
+    """The least of one gain that any law has within limits on others.
+
+    Attributes
+    ----------
+    plant : UncertainPlant
+    limits : tuple of GainLimit
+        The first is what is minimised.
+    scales : tuple of Fraction
+    """
+
+    plant: UncertainPlant
+    limits: tuple[GainLimit, ...]
+    scales: tuple[Fraction, ...]
+
+    def best(self) -> GainRefutation | None:
+        """Return the claim of the highest level of any vertex."""
+        rough = list[tuple[float, int]]()
+        for j in range(len(self.plant.vertices)):
+            found = self._at(j, ROUGH)
+            if found is not None:
+                rough.append((-round(float(found.limits[0].level), 12), j))
+        best = None
+        for _, j in sorted(rough)[:FEW]:
+            found = self._at(j, FINE)
+            if found is not None and (best is None or found.limits[0].level > best.limits[0].level):
+                best = found
+        return best
+
+    def _at(self, j: int, gap: float) -> GainRefutation | None:
+        """Return the claim of a vertex, as near to its best as the gap."""
+        reduced, count = self._regular(j), len(self.limits)
+        form = None if reduced is None else self._form(j, reduced)
+        if reduced is None or form is None:
+            return None
+        levels = np.array([float(limit.level) for limit in self.limits])
+        best, found = 0.0, list[tuple[Array, Array]]()
+        for first in FIRST_SHARES if count > 1 else (1.0,):
+            shares = np.append(first, np.full(count - 1, (1 - first) / max(count - 1, 1)))
+            for _ in range(ROUNDS if count > 1 else 1):
+                Y = form.best(shares, levels, gap)
+                if Y is None:
+                    break
+                roots = np.sqrt(form.parts(Y))
+                level = (np.sqrt(form.driven(Y)) - levels[1:] @ roots[1:]) / roots[0]
+                if not level > best * (1 + BETTER):
+                    break
+                shares = np.append(level, levels[1:]) * roots
+                shares = np.maximum(shares / shares.sum(), LEAST_SHARE)
+                shares, best = shares / shares.sum(), level
+                found.append((Y, shares))
+            if found:
+                return self._claim(j, reduced, form, *found[-1])
+        return None
+
+    def _regular(self, j: int) -> Regular | None:
+        """Return a vertex of fewer states; None if nothing of it is left."""
+        v = self.plant.vertices[j]
+        A, B, E = ([list(row) for row in M or ()] for M in (v.exact_A, v.exact_B, v.exact_E))
+        C, D = ([row for y in self._outputs for row in getattr(y, key)[j]] for key in "CD")
+        found = regular(A, B, self._scaled(E), C, D)
+        return None if found is None else without_zeros(found, every=True)
+
+    @property
+    def _outputs(self) -> list[Output]:
+        return [output for limit in self.limits for output in limit.outputs]
+
+    def _scaled(self, rows: Rationals) -> Rationals:
+        if not self.scales:
+            return rows
+        return [[x * s for x, s in zip(row, self.scales, strict=True)] for row in rows]
+
+    def _form(self, j: int, plant: Regular) -> Form | None:
+        """Return what Z is made of; None if there is no Z > 0."""
+        n, none = len(plant.A), [_ZERO] * len(plant.E[0])
+        F = self._scaled([list(y.F[j][0]) if y.F else none for y in self._outputs])
+        basis = null_space(transposed([*plant.D, *plant.B]))  # of outputs first: D has full rank
+        M = [[*row[-n:], *row[:-n]] for row in basis]
+        R, G = (floats(product(M, rows)) for rows in ([*plant.A, *plant.C], [*plant.E, *F]))
+        sizes = [len(limit.outputs) for limit in self.limits]
+        owner = np.repeat(np.arange(len(sizes)), sizes)
+        try:
+            return Form.of(M, floats(M), R, G, owner)
+        except (SolverError, np.linalg.LinAlgError):
+            return None
+
+    def _claim(
+        self, j: int, plant: Regular, form: Form, Y: Array, shares: Array
+    ) -> GainRefutation | None:
+        """Return the claim of Y at the highest level that it proves."""
+        M, T = form.M, plant.T
+        middle = [list(map(Fraction, row)) for row in ((Y + Y.T) / 2).tolist()]
+        lift = [[*product([row[: len(T)]], T)[0], *row[len(T) :]] for row in M]
+        Z = product(transposed(lift), product(middle, lift))
+        v = self.plant.vertices
+        A, B, E = (
+            [[list(row) for row in M or ()] for M in matrices]
+            for matrices in (
+                [x.exact_A for x in v],
+                [x.exact_B for x in v],
+                [x.exact_E for x in v],
+            )
+        )
+        # rounded down, their sum is not more than 1
+        exact = tuple(Fraction(x * (1 - ROUNDING)) for x in shares.tolist())
+        claim = GainRefutation(A, B, E, self.limits, j, exact, Z, scales=self.scales)
+        first, *others = self.limits
+        free = (replace(first, level=_ZERO), *others)
+        one = (replace(first, level=Fraction(1)), *(replace(y, level=_ZERO) for y in others))
+        square, unit = claim.driven - claim.allowed_by(free), claim.allowed_by(one)
+        if square <= 0 or unit <= 0:
+            return None
+        level = Fraction(float(np.sqrt(float(square / unit))) * (1 - ROUNDING))
+        return replace(claim, limits=(replace(first, level=level), *others))
+
+
+def floats(rows: Rationals) -> Array:
+    """Return an array."""
+    return np.array([[float(x) for x in row] for row in rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Form(Short):
+    """Z = M Y M' of one vertex, and the maximum over Y, of k rows.
+
+    Attributes
+    ----------
+    M : rationals
+        M', a row for each of Y.
+    seen : (k, p) array
+        Its columns of outputs.
+    N, R : (n, k), (k, n) arrays
+        N + N' = N Y R + R'Y N'.
+    G : (k, q) array
+        tr G'Y G is the energy of disturbances.
+    owner : (p,) array of int
+        The number of its limit for each output.
+    start : (k, k) array
+    """
+
+    M: Rationals
+    seen: Array
+    N: Array
+    R: Array
+    G: Array
+    owner: Index
+    start: Array
+
+    @classmethod
+    def of(cls, M: Rationals, both: Array, R: Array, G: Array, owner: Index) -> Form:
+        """Return it with a first Y, of a filter backwards in time.
+
+        Raises
+        ------
+        SolverError, numpy.linalg.LinAlgError
+            If there is none.
+        """
+        from scipy.linalg import solve_continuous_are
+
+        n = R.shape[1]
+        N, seen, free = both[:, :n].T, both[:, n:], len(both) - n
+        C, A = R[:free], R[free:]
+        rate = np.linalg.norm(A) or 1.0
+        unit = np.linalg.norm(C) or 1.0
+        C = np.vstack([C / unit, np.zeros((1, n))])
+        try:
+            X = solve_continuous_are(-A.T, C.T * np.sqrt(rate), rate * np.eye(n), np.eye(free + 1))
+        except ValueError as error:
+            raise SolverError(f"no filter: {error}") from error
+        S = np.linalg.inv((X + X.T) / 2)
+        beside = 0.5 * rate / unit * C[:-1]
+        first = 2 * beside @ np.linalg.solve(S, beside.T)
+        size = np.trace(first) / max(free, 1) or 1.0
+        Y = np.block([[first + 0.1 * size * np.eye(free), beside], [beside.T, S]])
+        return cls(M, seen, N, R, G, owner, (Y + Y.T) / 2)
+
+    def driven(self, Y: Array) -> float:
+        """Return tr G'Y G."""
+        return float(np.sum(self.G * (Y @ self.G)))
+
+    def parts(self, Y: Array) -> Array:
+        """Return the b of each limit."""
+        squares = np.einsum("ki,kl,li->i", self.seen, Y, self.seen)
+        return np.bincount(self.owner, np.maximum(squares, 0.0))
+
+    def best(self, shares: Array, levels: Array, gap: float) -> Array | None:
+        """Return Y of the largest value over that of the first limit; None where that is zero."""
+        weights = np.append(0.0, levels[1:] ** 2 / shares[1:])[self.owner]
+        gained = self.G @ self.G.T - (self.seen * weights) @ self.seen.T
+        first = self.seen[:, self.owner == 0]
+        unit = first @ first.T
+        size = float(np.sum(unit * self.start))
+        if not size > 0:
+            return None
+        Y, order = self.start / size, len(self.start) + len(self.N)
+        t = order / (abs(float(np.sum(gained * Y))) + self.driven(Y) or 1.0)
+        away, centred, most, best = 0, False, 0.0, None
+        for _ in range(MOST_STEPS):
+            Y = Y / np.sum(unit * Y)
+            value = float(np.sum(gained * Y))
+            try:
+                step, decrement = self._step(Y, t, gained, unit)
+            except np.linalg.LinAlgError:
+                break  # no digits are left
+            if value > most:
+                most, best = value, Y
+            if decrement > LOST * order and centred:
+                break
+            Y, away = Y + step, away + 1
+            if decrement > CENTRED:
+                if away > FAR and not centred:  # this centre is far away: first a nearer one
+                    t, away = t / GROWTH, 0
+                continue
+            centred, off = True, 2 * order / t
+            if value + off <= 0 or off < NEGLIGIBLE**2 * self.driven(Y):
+                return None
+            if off <= gap * value:
+                break
+            t *= GROWTH
+        return best
+
+    def _step(self, Y: Array, t: float, gained: Array, unit: Array) -> tuple[Array, float]:
+        """Return Newton's step to the centre, of the best length, and its decrement."""
+        k, half = len(Y), self.N @ Y @ self.R
+        L, T = np.linalg.cholesky(Y), np.linalg.cholesky(half + half.T)
+        P, R = np.linalg.solve(T, self.N @ L), np.linalg.solve(T, self.R.T @ L).T
+        i, l = np.triu_indices(k)
+        times = np.where(i == l, 0.5, np.sqrt(0.5))[:, None, None]
+        moved = np.einsum("ac,cb->cab", P[:, i], R[l]) + np.einsum("ac,cb->cab", P[:, l], R[i])
+        moved = times * (moved + np.swapaxes(moved, 1, 2))
+        flat = moved.reshape(len(i), -1)
+        root = np.where(i == l, 1.0, np.sqrt(2.0))
+        vector = lambda S: root * (L.T @ S @ L)[i, l]  # noqa: E731
+        slope = t * vector(gained) + (i == l) + np.einsum("caa->c", moved)
+        H = np.eye(len(i)) + flat @ flat.T
+        u = vector(unit)
+        a, b = np.linalg.solve(H, np.column_stack([slope, u])).T
+        d = a - b * (u @ a) / (u @ b)
+        if not np.isfinite(d).all():
+            raise np.linalg.LinAlgError("a step that is not finite")
+        decrement = float(np.sqrt(d @ H @ d))
+        D = np.zeros((k, k))
+        D[i, l] = d / root
+        D = D + np.triu(D, 1).T
+        spectrum = np.append(np.linalg.eigvalsh(D), np.linalg.eigvalsh(np.tensordot(d, moved, 1)))
+        length = _longest(spectrum, t * float(vector(gained) @ d))
+        return length * (L @ D @ L.T), decrement
+
+
+def _longest(spectrum: Array, slope: float) -> float:
+    """Return the maximum of slope x + sum log(1 + spectrum x) on x >= 0, within its domain."""
+    least = spectrum.min()
+    end = 1 / max(-least, 1e-300)
+    x = 0.0
+    for _ in range(30):
+        rates = spectrum / (1 + x * spectrum)
+        first, second = slope + rates.sum(), -(rates**2).sum()
+        if not first > 0 or not second < 0:
+            break
+        further = min(x - first / second, x + 0.9 * (end - x))
+        if further - x <= 1e-3 * x:
+            x = further
+            break
+        x = further
+    return x

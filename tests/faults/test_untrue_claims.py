@@ -12,7 +12,7 @@ from polefence.proof.document import KINDS, from_plain
 from polefence.proof.work import FormatError
 from support.every_file import FILES
 from support.motions import false_decay
-from support.truths import Law, Plant, false
+from support.truths import Law, Plant, false, number
 from support.untrue import Run, proved
 
 EACH = 25  # changes of each file; benchmarks/untrue.py tries hundreds
@@ -91,6 +91,14 @@ def test_the_samples_see_that_a_motion_grows(rate, grows):
     assert false_decay(plant, law, decay=0.0) is grows
 
 
+def test_a_gain_that_some_law_has_is_seen(documents):
+    document = copy.deepcopy(documents["least/limit.json"])
+    for limit in document["claims"][0]["limits"]:
+        limit["level"] = 1.01 * number(limit["level"])
+    assert false(document)
+    assert not proved(document)
+
+
 def test_a_sampled_loop_that_is_too_slow_is_seen(documents):
     document = copy.deepcopy(documents["earlier/sampled.json"])
     document["claims"][0]["decay"] = 90.0
@@ -124,4 +132,4 @@ def test_a_region_about_the_right_half_plane_is_refused(documents, name):
         with pytest.raises(FormatError, match="centre = 40"):
             from_plain(document)
     else:
-        assert name.startswith(("damper/", "earlier/"))
+        assert name.startswith(("damper/", "earlier/", "least/"))

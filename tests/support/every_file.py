@@ -118,7 +118,7 @@ FILES = (
     "discrete/design.json", "moving/design.json", "whole/gain.json", "code/sampled.json",
     "earlier/sampled.json", "half/design.json", "clock/design.json", "started/design.json",
     "passing/design.json", "margins/design.json", "failing/margins.json", "delayed/design.json",
-    "apart/design.json",
+    "apart/design.json", "least/limit.json",
 )  # fmt: skip
 PASSING = (
     SPEC
@@ -204,6 +204,10 @@ LATE = [
 HALF = [
     "verify", "both.toml", "--gain", "[[-3, 0]]", "--region", "disk(0, 1)", "--sample-time", "0.1",
     "--delay", "0.5",
+]  # fmt: skip
+LEAST = [
+    "optimise", "plain.toml", "--method", "quadratic", "--minimise", "gain of [x, u]",
+    "--limit", "gain of v <= 0.9",
 ]  # fmt: skip
 CLOCK = [
     "verify", "plain.toml", "--gain", "[[-3, -3]]", "--region", "disk(0, 1)", "--sample-time",
@@ -299,6 +303,7 @@ def write_every_file(made: Path) -> None:
         [*FAILING, "-o", "failing"],
         ["optimise", "spec.toml", "--method", "quadratic", "-o", "performance"],
         ["optimise", "plain.toml", "--method", "quadratic", *EVERY_KIND, "-o", "signals"],
+        [*LEAST, "-o", "least"],
         ["optimise", "two.toml", "--method", "quadratic", "-o", "vectors"],
         [*LATE, "-o", "late"],
         [*CLOCK, "-o", "clock"],

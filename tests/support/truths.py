@@ -9,7 +9,13 @@ from itertools import product
 from math import comb, factorial, prod
 
 import numpy as np
-from scipy.linalg import block_diag, expm, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import (
+    block_diag,
+    expm,
+    solve_continuous_are,
+    solve_continuous_lyapunov,
+    solve_discrete_lyapunov,
+)
 
 from support import motions
 from support.motions import number
@@ -1109,9 +1115,9 @@ def false_cells(plant, table, claim):
 
 
 def rows_of(claim, count, shape):
-    """The rows C and D of a limit's outputs at every vertex, one below the other."""
+    """The rows C, D and, of three widths, F of a limit's outputs at every vertex, as one matrix."""
     found = []
-    for key, width in zip("CD", shape, strict=True):
+    for key, width in zip("CDF"[: len(shape)], shape, strict=True):
         each = [array(own.get(key, [[0] * width])) for own in claim["outputs"]]
         full = [np.repeat(own, count, axis=0) if len(own) == 1 else own for own in each]
         found.append(np.stack(full, axis=1))
@@ -1198,9 +1204,58 @@ def false_conflict(plant, law, claim):
     return False
 
 
+def has_less(A, E, C, F, level):
+    """Whether a stable loop has a gain below a level: no eigenvalue on the imaginary axis."""
+    R = level**2 * np.eye(E.shape[1]) - F.T @ F
+    if np.linalg.eigvals(A).real.max() >= 0 or np.linalg.eigvalsh(R).min() <= 0:
+        return False
+    S = np.linalg.inv(R)
+    M = A + E @ S @ F.T @ C
+    both = np.block([[M, E @ S @ E.T], [-C.T @ (np.eye(len(C)) + F @ S @ F.T) @ C, -M.T]])
+    values = np.linalg.eigvals(both)
+    return bool(np.abs(values.real).min() > 1e-7 * np.abs(values).max())
+
+
+def false_gain_conflict(plant, law, claim):
+    """Gains of all states keep all of the limits: of games over the outputs, and of regulators."""
+    j, N = claim["vertex"] - 1, len(plant.A)
+    A, B = plant.A[j], plant.B[j]
+    E = noise_of(plant, claim, 1)[j]
+    (n, m), q = B.shape, E.shape[1]
+    own = array(claim["disturbances"]) if "disturbances" in claim else np.ones(q)
+    rows = [
+        (*(M[j] for M in rows_of(limit, N, (n, m, q))), number(limit["level"]))
+        for limit in claim["limits"]
+    ]
+    kept = [level for *_, level in rows]
+    if min(kept) <= 0:
+        return False
+    laws = [np.zeros((m, n))]
+    for share in (1.0, 0.8, 0.5, 0.2):
+        for times in (0.5, 0.9, 0.99, 0.999, 1.0, 1e3):
+            weights = [share, *[(1.0 - share) / (len(rows) - 1) + 1e-9 for _ in rows[1:]]]
+            scaled = [w**0.5 / level for w, level in zip(weights, kept, strict=True)]
+            C = np.vstack([s * r[0] for s, r in zip(scaled, rows, strict=True)])
+            D = np.vstack([s * r[1] for s, r in zip(scaled, rows, strict=True)])
+            R = block_diag(D.T @ D + 1e-9 * np.eye(m), -(times**2) * np.eye(q))
+            S = np.hstack([C.T @ D, np.zeros((n, q))])
+            try:
+                P = solve_continuous_are(A, np.hstack([B, E]), C.T @ C, R, s=S)
+            except (np.linalg.LinAlgError, ValueError):
+                continue
+            laws.append(-np.linalg.solve(R[:m, :m], B.T @ P + D.T @ C))
+        if len(rows) == 1:
+            break
+    return any(
+        all(has_less(A + B @ K, E, C + D @ K, F * own, g * (1 - SLACK)) for C, D, F, g in rows)
+        for K in laws
+    )
+
+
 FALSE = {
     "clipped": false_clipped,
     "conflict": false_conflict,
+    "gain conflict": false_gain_conflict,
     "region": false_region,
     "observer": false_observer,
     **dict.fromkeys(("rms", "relative rms", "energy peak", "initial peak", "gain"), false_signal),

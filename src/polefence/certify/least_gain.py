@@ -45,7 +45,6 @@ from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 from polefence.requirements.gain import ALL_TIMES, Gain
 from polefence.requirements.specification import Specification, disturbance
-from polefence.requirements.weights import with_weights
 
 _ZERO = Fraction(0)
 ROUGH, FINE = 3e-2, 1e-6  # of a squared gain, how near its largest is known
@@ -59,7 +58,7 @@ FIRST_SHARES = (0.5, 0.9, 0.1)  # of what is minimised
 LEAST_SHARE = 1e-6
 ROUNDS = 12  # of shares
 BETTER = 1e-5  # of a level, for which shares are sought on
-LITTLE = 1e-4  # of a level, which is no matter
+SMALL = Fraction(1, 10**4)  # of a level, which is no matter
 ROUNDING = 1e-12  # of a level
 
 
@@ -81,9 +80,9 @@ def least_gain_of_any(
     -------
     Refutation or None
         It holds for every law for which states and inputs have no more than some multiple of the
-        energy of the disturbances: of any order, linear or not, whatever it is told. None of a plant
-        in discrete time, with a dead time, with functions of its parameters or of more than 30
-        states, and where something else than a gain is minimised, or one at samples.
+        energy of the disturbances: of any order, linear or not, whatever it is told. None of a
+        plant in discrete time, with a dead time, with functions of its parameters or of more than
+        30 states, and where something else than a gain is minimised, or one at samples.
     """
     exact = plant.remainder is None and plant.dead_time is None and not plant.period
     exact = exact and plant.shape[0] <= MOST_STATES
@@ -92,13 +91,9 @@ def least_gain_of_any(
     chosen = minimise.scales(plant)
     known = (s for s in limits if _is_gain(s) and s.at_most)
     asked = [replace(minimise, at_most=near), *(s for s in known if s.scales(plant) == chosen)]
-    larger, bare = with_weights(plant, asked)
-    disturbance(larger)
-    bounded = [
-        GainLimit(s.exact_outputs(larger), Fraction(w.at_most or 0.0))
-        for w, s in zip(asked, bare, strict=True)
-    ]
-    question = Question(larger, tuple(bounded), tuple(map(Fraction, asked[0].scales(larger))))
+    disturbance(plant)
+    bounded = [GainLimit(s.exact_outputs(plant), Fraction(s.at_most or 0.0)) for s in asked]
+    question = Question(plant, tuple(bounded), tuple(map(Fraction, chosen)))
     claim = question.best()
     if claim is None or float(claim.limits[0].level) < NEGLIGIBLE * near:
         return None
@@ -144,7 +139,16 @@ class Question(Short):
             found = self._at(j, FINE)
             if found is not None and (best is None or found.limits[0].level > best.limits[0].level):
                 best = found
-        return best
+        return None if best is None else self._of_fewest(best)
+
+    def _of_fewest(self, claim: GainRefutation) -> GainRefutation:
+        """Return a claim without the limits that hardly raise its level."""
+        for limit in claim.limits[1:]:
+            fewer = replace(self, limits=tuple(y for y in claim.limits if y is not limit))
+            found = fewer._at(claim.vertex, FINE)
+            if found is not None and found.limits[0].level > claim.limits[0].level * (1 - SMALL):
+                return fewer._of_fewest(found)
+        return claim
 
     def _at(self, j: int, gap: float) -> GainRefutation | None:
         """Return the claim of a vertex, as near to its best as the gap."""
@@ -300,7 +304,7 @@ class Form(Short):
     def parts(self, Y: Array) -> Array:
         """Return the b of each limit."""
         squares = np.einsum("ki,kl,li->i", self.seen, Y, self.seen)
-        return np.bincount(self.owner, np.maximum(squares, 0.0))
+        return np.asarray(np.bincount(self.owner, np.maximum(squares, 0.0)), dtype=float)
 
     def best(self, shares: Array, levels: Array, gap: float) -> Array | None:
         """Return Y of the largest value over that of the first limit; None where that is zero."""
@@ -343,27 +347,27 @@ class Form(Short):
         k, half = len(Y), self.N @ Y @ self.R
         L, T = np.linalg.cholesky(Y), np.linalg.cholesky(half + half.T)
         P, R = np.linalg.solve(T, self.N @ L), np.linalg.solve(T, self.R.T @ L).T
-        i, l = np.triu_indices(k)
-        times = np.where(i == l, 0.5, np.sqrt(0.5))[:, None, None]
-        moved = np.einsum("ac,cb->cab", P[:, i], R[l]) + np.einsum("ac,cb->cab", P[:, l], R[i])
-        moved = times * (moved + np.swapaxes(moved, 1, 2))
-        flat = moved.reshape(len(i), -1)
-        root = np.where(i == l, 1.0, np.sqrt(2.0))
-        vector = lambda S: root * (L.T @ S @ L)[i, l]  # noqa: E731
-        slope = t * vector(gained) + (i == l) + np.einsum("caa->c", moved)
-        H = np.eye(len(i)) + flat @ flat.T
-        u = vector(unit)
+        row, column = np.triu_indices(k)
+        alone = row == column
+        times = np.where(alone, 0.5, np.sqrt(0.5))[:, None, None]
+        moved = np.einsum("ac,cb->cab", P[:, row], R[column])
+        moved = times * (moved + np.einsum("ac,cb->cab", P[:, column], R[row]))
+        moved = moved + np.swapaxes(moved, 1, 2)
+        flat = moved.reshape(len(row), -1)
+        root = np.where(alone, 1.0, np.sqrt(2.0))
+        grown, u = (root * (L.T @ S @ L)[row, column] for S in (gained, unit))
+        slope = t * grown + alone + np.einsum("caa->c", moved)
+        H = np.eye(len(row)) + flat @ flat.T
         a, b = np.linalg.solve(H, np.column_stack([slope, u])).T
         d = a - b * (u @ a) / (u @ b)
         if not np.isfinite(d).all():
             raise np.linalg.LinAlgError("a step that is not finite")
         decrement = float(np.sqrt(d @ H @ d))
         D = np.zeros((k, k))
-        D[i, l] = d / root
+        D[row, column] = d / root
         D = D + np.triu(D, 1).T
         spectrum = np.append(np.linalg.eigvalsh(D), np.linalg.eigvalsh(np.tensordot(d, moved, 1)))
-        length = _longest(spectrum, t * float(vector(gained) @ d))
-        return length * (L @ D @ L.T), decrement
+        return _longest(spectrum, t * float(grown @ d)) * (L @ D @ L.T), decrement
 
 
 def _longest(spectrum: Array, slope: float) -> float:

@@ -85,9 +85,7 @@ def _without_inputs(plant: Regular, hidden: Rationals) -> Regular | None:
     moved = [
         [*a, *(b[j] for j in shown)] for a, b in zip(product(plant.A, V), plant.B, strict=True)
     ]
-    seen = [
-        [*c, *(d[j] for j in shown)] for c, d in zip(product(plant.C, V), plant.D, strict=True)
-    ]
+    seen = [[*c, *(d[j] for j in shown)] for c, d in zip(product(plant.C, V), plant.D, strict=True)]
     A, C = product(T, product(plant.A, Y)), product(plant.C, Y)
     return Regular(A, product(T, moved), product(T, plant.E), C, seen, product(T, plant.T))
 

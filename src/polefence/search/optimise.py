@@ -43,8 +43,8 @@ from polefence.certify.checks import (
 )
 from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
-from polefence.certify.measured import require_detectable
 from polefence.certify.least_gain import least_gain_of_any
+from polefence.certify.measured import require_detectable
 from polefence.certify.refutation import Refutation, least_of_any
 from polefence.law.laws import Law
 from polefence.law.structure import Structure

@@ -55,7 +55,7 @@ from polefence.proof.matrices import Rationals, common_denominator, is_symmetric
 from polefence.proof.plant import Output, Plant
 from polefence.proof.reading import MAX_SIZE, Table, plain
 from polefence.proof.short import Short
-from polefence.proof.text import digits_down
+from polefence.proof.text import digits_down, plural
 from polefence.proof.work import FormatError, WorkError
 
 
@@ -110,9 +110,7 @@ class GainRefutation(Short, Refuted):
     def read(cls, table: Table, plant: Plant, law: Any, on: str) -> Self:  # noqa: ARG003
         """Read the limits, the vertex and the evidence."""
         plant.require_noise(table.where)
-        limits = tuple(
-            GainLimit.read(row, plant) for row in table.tables("limits", MAX_LIMITS)
-        )
+        limits = tuple(GainLimit.read(row, plant) for row in table.tables("limits", MAX_LIMITS))
         size = plant.n + sum(len(limit.outputs) for limit in limits)
         return cls(
             plant.A,
@@ -150,28 +148,28 @@ class GainRefutation(Short, Refuted):
             return undecided("the shares are not positive, or more than 1")
         if not is_semidefinite(self.Z):
             return undecided("Z is not positive semidefinite")
-        A, B, E = (M[self.vertex] for M in (self.A, self.B, self.E))
+        A, B = self.A[self.vertex], self.B[self.vertex]
         outputs = [output for limit in self.limits for output in limit.outputs]
         C, D = ([row for y in outputs for row in getattr(y, k)[self.vertex]] for k in "CD")
         if any(map(any, product(self.Z, [*B, *D]))):
             return undecided("Z [B; D] is not zero")
         N = product(self.Z[: len(A)], [*A, *C])
-        both = [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(N, zip(*N), strict=True)]
+        both = [[x + y[i] for x, y in zip(row, N, strict=True)] for i, row in enumerate(N)]
         if not is_semidefinite(both):
             return undecided("N + N' is not positive semidefinite")
         if not self.driven > self.allowed_by(self.limits):
             return undecided("the limits allow as much as every law has")
+        kept = plural(len(self.limits), "limit")
         return Verdict(
             "proved",
-            f"at vertex {self.vertex + 1} no law keeps {len(self.limits)} limits on gains at "
-            f"once: blocks of {len(self.Z)} and {len(A)} rows positive semidefinite in exact "
-            "arithmetic",
+            f"at vertex {self.vertex + 1} no law keeps {kept} on gains: blocks of {len(self.Z)} "
+            f"and {len(A)} rows positive semidefinite in exact arithmetic",
             2,
         )
 
     @property
     def driven(self) -> Fraction:
-        """a = tr [E; F]'Z [E; F]."""
+        """The trace of [E; F]'Z [E; F]."""
         E, q = self.E[self.vertex], len(self.E[self.vertex][0])
         none = [Fraction(0)] * q
         outputs = [output for limit in self.limits for output in limit.outputs]
@@ -211,6 +209,8 @@ class GainRefutation(Short, Refuted):
         for output in outputs:
             require_shapes(output.C, N, 1, n, "C")
             require_shapes(output.D, N, 1, m, "D")
+            if output.near is not None:
+                raise FormatError("a limit on an output with functions of the parameters")
             if output.F:
                 require_shapes(list(output.F), N, 1, q, "F")
         numbers = [[[*self.shares, *self.scales, *(limit.level for limit in self.limits)]], self.Z]

@@ -77,12 +77,16 @@ class Refuted(Claim):
 
     letters: ClassVar[str] = "ABE"
     of_law: ClassVar[bool] = False
-    of_laws: ClassVar[str] = "law"  # what laws are meant, in words
 
     limits: tuple[Any, ...]  # each with its outputs
     vertex: int
     factor: Fraction = Fraction(1)
     dampers: tuple[SemiActive, ...] = ()
+
+    @property
+    def of_laws(self) -> str:
+        """What laws are meant, in words."""
+        return "semi-active law" if self.dampers else "law"
 
     def fault_in(self, plant: Plant, claims: Sequence[Claim]) -> str:  # noqa: ARG002
         """Say that an output has the name of another signal of the plant."""
@@ -158,11 +162,6 @@ class RmsRefutation(Short, Refuted):
             return table
         dampers = [damper.write() for damper in self.dampers]
         return table | {"dampers": dampers, "multipliers": plain(self.multipliers)}
-
-    @property
-    def of_laws(self) -> str:
-        """What laws are meant, in words."""
-        return "semi-active law" if self.dampers else "law"
 
     def statement(self, plant: Plant) -> str:
         """Say which limits no law keeps, each times the factor and rounded down."""

@@ -10,8 +10,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from polefence import Gain, Rms, Structure, UncertainPlant, check, load, optimise
-from polefence.certify.least_gain import least_gain_of_any
-from polefence.certify.refutation import least_of_any
+from polefence.certify.refutation import least_of_any, refute_limits
 from polefence.cli.main import main
 from polefence.examples import spec_path
 from polefence.plant.outputs import Output
@@ -46,14 +45,14 @@ def test_one_state_and_its_force(a):
     # k P^2 + 2 a P + 1 = 0 with k = 1/g^2 - 1 has a positive P from 1/g^2 = 1 + a^2 on; of an
     # unstable state from g = 1 on
     least = 1 / math.sqrt(1 + a**2) if a < 0 else 1.0
-    found = least_gain_of_any(vertex([[a]], [[1.0]], [[1.0]]), Gain(("x1", "u1")), (), 3.0)
+    found = least_of_any(vertex([[a]], [[1.0]], [[1.0]]), Gain(("x1", "u1")), (), 3.0)
     assert prove(found.claim).proved
     assert least * (1 - 1e-5) < level(found) <= least * (1 + 1e-12)
 
 
 def test_what_holding_an_unstable_state_takes(one):
     # s = a is a zero of the loop from w to x, and -1 is what the force does about w there
-    found = least_gain_of_any(one, Gain("force"), (), 5.0)
+    found = least_of_any(one, Gain("force"), (), 5.0)
     assert 1 - 1e-5 < level(found) <= 1
 
 
@@ -63,12 +62,12 @@ def test_a_zero_in_the_right_half_plane_is_an_interpolation(through):
     A, B, E = np.diag([-1.0, -2.0]), np.ones((2, 1)), np.array([[5.0], [1.0]])
     y = Output("y", C=[1, -1.5], F=[through] if through else ())
     least = abs(5 / 2 - 1.5 * 1 / 3 + through)
-    found = least_gain_of_any(vertex(A, B, E), Gain(y), (), 10.0)
+    found = least_of_any(vertex(A, B, E), Gain(y), (), 10.0)
     assert least * (1 - 1e-5) < level(found) <= least * (1 + 1e-12)
 
 
 def test_where_some_law_has_next_to_nothing_there_is_no_limit(one):
-    assert least_gain_of_any(one, Gain("x"), (), 1.0) is None
+    assert least_of_any(one, Gain("x"), (), 1.0) is None
 
 
 # --- random plants, against a Riccati equation ----------------------------------------------------
@@ -111,13 +110,13 @@ def test_it_is_the_best_of_a_random_plant(seed):
     A, B, E, C, D = of_random(np.random.default_rng(seed))
     signals = tuple(Output(f"y{i}", C=C[i], D=D[i]) for i in range(len(C)))
     least = best_of(A, B, E, C, D)
-    found = least_gain_of_any(vertex(A, B, E), Gain(signals), (), 2 * least)
+    found = least_of_any(vertex(A, B, E), Gain(signals), (), 2 * least)
     assert prove(found.claim).proved
     assert least * (1 - 1e-4) < level(found) <= least * (1 + 1e-7)
 
 
 def test_of_several_vertices_it_is_that_of_the_worst(one):
-    found = least_gain_of_any(loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]")), Gain(BOTH), (), 1.0)
+    found = least_of_any(loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]")), Gain(BOTH), (), 1.0)
     assert found.vertex == 1  # a = -1
     assert level(found) == pytest.approx(math.sqrt(0.5), rel=1e-5)
 
@@ -128,7 +127,7 @@ def test_of_several_vertices_it_is_that_of_the_worst(one):
 def test_a_tighter_limit_raises_it(one):
     plant = loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]"))
     limits = [0.8, 0.5, 0.2]
-    found = [least_gain_of_any(plant, Gain("x"), [Gain("force", c)], 1.0) for c in limits]
+    found = [least_of_any(plant, Gain("x"), [Gain("force", c)], 1.0) for c in limits]
     levels = [level(one) for one in found]
     assert levels == sorted(levels)
     assert all(prove(one.claim).proved for one in found)
@@ -142,23 +141,23 @@ def test_a_tighter_limit_raises_it(one):
 def test_of_one_signal_twice_it_is_the_limit_that_is_tighter(one):
     # the gain of the vector is what no law has below 1 and its first entry is not 0
     plant = loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]"))
-    whole = level(least_gain_of_any(plant, Gain(BOTH), (), 1.0))
-    found = least_gain_of_any(plant, Gain("x"), [Gain("force", whole)], 1.0)
+    whole = level(least_of_any(plant, Gain(BOTH), (), 1.0))
+    found = least_of_any(plant, Gain("x"), [Gain("force", whole)], 1.0)
     assert level(found) < whole
 
 
 def test_limits_from_other_disturbances_and_of_other_kinds_are_left_out():
     plant = loads(TWO_STATES)
     asked = Gain(("x", "force"))
-    alone = level(least_gain_of_any(plant, asked, (), 1.0))
+    alone = level(least_of_any(plant, asked, (), 1.0))
     others = [Rms("force", 1.0, 2.0), Gain("v", 0.1, disturbances=[("w", 0.5)])]
-    assert level(least_gain_of_any(plant, asked, others, 1.0)) == alone
+    assert level(least_of_any(plant, asked, others, 1.0)) == alone
 
 
 def test_half_of_the_disturbance_has_half_the_gain():
     plant, asked = loads(TWO_STATES), Gain(("x", "force"))
-    whole = level(least_gain_of_any(plant, asked, (), 1.0))
-    half = level(least_gain_of_any(plant, replace(asked, disturbances=[("w", 0.5)]), (), 1.0))
+    whole = level(least_of_any(plant, asked, (), 1.0))
+    half = level(least_of_any(plant, replace(asked, disturbances=[("w", 0.5)]), (), 1.0))
     assert half == pytest.approx(whole / 2, rel=1e-5)
 
 
@@ -175,6 +174,7 @@ def test_laws_exceed_it(structure):
     assert 1.0 < done.bounds[0].level / level(done.limit_of_any_law) < 2.0
 
 
+@pytest.mark.slow
 def test_laws_at_samples_exceed_that_of_the_plant_itself():
     plant = loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]"))
     done = optimise(at_sample_time(plant, Fraction(1, 20)), Gain(BOTH))
@@ -186,7 +186,7 @@ def test_laws_at_samples_exceed_that_of_the_plant_itself():
 def test_of_a_plant_with_hardware_it_is_below_what_is_proved_of_its_best_laws():
     path = spec_path("active-suspension")
     plant, least, limits = load(path), *load_specifications(path)
-    found = least_gain_of_any(plant, least, limits, 0.0749)
+    found = least_of_any(plant, least, limits, 0.0749)
     assert [s.at_most for s in found.specifications[1:]] == [16]
     assert 0.05 < level(found) < 0.0749  # of order 4
 
@@ -195,11 +195,9 @@ def test_of_a_plant_with_hardware_it_is_below_what_is_proved_of_its_best_laws():
 
 
 def test_other_kinds_and_other_plants_have_none(one):
-    assert least_gain_of_any(one, Rms("x", None, 2.0), (), 1.0) is None
-    assert least_of_any(one, Gain(BOTH), (), 1.0) is None
-    assert least_gain_of_any(one, Gain(BOTH, at="samples"), (), 1.0) is None
+    assert least_of_any(one, Gain(BOTH, at="samples"), (), 1.0) is None
     discrete = UncertainPlant.from_vertices([[[0.5]]], [[[1.0]]], [[[1.0]]], sample_time=1)
-    assert least_gain_of_any(discrete, Gain(("x1", "u1")), (), 1.0) is None
+    assert least_of_any(discrete, Gain(("x1", "u1")), (), 1.0) is None
 
 
 # --- faults, one at a time ------------------------------------------------------------------------
@@ -208,7 +206,7 @@ def test_other_kinds_and_other_plants_have_none(one):
 @pytest.fixture(scope="module")
 def claim():
     plant = loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]"))
-    return least_gain_of_any(plant, Gain("x"), [Gain("force", 0.3)], 1.0).claim
+    return least_of_any(plant, Gain("x"), [Gain("force", 0.3)], 1.0).claim
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -295,3 +293,39 @@ def test_the_command_prints_writes_and_checks_it(tmp_path, capsys):
     limit["level"] = str(Fraction(limit["level"]) * Fraction(1001, 1000))
     (out / "limit.json").write_text(json.dumps(file))
     assert main(["check", str(out)]) == 1
+
+
+# --- limits in conflict ---------------------------------------------------------------------------
+
+
+def test_limits_that_no_law_keeps_are_refuted(one):
+    plant = loads(ONE_STATE.replace("[0.5, 2]", "[-3, -1]"))
+    # at s = 0 and a = -1: x = u + w
+    found = refute_limits(plant, [Gain("x", 0.2), Gain("force", 0.3)])
+    assert found.vertex == 1
+    assert 1.5 < found.factor <= 2.0
+    assert prove(found.claim).proved
+    for share, proved in ((0.99, True), (1.001, False)):
+        changed = replace(found.claim, factor=found.claim.factor * Fraction(share))
+        assert prove(changed).proved is proved
+    with pytest.raises(FormatError, match="factor"):
+        prove(replace(found.claim, factor=Fraction(1, 2)))
+    assert refute_limits(plant, [Gain("x", 0.6), Gain("force", 0.5)]) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_factor_of_one_limit_is_what_the_best_law_has(seed):
+    A, B, E, C, D = of_random(np.random.default_rng(seed))
+    signals = tuple(Output(f"y{i}", C=C[i], D=D[i]) for i in range(len(C)))
+    least = best_of(A, B, E, C, D)
+    found = refute_limits(vertex(A, B, E), [Gain(signals, least / 3)])
+    assert 3 * (1 - 1e-4) < found.factor <= 3 * (1 + 1e-7)
+    assert refute_limits(vertex(A, B, E), [Gain(signals, 1.001 * least)]) is None
+
+
+def test_the_command_says_that_no_law_keeps_them(tmp_path, capsys):
+    spec = tmp_path / "two.toml"
+    spec.write_text(TWO_STATES)
+    words = ["--minimise", "gain of v", "--limit", "gain of [x, force] <= 0.1"]
+    assert main(["optimise", str(spec), *words]) == 1
+    assert "refuted: at vertex" in "".join(capsys.readouterr())

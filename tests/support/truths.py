@@ -1224,7 +1224,10 @@ def false_gain_conflict(plant, law, claim):
     (n, m), q = B.shape, E.shape[1]
     own = array(claim["disturbances"]) if "disturbances" in claim else np.ones(q)
     rows = [
-        (*(M[j] for M in rows_of(limit, N, (n, m, q))), number(limit["level"]))
+        (
+            *(M[j] for M in rows_of(limit, N, (n, m, q))),
+            number(limit["level"]) * number(claim["factor"]),
+        )
         for limit in claim["limits"]
     ]
     kept = [level for *_, level in rows]

@@ -1,4 +1,4 @@
-"""What no law's gain goes below, at a vertex: found in floats, proved exactly.
+"""What no law's gain goes below, and gains that no law has at once: found, for exact proofs.
 
 Of Z in `polefence.proof.claims.gain_conflict` let Z = M Y M', M a basis of what has M'[B; D] = 0:
 of states and of outputs that inputs do not move. With M' = [I, Q], M'[A; C] = R and Y > 0,
@@ -6,10 +6,11 @@ of states and of outputs that inputs do not move. With M' = [I, Q], M'[A; C] = R
     maximise  tr [E; F]'Z [E; F] - sum g_i^2 b_i / p_i   subject to   b_0 = 1,   N + N' >= 0
 
 is convex for given shares p; its value times p_0 is the square of a gain that no law within limits
-g_i on others goes below. In between shares are those that are best for the Z there is,
-p_i = g_i sqrt(b_i) of their sum. Solved by a barrier method in the coordinates in which the
-matrices are identities at each step; every iterate has Y > 0 and N + N' > 0, so what floats end at
-is proved in rationals as it is.
+g_i on others goes below. With the sum over all limits equal to 1 in place of b_0, the value is the
+square of a factor by which no law keeps them all. In between shares are those that are best for the
+Z there is, p_i = g_i sqrt(b_i) of their sum. Solved by a barrier method in the coordinates in which
+the matrices are identities at each step; every iterate has Y > 0 and N + N' > 0, so what floats end
+at is proved in rationals as it is.
 
 Y starts from a filter that sees all states through the other outputs, backwards in time. There is
 none where some motions stay unseen for some u and do not grow: the zeros. These are taken off.
@@ -17,7 +18,6 @@ none where some motions stay unseen for some u and do not grow: the zeros. These
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -25,7 +25,6 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.base.errors import SolverError
-from polefence.certify.refutation import FEW, MOST_STATES, Refutation
 from polefence.certify.regular import (
     Regular,
     null_space,
@@ -43,17 +42,17 @@ from polefence.proof.matrices import Rationals
 from polefence.proof.plant import Output
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
-from polefence.requirements.gain import ALL_TIMES, Gain
-from polefence.requirements.specification import Specification, disturbance
 
 _ZERO = Fraction(0)
-ROUGH, FINE = 3e-2, 1e-6  # of a squared gain, how near its largest is known
+ROUGH = 3e-2  # of a squared gain, how near its largest is known
+FINE = (1e-6, 1e-5, 1e-4, 1e-3, ROUGH)  # the same, until there is a proof
 GROWTH = 8.0  # of the barrier's weight, from one centre to the next
 CENTRED = 0.1  # Newton's decrement
 MOST_STEPS = 200
 LOST = 1e3  # of its order, a decrement that is none
 FAR = 5  # steps to the first centre
-NEGLIGIBLE = 1e-6  # of what some law has, which is no limit
+NEGLIGIBLE = 1e-6  # of a gain, which is none
+FEW = 4  # vertices that are looked at closely
 FIRST_SHARES = (0.5, 0.9, 0.1)  # of what is minimised
 LEAST_SHARE = 1e-6
 ROUNDS = 12  # of shares
@@ -62,64 +61,15 @@ SMALL = Fraction(1, 10**4)  # of a level, which is no matter
 ROUNDING = 1e-12  # of a level
 
 
-def least_gain_of_any(
-    plant: UncertainPlant, minimise: Specification, limits: Sequence[Specification], near: float
-) -> Refutation | None:
-    """Return the proof that no law within limits has a gain below a level; None if none was found.
-
-    The level is the ``at_most`` of the first of its specifications; behind it stand the limits that
-    count. Those that are not on a gain from the same disturbances are left out: without them there
-    are more laws.
-
-    Parameters
-    ----------
-    near : float
-        What some law within the limits keeps.
-
-    Returns
-    -------
-    Refutation or None
-        It holds for every law for which states and inputs have no more than some multiple of the
-        energy of the disturbances: of any order, linear or not, whatever it is told. None of a
-        plant in discrete time, with a dead time, with functions of its parameters or of more than
-        30 states, and where something else than a gain is minimised, or one at samples.
-    """
-    exact = plant.remainder is None and plant.dead_time is None and not plant.period
-    exact = exact and plant.shape[0] <= MOST_STATES
-    if not (exact and _is_gain(minimise) and near > 0):
-        return None
-    chosen = minimise.scales(plant)
-    known = (s for s in limits if _is_gain(s) and s.at_most)
-    asked = [replace(minimise, at_most=near), *(s for s in known if s.scales(plant) == chosen)]
-    disturbance(plant)
-    bounded = [GainLimit(s.exact_outputs(plant), Fraction(s.at_most or 0.0)) for s in asked]
-    question = Question(plant, tuple(bounded), tuple(map(Fraction, chosen)))
-    claim = question.best()
-    if claim is None or float(claim.limits[0].level) < NEGLIGIBLE * near:
-        return None
-    kept = [asked[bounded.index(limit)] for limit in claim.limits[1:]]
-    first = replace(minimise, at_most=float(claim.limits[0].level))
-    specifications = [s for s in (first, *kept) if isinstance(s, Gain)]
-    with suppress(FormatError):
-        verdict = prove(claim)
-        if verdict.proved:
-            return Refutation(plant, tuple(specifications), claim, verdict.reason)
-    return None
-
-
-def _is_gain(specification: Specification) -> bool:
-    return isinstance(specification, Gain) and specification.at == ALL_TIMES
-
-
 @dataclass(frozen=True, eq=False)
 class Question(Short):
-    """The least of one gain that any law has within limits on others.
+    """Limits on gains: the least of the first that any law has within the others, or a conflict.
 
     Attributes
     ----------
     plant : UncertainPlant
     limits : tuple of GainLimit
-        The first is what is minimised.
+        Levels above zero; of what is minimised what some law keeps.
     scales : tuple of Fraction
     """
 
@@ -127,53 +77,70 @@ class Question(Short):
     limits: tuple[GainLimit, ...]
     scales: tuple[Fraction, ...]
 
-    def best(self) -> GainRefutation | None:
-        """Return the claim of the highest level of any vertex."""
+    def least(self) -> GainRefutation | None:
+        """Return the claim of the highest level of the first limit at any vertex, None if zero."""
+        best = self._best(least=True)
+        return None if best is None else self._of_fewest(best)
+
+    def refuted(self) -> GainRefutation | None:
+        """Return the claim that no law keeps all of the limits, times the largest factor."""
+        best = self._best(least=False)
+        return None if best is None or best.factor < 1 else best
+
+    def _best(self, least: bool) -> GainRefutation | None:
         rough = list[tuple[float, int]]()
         for j in range(len(self.plant.vertices)):
-            found = self._at(j, ROUGH)
+            found = self._at(j, ROUGH, least)
             if found is not None:
-                rough.append((-round(float(found.limits[0].level), 12), j))
-        best = None
-        for _, j in sorted(rough)[:FEW]:
-            found = self._at(j, FINE)
-            if found is not None and (best is None or found.limits[0].level > best.limits[0].level):
-                best = found
-        return None if best is None else self._of_fewest(best)
+                rough.append((-round(_height(found), 12), j))
+        highest = min(rough, default=(0.0, 0))[0] * (1 - ROUGH)
+        near = [j for height, j in sorted(rough)[:FEW] if height <= highest]
+        known = (self._proved_at(j, least) for j in near)
+        return max((found for found in known if found), key=_height, default=None)
+
+    def _proved_at(self, j: int, least: bool) -> GainRefutation | None:
+        """Return the claim of a vertex that is as near to its best as rounding leaves it proved."""
+        for gap in FINE:
+            claim = self._at(j, gap, least)
+            with suppress(FormatError):
+                if claim is not None and prove(claim).proved:
+                    return claim
+        return None
 
     def _of_fewest(self, claim: GainRefutation) -> GainRefutation:
         """Return a claim without the limits that hardly raise its level."""
         for limit in claim.limits[1:]:
             fewer = replace(self, limits=tuple(y for y in claim.limits if y is not limit))
-            found = fewer._at(claim.vertex, FINE)
+            found = fewer._proved_at(claim.vertex, least=True)
             if found is not None and found.limits[0].level > claim.limits[0].level * (1 - SMALL):
                 return fewer._of_fewest(found)
         return claim
 
-    def _at(self, j: int, gap: float) -> GainRefutation | None:
+    def _at(self, j: int, gap: float, least: bool) -> GainRefutation | None:
         """Return the claim of a vertex, as near to its best as the gap."""
         reduced, count = self._regular(j), len(self.limits)
         form = None if reduced is None else self._form(j, reduced)
         if reduced is None or form is None:
             return None
         levels = np.array([float(limit.level) for limit in self.limits])
+        sought = np.arange(count) < (1 if least else count)  # limits whose levels are to grow
         best, found = 0.0, list[tuple[Array, Array]]()
         for first in FIRST_SHARES if count > 1 else (1.0,):
             shares = np.append(first, np.full(count - 1, (1 - first) / max(count - 1, 1)))
             for _ in range(ROUNDS if count > 1 else 1):
-                Y = form.best(shares, levels, gap)
+                Y = form.best(levels**2 / shares * sought, levels**2 / shares * ~sought, gap)
                 if Y is None:
                     break
-                roots = np.sqrt(form.parts(Y))
-                level = (np.sqrt(form.driven(Y)) - levels[1:] @ roots[1:]) / roots[0]
-                if not level > best * (1 + BETTER):
+                parts = levels * np.sqrt(form.parts(Y))
+                times = (np.sqrt(form.driven(Y)) - parts[~sought].sum()) / parts[sought].sum()
+                if not times > best * (1 + BETTER):
                     break
-                shares = np.append(level, levels[1:]) * roots
+                shares = np.where(sought, times, 1.0) * parts
                 shares = np.maximum(shares / shares.sum(), LEAST_SHARE)
-                shares, best = shares / shares.sum(), level
+                shares, best = shares / shares.sum(), times
                 found.append((Y, shares))
             if found:
-                return self._claim(j, reduced, form, *found[-1])
+                return self._claim(j, reduced, form, *found[-1], least)
         return None
 
     def _regular(self, j: int) -> Regular | None:
@@ -208,7 +175,7 @@ class Question(Short):
             return None
 
     def _claim(
-        self, j: int, plant: Regular, form: Form, Y: Array, shares: Array
+        self, j: int, plant: Regular, form: Form, Y: Array, shares: Array, least: bool
     ) -> GainRefutation | None:
         """Return the claim of Y at the highest level that it proves."""
         M, T = form.M, plant.T
@@ -228,13 +195,21 @@ class Question(Short):
         exact = tuple(Fraction(x * (1 - ROUNDING)) for x in shares.tolist())
         claim = GainRefutation(A, B, E, self.limits, j, exact, Z, scales=self.scales)
         first, *others = self.limits
-        free = (replace(first, level=_ZERO), *others)
-        one = (replace(first, level=Fraction(1)), *(replace(y, level=_ZERO) for y in others))
-        square, unit = claim.driven - claim.allowed_by(free), claim.allowed_by(one)
-        if square <= 0 or unit <= 0:
+        none = tuple(replace(y, level=_ZERO) for y in others)
+        used = claim.allowed_by((replace(first, level=_ZERO), *others)) if least else _ZERO
+        unit = claim.allowed_by((first, *none) if least else self.limits)
+        square = (claim.driven - used) / unit if unit else _ZERO
+        if square <= 0:
             return None
-        level = Fraction(float(np.sqrt(float(square / unit))) * (1 - ROUNDING))
-        return replace(claim, limits=(replace(first, level=level), *others))
+        times = Fraction(float(np.sqrt(float(square))) * (1 - ROUNDING))
+        if not least:
+            return replace(claim, factor=times)
+        return replace(claim, limits=(replace(first, level=first.level * times), *others))
+
+
+def _height(claim: GainRefutation) -> float:
+    """Return what is to be large: the factor and the first level."""
+    return float(claim.factor * claim.limits[0].level)
 
 
 def floats(rows: Rationals) -> Array:
@@ -306,12 +281,16 @@ class Form(Short):
         squares = np.einsum("ki,kl,li->i", self.seen, Y, self.seen)
         return np.asarray(np.bincount(self.owner, np.maximum(squares, 0.0)), dtype=float)
 
-    def best(self, shares: Array, levels: Array, gap: float) -> Array | None:
-        """Return Y of the largest value over that of the first limit; None where that is zero."""
-        weights = np.append(0.0, levels[1:] ** 2 / shares[1:])[self.owner]
-        gained = self.G @ self.G.T - (self.seen * weights) @ self.seen.T
-        first = self.seen[:, self.owner == 0]
-        unit = first @ first.T
+    def best(self, over: Array, less: Array, gap: float) -> Array | None:
+        """Return Y of the largest (a - sum less b) / sum over b; None where that is zero.
+
+        Parameters
+        ----------
+        over, less : arrays
+            A weight for each limit.
+        """
+        unit, rest = ((self.seen * weights[self.owner]) @ self.seen.T for weights in (over, less))
+        gained = self.G @ self.G.T - rest
         size = float(np.sum(unit * self.start))
         if not size > 0:
             return None

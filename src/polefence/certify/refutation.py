@@ -9,7 +9,7 @@ The regulator is that of a plant of fewer states, see `polefence.certify.regular
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -21,6 +21,7 @@ from polefence.base import VERSION
 from polefence.base.errors import InputError, SolverError, require_type
 from polefence.base.explained import explained
 from polefence.base.renamed import write_in
+from polefence.certify.least_gain import Question
 from polefence.certify.regular import Regular, dot, lifted, regular
 from polefence.lmi.conditions.pencil import Index
 from polefence.plant.dampers import Damper
@@ -28,7 +29,7 @@ from polefence.plant.exact import file_plant
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Verdict, prove
-from polefence.proof.claims.gain_conflict import GainRefutation
+from polefence.proof.claims.gain_conflict import GainLimit, GainRefutation
 from polefence.proof.claims.refutation import RmsLimit, RmsRefutation
 from polefence.proof.dampers import SemiActive
 from polefence.proof.document import Document
@@ -37,7 +38,7 @@ from polefence.proof.short import Short
 from polefence.proof.text import number_text
 from polefence.proof.work import FormatError
 from polefence.region.text import digits_down
-from polefence.requirements.gain import Gain
+from polefence.requirements.gain import ALL_TIMES, Gain
 from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification, disturbance, limit_text
 from polefence.requirements.weights import with_weights
@@ -52,6 +53,7 @@ CLOSE = 1e-6  # of a dual function's value, how near its highest is known
 MOST_STATES = 30  # of a plant: with 50 a limit takes a minute
 FEW = 4  # vertices at which the best weights are sought
 LITTLE = 1e-4  # of a level, which is no matter; and of weights
+LEAST_GAIN = 1e-6  # of what some law has, beside which there is no limit
 LEAST_WEIGHT = 1e-5  # of a limit that counts, beside one of what is minimised
 
 FILE_NAME = "limit.json"
@@ -126,8 +128,9 @@ class Refutation(Short):
 def refute_limits(
     plant: UncertainPlant, specifications: Sequence[Specification], dampers: Sequence[Damper] = ()
 ) -> Refutation | None:
-    """Return the proof that no law keeps limits on rms values at once, None if none was found.
+    """Return the proof that no law keeps limits at once, None if none was found.
 
+    Limits on rms values, or limits on gains; one of each kind that are in conflict are not refuted.
     Looks at each vertex of the family by itself, where a scheduled law is one gain: limits that are
     in conflict for another reason are not refuted here.
 
@@ -136,8 +139,8 @@ def refute_limits(
     plant : UncertainPlant
         With a disturbance, E.
     specifications : sequence of Specification
-        Limits; what is no `Rms` with its ``at_most`` is left out, and so is `RelativeRms`. Those
-        with the same disturbances are looked at together.
+        Limits; what is no `Rms` or `Gain` with its ``at_most`` is left out, and so is
+        `RelativeRms`. Those of a kind with the same disturbances are looked at together.
     dampers : sequence of Damper
         Inputs that are forces of controllable dampers: no law means no logic that chooses their
         coefficients, and any forces at the other inputs.
@@ -166,7 +169,7 @@ def refute_limits(
         refutation = _refuted_together(plant, together, tuple(dampers))
         if refutation is not None:
             return refutation
-    return None
+    return None if dampers else _gains_refuted(plant, specifications)
 
 
 def lowest(
@@ -197,8 +200,8 @@ def least_of_any(
     """Return the proof that no law within limits goes below a level; None if none was found.
 
     The level is the ``at_most`` of the first of its specifications; behind it stand the limits that
-    count. Those that are not on an rms with the same disturbances are left out: without them there
-    are more laws.
+    count. Those that are not on an rms, or where a gain is minimised on a gain, with the same
+    disturbances are left out: without them there are more laws.
 
     Parameters
     ----------
@@ -210,11 +213,14 @@ def least_of_any(
     Refutation or None
         It holds for the laws of `refute_limits`: of any order, whatever they measure. None of a
         plant in discrete time, with a dead time, with functions of its parameters or of more than
-        30 states, and where something else than an rms is minimised.
+        30 states, and where something else than an rms or a gain is minimised.
     """
     exact = plant.remainder is None and plant.dead_time is None and not plant.period
-    exact = exact and plant.shape[0] <= MOST_STATES
-    if not (exact and isinstance(minimise, Rms) and minimise.limits_rms and near > 0):
+    if not (exact and plant.shape[0] <= MOST_STATES and near > 0):
+        return None
+    if isinstance(minimise, Gain):
+        return _least_gain(plant, minimise, limits, near)
+    if not (isinstance(minimise, Rms) and minimise.limits_rms):
         return None
     chosen = minimise.scales(plant)
     known = (s for s in limits if isinstance(s, Rms) and s.limits_rms and s.at_most)
@@ -239,6 +245,57 @@ def least_of_any(
     # weights are sought in units of the limits: near the least they are those that count
     nearer = least_of_any(plant, minimise, limits, level) if level < near / 2 else None
     return nearer or refutation
+
+
+def _least_gain(
+    plant: UncertainPlant, minimise: Gain, limits: Sequence[Specification], near: float
+) -> Refutation | None:
+    """Return the proof that no law within limits has a gain below a level, not far below ``near``.
+
+    It holds for every law for which states and inputs have no more than some multiple of the energy
+    of the disturbances.
+    """
+    if minimise.at != ALL_TIMES:
+        return None
+    chosen = minimise.scales(plant)
+    asked = [replace(minimise, at_most=near), *_gains(s for s in limits if s.at_most)]
+    asked = [s for s in asked if s.scales(plant) == chosen]
+    question = _of_gains(plant, asked)
+    claim = question.least()
+    if claim is None or float(claim.limits[0].level) < LEAST_GAIN * near:
+        return None
+    verdict = _proved(claim)
+    kept = [asked[question.limits.index(limit)] for limit in claim.limits[1:]]
+    found = (replace(minimise, at_most=float(claim.limits[0].level)), *kept)
+    return None if verdict is None else Refutation(plant, found, claim, verdict.reason)
+
+
+def _gains(specifications: Iterable[Specification]) -> list[Gain]:
+    """Return those that are on gains at all times."""
+    return [s for s in specifications if isinstance(s, Gain) and s.at == ALL_TIMES]
+
+
+def _of_gains(plant: UncertainPlant, asked: Sequence[Gain]) -> Question:
+    """Return the question of gains from the same disturbances."""
+    disturbance(plant)
+    bounded = tuple(GainLimit(s.exact_outputs(plant), Fraction(s.at_most or 0.0)) for s in asked)
+    return Question(plant, bounded, tuple(map(Fraction, asked[0].scales(plant))))
+
+
+def _gains_refuted(plant: UncertainPlant, limits: Sequence[Specification]) -> Refutation | None:
+    """Return the proof that no law keeps limits on gains for the same disturbances."""
+    gains = _gains(s for s in limits if s.at_most is not None)
+    exact = plant.remainder is None and plant.dead_time is None
+    if not exact or plant.shape[0] > MOST_STATES:
+        return None
+    for chosen in dict.fromkeys(s.scales(plant) for s in gains):
+        together = tuple(s for s in gains if s.scales(plant) == chosen)
+        with suppress(np.linalg.LinAlgError):
+            claim = _of_gains(plant, together).refuted()
+            verdict = None if claim is None else _proved(claim)
+            if claim is not None and verdict is not None:
+                return Refutation(plant, together, claim, verdict.reason)
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,7 +468,7 @@ def _refuted_together(
     return None
 
 
-def _proved(claim: RmsRefutation) -> Verdict | None:
+def _proved(claim: RmsRefutation | GainRefutation) -> Verdict | None:
     """Return the proof of a claim, None where it has none."""
     with suppress(FormatError):
         verdict = prove(claim)

@@ -43,7 +43,6 @@ from polefence.certify.checks import (
 )
 from polefence.certify.decays import proved_decay
 from polefence.certify.design import Design
-from polefence.certify.least_gain import least_gain_of_any
 from polefence.certify.measured import require_detectable
 from polefence.certify.refutation import Refutation, least_of_any
 from polefence.law.laws import Law
@@ -196,8 +195,7 @@ def limit_of_any_law(
     from scipy import linalg  # whose BLAS is there before it is to have one thread
 
     with small_matrices(), suppress(PolefenceError, linalg.LinAlgError):
-        found = least_of_any(plant, minimise, limits, level)
-        return found or least_gain_of_any(plant, minimise, limits, level)
+        return least_of_any(plant, minimise, limits, level)
     return None
 
 

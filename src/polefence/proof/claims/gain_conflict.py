@@ -78,7 +78,7 @@ class GainLimit(Short):
 
 @dataclass(frozen=True)
 class GainRefutation(Short, Refuted):
-    """At a vertex no law keeps the limits on gains: the claim and its evidence.
+    """At a vertex no law keeps the limits on gains, nor ``factor`` times each, with evidence.
 
     Attributes
     ----------
@@ -91,6 +91,8 @@ class GainRefutation(Short, Refuted):
         One a limit, of sum 1 or less.
     Z : rationals
         Rows and columns of the states, then of the outputs of each limit.
+    factor : Fraction
+        At least 1.
     scales : tuple of Fraction
         How much of each disturbance acts; all of each where there are none.
     """
@@ -104,6 +106,7 @@ class GainRefutation(Short, Refuted):
     vertex: int
     shares: tuple[Fraction, ...]
     Z: Rationals
+    factor: Fraction = Fraction(1)
     scales: tuple[Fraction, ...] = ()
 
     @classmethod
@@ -120,6 +123,7 @@ class GainRefutation(Short, Refuted):
             table.whole("vertex", None, len(plant.A), 1) - 1,
             table.numbers("shares", len(limits), MAX_LIMITS),
             table.matrix("Z", size, size),
+            table.number("factor", 1),
             table.numbers("disturbances", plant.q) if "disturbances" in table else (),
         )
 
@@ -127,13 +131,15 @@ class GainRefutation(Short, Refuted):
         """Return what `read` reads."""
         table: dict[str, Any] = {"kind": self.kind, "vertex": self.vertex + 1}
         table["limits"] = [limit.write() for limit in self.limits]
+        table["factor"] = plain(self.factor)
         table |= {"disturbances": plain(self.scales)} if self.scales else {}
         return table | {"shares": plain(self.shares), "Z": plain(self.Z)}
 
     def statement(self, plant: Plant) -> str:
-        """Say which limits no law keeps, rounded down."""
+        """Say which limits no law keeps, each times the factor and rounded down."""
         said = [
-            f"gain of {outputs_text(limit.outputs, plant)} <= {digits_down(limit.level)}"
+            f"gain of {outputs_text(limit.outputs, plant)} <= "
+            f"{digits_down(limit.level * self.factor)}"
             for limit in self.limits
         ]
         once = " at once" if len(said) > 1 else ""
@@ -157,7 +163,7 @@ class GainRefutation(Short, Refuted):
         both = [[x + y[i] for x, y in zip(row, N, strict=True)] for i, row in enumerate(N)]
         if not is_semidefinite(both):
             return undecided("N + N' is not positive semidefinite")
-        if not self.driven > self.allowed_by(self.limits):
+        if not self.driven > self.factor**2 * self.allowed_by(self.limits):
             return undecided("the limits allow as much as every law has")
         kept = plural(len(self.limits), "limit")
         return Verdict(
@@ -202,6 +208,8 @@ class GainRefutation(Short, Refuted):
         require_shapes([self.Z], 1, size, size, "Z")
         if type(self.vertex) is not int or not 0 <= self.vertex < N:
             raise FormatError(f"vertex {self.vertex!r} is not one of 0 to {N - 1}")
+        if self.factor < 1:
+            raise FormatError("factor must be 1 or more")
         q = len(self.E[0][0])
         for limit in self.limits:
             if not limit.outputs or limit.level < 0:
@@ -213,6 +221,7 @@ class GainRefutation(Short, Refuted):
                 raise FormatError("a limit on an output with functions of the parameters")
             if output.F:
                 require_shapes(list(output.F), N, 1, q, "F")
-        numbers = [[[*self.shares, *self.scales, *(limit.level for limit in self.limits)]], self.Z]
+        levels = [limit.level for limit in self.limits]
+        numbers = [[[*self.shares, *self.scales, *levels, self.factor]], self.Z]
         numbers += [M for y in outputs for M in (*y.C, *y.D, *y.F)]
         common_denominator([*numbers, *self.A, *self.B, *self.E])

@@ -13,7 +13,8 @@ the matrices are identities at each step; every iterate has Y > 0 and N + N' > 0
 at is proved in rationals as it is.
 
 Y starts from a filter that sees all states through the other outputs, backwards in time. There is
-none where some motions stay unseen for some u and do not grow: the zeros. These are taken off.
+none where some motions stay unseen for some u and do not grow: the zeros. These are taken off, but
+where all motions are such zeros at frequencies: see `Still`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import numpy as np
 from polefence.base.errors import SolverError
 from polefence.certify.regular import (
     Regular,
+    dot,
     null_space,
     product,
     regular,
@@ -53,11 +55,13 @@ LOST = 1e3  # of its order, a decrement that is none
 FAR = 5  # steps to the first centre
 NEGLIGIBLE = 1e-6  # of a gain, which is none
 FEW = 4  # vertices that are looked at closely
-FIRST_SHARES = (0.5, 0.9, 0.1)  # of what is minimised
+FIRST_SHARES = (0.999, 0.99, 0.9, 0.8, 0.6, 0.3, 0.1)  # of what is minimised
 LEAST_SHARE = 1e-6
 ROUNDS = 12  # of shares
 BETTER = 1e-5  # of a level, for which shares are sought on
 SMALL = Fraction(1, 10**4)  # of a level, which is no matter
+STILL = 1e-9  # of the fastest motion, a decay that is none
+MIXED = 1e-6  # of motions of other frequencies, so that rounding leaves Z > 0
 ROUNDING = 1e-12  # of a level
 
 
@@ -118,38 +122,35 @@ class Question(Short):
 
     def _at(self, j: int, gap: float, least: bool) -> GainRefutation | None:
         """Return the claim of a vertex, as near to its best as the gap."""
-        reduced, count = self._regular(j), len(self.limits)
-        form = None if reduced is None else self._form(j, reduced)
-        if reduced is None or form is None:
+        form, count = self._form(j), len(self.limits)
+        if form is None:
             return None
         levels = np.array([float(limit.level) for limit in self.limits])
         sought = np.arange(count) < (1 if least else count)  # limits whose levels are to grow
         best, found = 0.0, list[tuple[Array, Array]]()
-        for first in FIRST_SHARES if count > 1 else (1.0,):
-            shares = np.append(first, np.full(count - 1, (1 - first) / max(count - 1, 1)))
-            for _ in range(ROUNDS if count > 1 else 1):
-                Y = form.best(levels**2 / shares * sought, levels**2 / shares * ~sought, gap)
-                if Y is None:
-                    break
-                parts = levels * np.sqrt(form.parts(Y))
-                times = (np.sqrt(form.driven(Y)) - parts[~sought].sum()) / parts[sought].sum()
-                if not times > best * (1 + BETTER):
-                    break
-                shares = np.where(sought, times, 1.0) * parts
-                shares = np.maximum(shares / shares.sum(), LEAST_SHARE)
-                shares, best = shares / shares.sum(), times
-                found.append((Y, shares))
-            if found:
-                return self._claim(j, reduced, form, *found[-1], least)
-        return None
 
-    def _regular(self, j: int) -> Regular | None:
-        """Return a vertex of fewer states; None if nothing of it is left."""
-        v = self.plant.vertices[j]
-        A, B, E = ([list(row) for row in M or ()] for M in (v.exact_A, v.exact_B, v.exact_E))
-        C, D = ([row for y in self._outputs for row in getattr(y, key)[j]] for key in "CD")
-        found = regular(A, B, self._scaled(E), C, D)
-        return None if found is None else without_zeros(found, every=True)
+        def better(shares: Array) -> bool:
+            """Whether the best Z for these shares is better than what there is."""
+            nonlocal best
+            Y = form.best(levels**2 / shares * sought, levels**2 / shares * ~sought, gap)
+            if Y is None:
+                return False
+            parts = levels * np.sqrt(form.parts(Y))
+            times = (np.sqrt(form.driven(Y)) - parts[~sought].sum()) / parts[sought].sum()
+            if not times > best * (1 + BETTER):
+                return False
+            shares = np.where(sought, times, 1.0) * parts
+            shares = np.maximum(shares / shares.sum(), LEAST_SHARE)
+            best = times
+            found.append((Y, shares / shares.sum()))
+            return True
+
+        for first in FIRST_SHARES if count > 1 else (1.0,):
+            better(np.append(first, np.full(count - 1, (1 - first) / max(count - 1, 1))))
+        for _ in range(ROUNDS if count > 1 else 0):
+            if not (found and better(found[-1][1])):
+                break
+        return self._claim(j, form, *found[-1], least) if found else None
 
     @property
     def _outputs(self) -> list[Output]:
@@ -160,28 +161,47 @@ class Question(Short):
             return rows
         return [[x * s for x, s in zip(row, self.scales, strict=True)] for row in rows]
 
-    def _form(self, j: int, plant: Regular) -> Form | None:
-        """Return what Z is made of; None if there is no Z > 0."""
+    def _form(self, j: int) -> Form | Still | None:
+        """Return what Z is made of at a vertex; None if there is nothing known."""
+        v = self.plant.vertices[j]
+        A, B, E = ([list(row) for row in M or ()] for M in (v.exact_A, v.exact_B, v.exact_E))
+        C, D = ([row for y in self._outputs for row in getattr(y, key)[j]] for key in "CD")
+        plant = regular(A, B, self._scaled(E), C, D)
+        if plant is None:
+            return None
+        M, R, G = self._parts(j, plant)
+        free = len(R) - len(plant.A)
+        if not any(map(any, R[:free])) and at_rest(floats(R[free:])):
+            M, R, G = M[free:], R[free:], G[free:]
+            return Still.of(_lifted(M, plant), floats(M), R, floats(G), self._owner)
+        plant = without_zeros(plant, every=True)
+        if plant is None:
+            return None
+        M, R, G = self._parts(j, plant)
+        try:
+            return Form.of(_lifted(M, plant), floats(M), floats(R), floats(G), self._owner)
+        except (SolverError, np.linalg.LinAlgError):
+            return None
+
+    def _parts(self, j: int, plant: Regular) -> tuple[Rationals, Rationals, Rationals]:
+        """Return M', R and M'[E; F] of a plant of fewer states."""
         n, none = len(plant.A), [_ZERO] * len(plant.E[0])
         F = self._scaled([list(y.F[j][0]) if y.F else none for y in self._outputs])
         basis = null_space(transposed([*plant.D, *plant.B]))  # of outputs first: D has full rank
         M = [[*row[-n:], *row[:-n]] for row in basis]
-        R, G = (floats(product(M, rows)) for rows in ([*plant.A, *plant.C], [*plant.E, *F]))
+        return M, product(M, [*plant.A, *plant.C]), product(M, [*plant.E, *F])
+
+    @property
+    def _owner(self) -> Index:
+        """The number of its limit for each output."""
         sizes = [len(limit.outputs) for limit in self.limits]
-        owner = np.repeat(np.arange(len(sizes)), sizes)
-        try:
-            return Form.of(M, floats(M), R, G, owner)
-        except (SolverError, np.linalg.LinAlgError):
-            return None
+        return np.repeat(np.arange(len(sizes)), sizes)
 
     def _claim(
-        self, j: int, plant: Regular, form: Form, Y: Array, shares: Array, least: bool
+        self, j: int, form: Form | Still, Y: Array, shares: Array, least: bool
     ) -> GainRefutation | None:
         """Return the claim of Y at the highest level that it proves."""
-        M, T = form.M, plant.T
-        middle = [list(map(Fraction, row)) for row in ((Y + Y.T) / 2).tolist()]
-        lift = [[*product([row[: len(T)]], T)[0], *row[len(T) :]] for row in M]
-        Z = product(transposed(lift), product(middle, lift))
+        Z = product(transposed(form.M), product(form.exact(Y), form.M))
         v = self.plant.vertices
         A, B, E = (
             [[list(row) for row in M or ()] for M in matrices]
@@ -212,19 +232,113 @@ def _height(claim: GainRefutation) -> float:
     return float(claim.factor * claim.limits[0].level)
 
 
+def _lifted(M: Rationals, plant: Regular) -> Rationals:
+    """Return M' of a plant of fewer states as that of the plant it is of."""
+    n = len(plant.A)
+    return [[*product([row[:n]], plant.T)[0], *row[n:]] for row in M]
+
+
+def at_rest(A: Array) -> bool:
+    """Whether all motions of a square matrix neither grow nor fade."""
+    values = np.linalg.eigvals(A)
+    return bool(np.abs(values.real).max() < STILL * np.abs(values).max())
+
+
 def floats(rows: Rationals) -> Array:
     """Return an array."""
     return np.array([[float(x) for x in row] for row in rows])
 
 
 @dataclass(frozen=True, eq=False)
-class Form(Short):
+class Traces(Short):
+    """Z = M Y M' of one vertex, and its traces."""
+
+    M: Rationals
+    seen: Array
+    G: Array
+    owner: Index
+
+    def driven(self, Y: Array) -> float:
+        """Return tr G'Y G."""
+        return float(np.sum(self.G * (Y @ self.G)))
+
+    def parts(self, Y: Array) -> Array:
+        """Return the b of each limit."""
+        squares = np.einsum("ki,kl,li->i", self.seen, Y, self.seen)
+        return np.asarray(np.bincount(self.owner, np.maximum(squares, 0.0)), dtype=float)
+
+    def forms(self, over: Array, less: Array) -> tuple[Array, Array]:
+        """Return the forms of a less sum less b, and of sum over b."""
+        unit, rest = ((self.seen * weights[self.owner]) @ self.seen.T for weights in (over, less))
+        return self.G @ self.G.T - rest, unit
+
+
+@dataclass(frozen=True, eq=False)
+class Still(Traces):
+    """Z where some input keeps every motion out of the outputs, and none grows or fades.
+
+    They are frequencies at which no input changes what a disturbance does to the outputs, such as
+    that of a wheel on an undamped tyre to the acceleration of a body. N + N' = 0, which rationals
+    have where Y is a combination of solutions of Y R + R'Y = 0.
+
+    Attributes
+    ----------
+    solutions : list of rationals
+        A basis.
+    modes : (., k, k) array
+        Solutions of one frequency each.
+    """
+
+    solutions: list[Rationals]
+    modes: Array
+
+    @classmethod
+    def of(cls, M: Rationals, both: Array, R: Rationals, G: Array, owner: Index) -> Still:
+        """Return it with a basis of solutions."""
+        n = len(R)
+        pairs = [(i, k) for i in range(n) for k in range(i, n)]
+        rows = {pair: [_ZERO] * len(pairs) for pair in pairs}
+        for column, (i, k) in enumerate(pairs):
+            for a, b in {(i, k), (k, i)}:  # of (Y R)_ac + (Y R)_ca, what Y_ab adds
+                for c in range(n):
+                    rows[min(a, c), max(a, c)][column] += R[b][c] * (2 if a == c else 1)
+        solutions = []
+        for vector in null_space(list(rows.values())):
+            Y = [[_ZERO] * n for _ in range(n)]
+            for (i, k), x in zip(pairs, vector, strict=True):
+                Y[i][k] = Y[k][i] = x
+            solutions.append(Y)
+        vectors = np.linalg.eig(floats(R).T)[1].T
+        modes = np.array([np.outer(v, v.conj()).real for v in vectors])
+        return cls(M, both[:, n:], G, owner, solutions, modes)
+
+    def best(self, over: Array, less: Array, gap: float) -> Array | None:
+        """Return Y of one frequency, and a little of the others; None where that is zero."""
+        gained, unit = self.forms(over, less)
+        units = np.einsum("kij,ij->k", self.modes, unit)
+        values = np.einsum("kij,ij->k", self.modes, gained)
+        if not (units > 0).all() or values.max() <= 0:
+            return None
+        scaled = self.modes / units[:, None, None]
+        return np.asarray(scaled[np.argmax(values / units)] + min(gap, MIXED) * scaled.sum(axis=0))
+
+    def exact(self, Y: Array) -> Rationals:
+        """Return the solution that is nearest."""
+        basis = np.array([floats(S) for S in self.solutions]).reshape(len(self.solutions), -1)
+        weights = np.linalg.lstsq(basis.T, Y.ravel(), rcond=None)[0]
+        exact, places = list(map(Fraction, weights.tolist())), range(len(Y))
+        entries = [[[S[i][k] for S in self.solutions] for k in places] for i in places]
+        return [[dot(exact, entry) for entry in row] for row in entries]
+
+
+@dataclass(frozen=True, eq=False)
+class Form(Traces):
     """Z = M Y M' of one vertex, and the maximum over Y, of k rows.
 
     Attributes
     ----------
     M : rationals
-        M', a row for each of Y.
+        M', a row for each of Y, of the states and outputs of the plant.
     seen : (k, p) array
         Its columns of outputs.
     N, R : (n, k), (k, n) arrays
@@ -236,12 +350,8 @@ class Form(Short):
     start : (k, k) array
     """
 
-    M: Rationals
-    seen: Array
     N: Array
     R: Array
-    G: Array
-    owner: Index
     start: Array
 
     @classmethod
@@ -270,16 +380,11 @@ class Form(Short):
         first = 2 * beside @ np.linalg.solve(S, beside.T)
         size = np.trace(first) / max(free, 1) or 1.0
         Y = np.block([[first + 0.1 * size * np.eye(free), beside], [beside.T, S]])
-        return cls(M, seen, N, R, G, owner, (Y + Y.T) / 2)
+        return cls(M, seen, G, owner, N, R, (Y + Y.T) / 2)
 
-    def driven(self, Y: Array) -> float:
-        """Return tr G'Y G."""
-        return float(np.sum(self.G * (Y @ self.G)))
-
-    def parts(self, Y: Array) -> Array:
-        """Return the b of each limit."""
-        squares = np.einsum("ki,kl,li->i", self.seen, Y, self.seen)
-        return np.asarray(np.bincount(self.owner, np.maximum(squares, 0.0)), dtype=float)
+    def exact(self, Y: Array) -> Rationals:
+        """Return Y as it is."""
+        return [list(map(Fraction, row)) for row in ((Y + Y.T) / 2).tolist()]
 
     def best(self, over: Array, less: Array, gap: float) -> Array | None:
         """Return Y of the largest (a - sum less b) / sum over b; None where that is zero.
@@ -289,8 +394,7 @@ class Form(Short):
         over, less : arrays
             A weight for each limit.
         """
-        unit, rest = ((self.seen * weights[self.owner]) @ self.seen.T for weights in (over, less))
-        gained = self.G @ self.G.T - rest
+        gained, unit = self.forms(over, less)
         size = float(np.sum(unit * self.start))
         if not size > 0:
             return None
@@ -301,7 +405,8 @@ class Form(Short):
             Y = Y / np.sum(unit * Y)
             value = float(np.sum(gained * Y))
             try:
-                step, decrement = self._step(Y, t, gained, unit)
+                with np.errstate(all="ignore"):
+                    step, decrement = self._step(Y, t, gained, unit)
             except np.linalg.LinAlgError:
                 break  # no digits are left
             if value > most:
@@ -339,9 +444,9 @@ class Form(Short):
         H = np.eye(len(row)) + flat @ flat.T
         a, b = np.linalg.solve(H, np.column_stack([slope, u])).T
         d = a - b * (u @ a) / (u @ b)
-        if not np.isfinite(d).all():
-            raise np.linalg.LinAlgError("a step that is not finite")
         decrement = float(np.sqrt(d @ H @ d))
+        if not np.isfinite(decrement):
+            raise np.linalg.LinAlgError("a step that is not finite")
         D = np.zeros((k, k))
         D[row, column] = d / root
         D = D + np.triu(D, 1).T

@@ -20,12 +20,13 @@ from polefence.examples import spec_path
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
+from polefence.proof.claims.refutation import RmsLimit, require_limit
 from polefence.proof.work import FormatError
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.text import load_specifications
 from polefence.response.samples import at_sample_time
-from support.specs import ONE_STATE
+from support.specs import MASS_ON_SPRING, ONE_STATE
 
 FORCE = 5.0
 
@@ -242,3 +243,15 @@ def test_the_command_prints_writes_and_checks_it(tmp_path, capsys):
     # one of an earlier question is told of
     assert main(["optimise", str(spec), "-o", str(out), "--minimise", "gain of x"]) == 0
     assert "limit.json is that of an earlier design" in capsys.readouterr().out
+
+
+def test_a_signal_with_functions_of_the_parameters_has_no_limit_of_any_law():
+    """What the vertices say of it is off, though the plant's own matrices are exact."""
+    text = MASS_ON_SPRING + '[outputs]\n"mixed" = {C = ["cos(k/40)", 1]}\n'
+    plant = loads(text)
+    assert plant.remainder is None
+    own = Rms("mixed", density=1)
+    assert least_of_any(plant, own, [Rms("force", 0.2, density=1)], 1.0) is None
+    (output,) = own.exact_outputs(plant)
+    with pytest.raises(FormatError, match="functions of the parameters"):
+        require_limit(RmsLimit((output,), Fraction(1), Fraction(1)), 2, 2, 1)

@@ -261,6 +261,8 @@ def require_limit(limit: RmsLimit, N: int, n: int, m: int) -> None:
         require_shapes(output.D, N, 1, m, "D")
         if output.F:
             raise FormatError("F: a disturbance passes straight into the output")
+        if output.near is not None:
+            raise FormatError("a limit on an output with functions of the parameters")
     if not limit.outputs or limit.level < 0 or limit.intensity <= 0:
         raise FormatError("a limit must be zero or more, of outputs, an intensity more than zero")
 

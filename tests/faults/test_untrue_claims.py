@@ -58,6 +58,7 @@ def test_no_change_makes_a_false_claim_proved(documents, name):
         ("margins/design.json", ("level",), 0.3),
         ("margins/design.json", ("filters",), [{"name": "W", "a": [[-5]], "b": [[9]], "c": [[9]]}]),
         ("margins/design.json", ("sectors",), [[-9, 2]]),
+        ("margins/design.json", ("band",), [0, 2]),
         ("passing/design.json", ("sectors",), [[-4, 5]]),
         ("late/design.json", ("region", "radius"), 0.3),
         ("discrete/design.json", ("level",), 1e-3),

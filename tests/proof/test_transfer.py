@@ -14,6 +14,7 @@ import scipy.linalg
 from polefence.law.laws import FixedGain, ScheduledGain
 from polefence.plant.polynomial import Domain
 from polefence.proof import claims
+from polefence.proof.bands import Band
 from polefence.proof.claims.base import prove
 from polefence.proof.laws import Evidence, Law
 from polefence.proof.plant import Output
@@ -110,8 +111,8 @@ def of_noise(step):
     return value
 
 
-def of_frequency(step):
-    """The peak of the largest singular value, by a sweep that closes in."""
+def of_frequency(step, band=None):
+    """The peak of the largest singular value, by a sweep that closes in; in a band [Hz] there."""
 
     def value(A, E, C, F):
         def height(w):
@@ -121,11 +122,13 @@ def of_frequency(step):
             return np.linalg.norm(C @ x + F, 2, axis=(1, 2))
 
         low, high = 0.0, np.pi / step if step else 100.0
+        if band is not None:
+            low, high = (2 * np.pi * f for f in band)
         for _ in range(7):
             w = np.linspace(low, high, 150)
             k = height(w).argmax()
             low, high = w[max(k - 1, 0)], w[min(k + 1, 149)]
-        return max(height(w).max(), np.linalg.norm(F, 2) if not step else 0.0)
+        return max(height(w).max(), np.linalg.norm(F, 2) if not step and band is None else 0.0)
 
     return value
 
@@ -154,6 +157,57 @@ def test_the_gain_is_proved_just_above_the_worst_and_not_below(sizes, through, s
     claim = claims.Gain(own.subject(), own.outputs(), Fraction(worst * (1 + CLOSE)))
     assert prove(claim).proved
     assert not prove(replace(claim, level=Fraction(worst * (1 - CLOSE)))).proved
+
+
+BANDS = ((Fraction(1, 2), Fraction(1)), (Fraction(0), Fraction(1, 8)), (Fraction(2), Fraction(4)))
+
+
+@pytest.mark.parametrize("step", [0.0, 0.125])
+@pytest.mark.parametrize("ends", BANDS)
+@pytest.mark.parametrize(("sizes", "through"), [(SIZES[0], True), *((x, False) for x in SIZES)])
+def test_the_gain_in_a_band_is_proved_just_above_its_worst_and_not_below(
+    sizes, through, ends, step
+):
+    own = Family(*sizes, 3, step, through)
+    worst, whole = own.grid(of_frequency(step, ends)), own.grid(of_frequency(step), 2)
+    levels = [Fraction(worst * (1 + share)) for share in (CLOSE, -CLOSE)]
+    claim = claims.Gain(own.subject(), own.outputs(), levels[0], band=Band(*ends))
+    assert prove(claim).proved
+    assert not prove(replace(claim, level=levels[1])).proved
+    if whole > worst * (1 + 1e-3):  # elsewhere it is more: the band counts
+        assert not prove(replace(claim, band=None)).proved
+        whole_band = Band(Fraction(0), Fraction(1, 2) / Fraction(step) if step else Fraction(1000))
+        assert not prove(replace(claim, band=whole_band)).proved
+    else:
+        assert not ends[0] or through
+
+
+def test_the_gain_in_a_band_is_less_than_elsewhere_in_most_of_these():
+    own = Family(*SIZES[0], 3)
+    for ends in BANDS[::2]:
+        assert own.grid(of_frequency(0.0, ends), 2) < 0.9 * own.grid(of_frequency(0.0), 2)
+
+
+@pytest.mark.parametrize("step", [Fraction(0), Fraction(1, 100)])
+@pytest.mark.parametrize("f", [Fraction(0), Fraction(1, 10), Fraction(4), Fraction(4999, 100)])
+def test_ends_of_a_band_enclose_it_and_are_within_it(f, step):
+    band = Band(f, Fraction(50))
+    outer, inner = band.outside(step), band.inside(step)
+    turns = [math.pi * float(x) for x in (f, 50)]
+    low, high = (2 * math.tan(x * float(step)) / float(step) if step else 2 * x for x in turns)
+    assert outer[0] <= inner[0]
+    assert inner[0] - outer[0] <= Fraction(1, 2**44) * inner[0]
+    assert float(outer[0]) == pytest.approx(low, rel=1e-12)
+    if step:
+        assert outer[1] is inner[1] is None  # half the sample rate
+    else:
+        assert inner[1] < outer[1]
+        assert float(outer[1]) == pytest.approx(high, rel=1e-12)
+        assert (
+            outer[1] ** 2
+            > (100 * Fraction(314159265358979, 10**14)) ** 2
+            > inner[1] ** 2 * (1 - Fraction(1, 10**13))
+        )
 
 
 def test_scales_of_disturbances_count():
@@ -234,6 +288,47 @@ def test_what_passes_straight_through_counts_where_two_disturbances_would_hide_i
     y = tuple(Output(none, none, f"y{k}", (row,)) for k, row in enumerate(F))
     assert not prove(claims.Gain(subject, y, Fraction(2))).proved
     assert prove(claims.Gain(subject, y, Fraction(4))).proved
+
+
+ANYWHERE = Band(Fraction(1, 10), Fraction(2, 10))
+
+
+def test_in_a_band_poles_count_that_are_elsewhere():
+    y = (Output([[[Fraction(1)]]] * 4, [[[Fraction(0)]]] * 4, "y"),)
+    for unstable, proved in ((Fraction(-1, 2), True), (0, False), (Fraction(1, 2), False)):
+        claim = claims.Gain(crossing(unstable, 0), y, Fraction(10**9), band=ANYWHERE)
+        assert prove(claim).proved is proved
+    one = [[[Fraction(1)]]]
+    subject = claims.Subject(one, one, one, Law([[[Fraction(0)]]]), BY)
+    y = (Output(one, [[[Fraction(0)]]], "y"),)
+    assert not prove(claims.Gain(subject, y, Fraction(10**9), band=ANYWHERE)).proved
+
+
+@pytest.mark.parametrize("f", [0, 1])
+def test_in_a_band_two_singular_values_above_the_level_are_not_hidden(f):
+    """The determinant is positive in all of the band; at infinity both are zero."""
+    A = [rationals([[-1, 0], [0, -1]])]
+    law = Law([rationals([[0, 0]])])
+    subject = claims.Subject(A, [rationals([[0], [0]])], [rationals([[9, 0], [0, 9]])], law, BY)
+    y = tuple(Output([rationals([row])], [[[Fraction(0)]]], "y") for row in ([1, 0], [0, 1]))
+    band = Band(Fraction(f), Fraction(f) + Fraction(1, 10))
+    most = 9 / math.hypot(1, 2 * math.pi * f)
+    for share, proved in ((0.5, False), (1 - CLOSE, False), (1 + CLOSE, True)):
+        claim = claims.Gain(subject, y, Fraction(most * share), band=band)
+        assert prove(claim).proved is proved
+
+
+def test_a_band_that_does_not_fit_is_refused():
+    own = Family(2, 1, 1, 2, 0.125)
+    claim = claims.Gain(own.subject(), own.outputs(), Fraction(100), band=ANYWHERE)
+    by_matrix = own.subject(Evidence([rationals(np.eye(2))]))
+    with pytest.raises(FormatError, match="band: a gain in a band is proved by the transfer"):
+        prove(replace(claim, subject=by_matrix))
+    with pytest.raises(FormatError, match="no frequency above"):
+        prove(replace(claim, band=Band(Fraction(1), Fraction(401, 100))))
+    for ends in ((1, 1), (2, 1), (-1, 1), (1,), (1, 10**10)):
+        with pytest.raises(FormatError, match="band must hold two numbers"):
+            Band.of(tuple(map(Fraction, ends)))
 
 
 def varying(E, C, F):

@@ -250,6 +250,7 @@ MARGINS = (
     "--limit", "disk margin of u >= 1", "--limit", "disk margin of [u, x, v] with sigma 0.5",
     "--limit", "unmodelled dynamics of u with weight (2*s+1)/(s+5)",
     "--limit", "gain margin of u >= 5", "--limit", "phase margin of x >= 30",
+    "--limit", "gain of [v, x] with band [1, 2]",
     "--limit", "delay margin of u",
     "--limit", "worst-case gain of [x, u] with inputs [u] with weight (s+1)/(s+5)",
     "--limit", "sector of x with disturbance [w] with sector [-1, 2]",

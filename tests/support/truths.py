@@ -528,6 +528,8 @@ def _reached(kind, claim, loop, passive, T):
         return own / _rms(other, driven, y, number(claim.get("intensity", 1)))
     if kind == "energy peak":
         return number(claim.get("norm", 1)) * _rms(A, E, C, 1.0)
+    if kind == "gain" and "band" in claim:
+        return _largest(A, E, C, F, 1j * in_band(claim))
     if kind == "gain":
         w = np.array([0.0, *np.geomspace(1e-3, 1e3, 60)])
         return max(float(np.linalg.norm(F, 2)), _largest(A, E, C, F, 1j * w))
@@ -540,6 +542,11 @@ def _reached(kind, claim, loop, passive, T):
         worst = max(worst, float(np.abs(C @ peak).max()))
         peak = step @ peak
     return worst
+
+
+def in_band(claim):
+    """Frequencies of a claim's band [rad/s]."""
+    return 2 * np.pi * np.linspace(*map(number, claim["band"]), 60)
 
 
 def _largest(A, E, C, F, points):
@@ -560,7 +567,8 @@ def _reached_at_samples(kind, claim, loop, passive, T):
 
         return own(*loop) / (own(*passive) if kind == "relative rms" else 1.0)
     if kind == "gain":
-        return _largest(A, E, C, F, np.exp(1j * np.linspace(0, np.pi, 60)))
+        turns = T * in_band(claim) if "band" in claim else np.linspace(0, np.pi, 60)
+        return _largest(A, E, C, F, np.exp(1j * turns))
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
     sizes = map(number, claim.get("impulses", []))
     starts += [s * E[:, k] / T for k, s in enumerate(sizes)]

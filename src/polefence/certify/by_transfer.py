@@ -48,7 +48,8 @@ class ByTransfer:
         """Return it for a plant in its delta form; None where there is no such proof."""
         plant, law, specification = specification.posed(plant, law)
         domain = law.domain_of(plant)
-        if domain.corners == 1 and plant.shape[0] > MOST_STATES:
+        large = domain.corners == 1 and plant.shape[0] > MOST_STATES
+        if large and not specification.by_transfer_alone:
             return None
         box = domain.corners in (1, 2 ** len(domain.sizes))
         if plant.moving or plant.remainder is not None or not box or not specification.of_signal:

@@ -255,7 +255,7 @@ def _least_gain(
     It holds for every law for which states and inputs have no more than some multiple of the energy
     of the disturbances.
     """
-    if minimise.at != ALL_TIMES:
+    if not _gains([minimise]):
         return None
     chosen = minimise.scales(plant)
     asked = [replace(minimise, at_most=near), *_gains(s for s in limits if s.at_most)]
@@ -271,8 +271,9 @@ def _least_gain(
 
 
 def _gains(specifications: Iterable[Specification]) -> list[Gain]:
-    """Return those that are on gains at all times."""
-    return [s for s in specifications if isinstance(s, Gain) and s.at == ALL_TIMES]
+    """Return those that are on gains at all times, of all frequencies."""
+    gains = (s for s in specifications if isinstance(s, Gain) and s.band is None)
+    return [s for s in gains if s.at == ALL_TIMES]
 
 
 def _of_gains(plant: UncertainPlant, asked: Sequence[Gain]) -> Question:

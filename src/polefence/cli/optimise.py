@@ -515,6 +515,7 @@ def document_of(done: Optimised, rows: Sequence[Row], label: str) -> dict[str, A
         "sampled": len(rows[0].with_law.alpha),
         "bounds": [
             {
+                "of": row.bound.specification.title,
                 "kind": row.bound.specification.kind,
                 "signal": row.bound.specification.name,
                 "weight": _weights(row.bound.specification),

@@ -62,6 +62,8 @@ DIGITS = 400  # bits that coefficients keep; each halving loses one part in 2^DI
 
 Row = list[Fraction]
 Numbers = list[int]
+Ends = tuple[Fraction, Fraction | None]  # of frequencies; the latter None where it is infinite
+ALL: Ends = (Fraction(0), None)
 
 
 class Tensor(NamedTuple):
@@ -544,18 +546,80 @@ def _determinant(matrix: Rationals) -> Fraction:
 # --- polynomials that are to be positive ---------------------------------------------------------
 
 
-def gain_polynomial(loop: Transfer, level: Fraction) -> Tensor:
-    """Return the Bernstein coefficients of P, in v = w^2 / (w^2 + u^2) and t."""
-    degrees, n = _gain_degrees(loop), loop.n
-    square, e = (level / loop.scale) ** 2, _exponent(loop.first[0])
-    columns = [_difference(a, b, square) for a, b in loop.at(degrees)]
+def gain_polynomial(loop: Transfer, level: Fraction, ends: Ends = ALL) -> Tensor:
+    """Return the Bernstein coefficients of P, in v = w^2 / (w^2 + u^2) and t.
+
+    Parameters
+    ----------
+    ends : pair of Fraction
+        Between which w is; the latter None where that is infinite.
+    """
+    degrees, square = _gain_degrees(loop), (level / loop.scale) ** 2
+    return _over_frequencies(
+        loop, degrees, [_difference(*x, square) for x in loop.at(degrees)], ends
+    )
+
+
+def pole_polynomial(loop: Transfer) -> Tensor:
+    """Return the Bernstein coefficients of |a|^2, as `gain_polynomial` does those of P."""
+    degrees = [2 * _degree_along(loop.a, k) for k in range(1, len(loop.degrees) + 1)]
+    require_few(degrees, loop.n + 1)
+    count, a = math.prod(d + 1 for d in degrees), loop.a.on_nodes(degrees)
+    length = bits([a.values])
+    spend(count * (loop.n + 1) ** 2, length, length)
+    squares = [list(map(Fraction, _modulus(a.values[k::count]))) for k in range(count)]
+    return _over_frequencies(loop, degrees, squares)
+
+
+def _over_frequencies(
+    loop: Transfer, degrees: Sequence[int], columns: Sequence[Row], ends: Ends = ALL
+) -> Tensor:
+    """Return the Bernstein coefficients of what is known in powers of w^2 at nodes of t."""
+    n = loop.n
     values = [column[k] for k in range(n + 1) for column in columns]
     tensor = Tensor.of(values, (n + 1, *(d + 1 for d in degrees)))
-    weights = [Fraction(4) ** (e * k) / math.comb(n, k) for k in range(n + 1)]
-    tensor = tensor.along(0, [[w * (i == j) for j in range(n + 1)] for i, w in enumerate(weights)])
+    unit = Fraction(4) ** _exponent(loop.first[0])
+    low, high = (_placed(None if w is None else (w * loop.unit) ** 2, unit) for w in ends)
+    if ends != ALL:
+        spend(
+            RATIONAL * n**3,
+            n * max(bits([[x.numerator, x.denominator]]) for x in (*low, *high)),
+            64,
+        )
+    tensor = tensor.along(0, _between_ends(n, low, high))
     for axis, d in enumerate(degrees, 1):
         tensor = tensor.along(axis, to_bernstein(d))
     return tensor
+
+
+def _placed(x: Fraction | None, unit: Fraction) -> tuple[Fraction, Fraction]:
+    """Return p and q with x = p / q and p + unit q = unit; x is infinite where it is None."""
+    if x is None:
+        return unit, Fraction(0)
+    share = unit / (x + unit)
+    return x * share, share
+
+
+@lru_cache(maxsize=64)
+def _between_ends(
+    n: int, low: tuple[Fraction, Fraction], high: tuple[Fraction, Fraction]
+) -> list[Row]:
+    """Return the matrix from powers of x to Bernstein coefficients in v between two places.
+
+    At v = v_0 (1 - r) + v_1 r, x = (p_0 (1 - r) + p_1 r) / (q_0 (1 - r) + q_1 r). Times the n-th
+    power of the denominator x^j is a product of so many sums, which `to_bernstein` has, too.
+    """
+    top, bottom = (list(pair) for pair in zip(low, high, strict=True))
+    columns = []
+    for j in range(n + 1):
+        column = [Fraction(1)]
+        for first, second in [top] * j + [bottom] * (n - j):
+            column = [
+                first * a + second * b
+                for a, b in zip([*column, Fraction(0)], [Fraction(0), *column], strict=True)
+            ]
+        columns.append([c / math.comb(n, k) for k, c in enumerate(column)])
+    return [list(row) for row in zip(*columns, strict=True)]
 
 
 def _gain_degrees(loop: Transfer) -> list[int]:
@@ -578,6 +642,39 @@ def passes(loop: Transfer, level: Fraction) -> bool:
         for i in range(q)
     ]
     return is_positive_definite(whole_numbers(rest, common_denominator([rest], LONGEST)))
+
+
+def passes_at(loop: Transfer, level: Fraction, w: Fraction) -> bool:
+    """Whether g^2 I - G*G > 0 at a frequency, at the first node."""
+    (a, b), x, q = loop.first, w * loop.unit, len(loop.b[0])
+    G = [[imaginary_value(entry, x) for entry in row] for row in b]
+    re, im = imaginary_value(a, x)
+    size = (level / loop.scale) ** 2 * (re * re + im * im)
+    length = loop.n * max(bits([[x.numerator, x.denominator]]), 1) + bits([a])
+    spend(RATIONAL * q * q * len(G), length, length)
+    columns = list(zip(*G, strict=True))
+    rows, below = list[Row](), list[Row]()
+    for i, u in enumerate(columns):
+        inner, outer = Row(), Row()
+        for v in columns:
+            pairs = list(zip(u, v, strict=True))
+            inner.append(sum((a * c + b * d for (a, b), (c, d) in pairs), Fraction(0)))
+            outer.append(sum((a * d - b * c for (a, b), (c, d) in pairs), Fraction(0)))
+        left = [size * (i == j) - x for j, x in enumerate(inner)]
+        # R - j S is positive where [R, S; -S, R] is
+        rows.append([*left, *outer])
+        below.append([*(-x for x in outer), *left])
+    rows += below
+    return is_positive_definite(whole_numbers(rows, common_denominator([rows], LONGEST)))
+
+
+def imaginary_value(c: Numbers, x: Fraction) -> tuple[Fraction, Fraction]:
+    """Return real and imaginary part of a polynomial, highest power first, at s = j x."""
+    re = im = Fraction(0)
+    spend(RATIONAL * len(c), bits([c]), 64)
+    for coefficient in c:
+        re, im = coefficient - x * im, x * re
+    return re, im
 
 
 def _exponent(a: Numbers) -> int:

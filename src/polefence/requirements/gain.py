@@ -1,8 +1,10 @@
-"""Gain from the disturbances to a signal in L2: its H-infinity norm."""
+"""Gain from the disturbances to a signal in L2: its H-infinity norm, of all or of a band."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
@@ -19,13 +21,16 @@ from polefence.plant.outputs import disturbances
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
+from polefence.proof.bands import HIGHEST, Band
 from polefence.proof.between import Held
+from polefence.proof.text import exactly
 from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
-from polefence.requirements.specification import Row, Specification
+from polefence.requirements.specification import Row, Specification, is_number
 from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
 from polefence.response.modes import Modes
+from polefence.response.peaks import Band as Ends
 from polefence.response.peaks import on_grid, peaks, response
 from polefence.response.stationary import stationary
 
@@ -42,11 +47,15 @@ class Gain(Specification):
         Of a plant that is sampled: "all times", or "samples". At samples disturbances are held
         between them, as a command is that a computer gives, and the signal is that at samples. Any
         other plant has one gain.
+    band : pair of float, optional
+        Lowest and highest frequency [Hz]: the gain is then the largest singular value of the
+        transfer function at these and between them. All frequencies by default.
     """
 
     at: str = ALL_TIMES
+    band: Any = field(default=None, kw_only=True)
     kind = "gain"
-    keys: ClassVar[tuple[str, ...]] = ("disturbances", "at")
+    keys: ClassVar[tuple[str, ...]] = ("disturbances", "at", "band")
     vector = True
     power = 1
     direct = True
@@ -57,16 +66,82 @@ class Gain(Specification):
         super().__post_init__()
         if self.at not in (ALL_TIMES, SAMPLES):
             raise InputError(f'at = {shown(self.at)} must be "{SAMPLES}" or "{ALL_TIMES}"')
+        if self.band is not None:
+            self._settle("band", _band(self.band))
 
     @classmethod
     def read(cls, row: Row) -> Self:
         """Return what a row says."""
-        return cls(row.table["signal"], **row.given(), at=row.table.get("at", ALL_TIMES))
+        own = {key: row.table[key] for key in ("at", "band") if key in row.table}
+        return cls(row.table["signal"], **row.given(), **own)
 
     @property
     def title(self) -> str:
-        """Kind, signal, chosen disturbances, and that it is at samples, as a line has them."""
-        return super().title if self.at == ALL_TIMES else f"{super().title} with at {self.at}"
+        """Kind, signal, chosen disturbances, whether at samples, and the band, as a line has it."""
+        text = super().title if self.at == ALL_TIMES else f"{super().title} with at {self.at}"
+        if self.band is None:
+            return text
+        return f"{text} with band [{', '.join(map(exactly, self.band))}]"
+
+    @property
+    def by_transfer_alone(self) -> bool:
+        """Whether it is of a band."""
+        return self.band is not None
+
+    @property
+    def exact_band(self) -> Band | None:
+        """The band as a claim has it."""
+        return None if self.band is None else Band(*map(Fraction, self.band))
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a plant of which no gain in the band is proved, too."""
+        super().require_fit(plant)
+        if self.band is None:
+            return
+        if plant.dead_time is not None:
+            raise InputError(
+                f"{self.title}: with a dead time no gain in a band is proved; leave out the band"
+            )
+        if plant.moving:
+            raise InputError(
+                f"{self.title}: {plant.moving[0].name} moves, and a frequency response needs "
+                "constant parameters; leave out its rate, or the band"
+            )
+        if self.held(plant) is not None:
+            raise InputError(
+                f"{self.title}: between samples there is no frequency response; leave out the "
+                "band, or the sample time"
+            )
+        if plant.remainder is not None:
+            raise InputError(
+                f"{self.title}: samples, and functions of parameters, have a remainder, with which "
+                "no gain in a band is proved; leave out the band"
+            )
+        if len(plant.vertices) > 2 and not plant.parameters:
+            raise InputError(
+                f"{self.title}: a gain in a band is proved for parameters of a box; give "
+                "[parameters] in place of the vertices, or leave out the band"
+            )
+        if 2 * Fraction(self.band[1]) * plant.period > 1:
+            raise InputError(
+                f"{self.title}: samples have no frequency above "
+                f"{float(1 / (2 * plant.period)):g} Hz, half the sample rate; end the band there"
+            )
+
+    def beyond_lmi(self, plant: UncertainPlant) -> str:
+        """Say that none has a band."""
+        if self.band is None:
+            return super().beyond_lmi(plant)
+        return f"{self.title}: no LMI has its band; leave out the method, so that a law is tuned"
+
+    def ends(self, step: float) -> Ends | None:
+        """Return the band's ends as `peaks` has them [rad/s]; None without a band."""
+        if self.band is None:
+            return None
+        if not step:
+            return 2 * math.pi * self.band[0], 2 * math.pi * self.band[1]
+        low, high = (min(math.pi * f * step, math.pi / 2) for f in self.band)
+        return 2 * math.tan(low) / step, 2 * math.tan(high) / step
 
     def unit(self, plant: UncertainPlant) -> str:
         """Return the signal's unit per unit of the disturbances."""
@@ -111,7 +186,9 @@ class Gain(Specification):
         )
 
     def dual(self, plant: UncertainPlant, law: Law) -> DualProblem | None:
-        """Return the closed loops of the dual form."""
+        """Return the closed loops of the dual form; None in a band, where there is none."""
+        if self.band is not None:
+            return None
         problem, held = self._dual(plant, law, 1.0, gain=True), self.held(plant)
         if held is None:
             return problem
@@ -126,11 +203,11 @@ class Gain(Specification):
         """Return the claim about the gain."""
         scales = tuple(map(Fraction, self.scales(plant)))
         outputs, held = self.exact_outputs(plant), self.held(plant)
-        return proof.Gain(subject, outputs, level, scales=scales, held=held)
+        return proof.Gain(subject, outputs, level, scales=scales, held=held, band=self.exact_band)
 
     def has_primal(self, plant: UncertainPlant) -> bool:
-        """Not of what goes on between samples: S of a storage function is that of the dual."""
-        return self.held(plant) is None
+        """Not of what goes on between samples, whose S is that of the dual; nor of a band."""
+        return self.held(plant) is None and self.band is None
 
     def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
         """Return the gain at samples of held disturbances; else None."""
@@ -169,23 +246,37 @@ class Gain(Specification):
         channel = self.channel(delta_form(plant), alpha[None])
         closed = close(plant, law, alpha[None])
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
-        _, w, height = peaks(loops.modes, loops.E, loops.C, loops.F)
+        ends = self.ends(loops.modes.step)
+        _, w, height = peaks(loops.modes, loops.E, loops.C, loops.F, ends)
         return sampled_frequency(float(w[height.argmax()]), closed.step)
 
-    @staticmethod
-    def _of(channel: Channel, closed: ClosedLoops) -> Array:
+    def _of(self, channel: Channel, closed: ClosedLoops) -> Array:
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
-        values = on_grid(loops.modes, loops.E, loops.C, loops.F)
+        ends = self.ends(closed.step)
+        values = on_grid(loops.modes, loops.E, loops.C, loops.F, ends)
         worst = np.argsort(-values)[:20]  # points of the grid
         modes = Modes(loops.A[worst], closed.step)
-        points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst])
+        points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst], ends)
         np.maximum.at(values, worst[points], height)
         return values
 
     def slopes(self, loops: Loops) -> Slopes:
         """Return peaks of the largest singular value with their slopes."""
-        found = Highest.of(loops)
+        found = Highest.of(loops, ends=self.ends(loops.modes.step))
         return Slopes(found.values, found.points, lambda: [found.turned()])
+
+
+def _band(value: Any) -> tuple[float, float]:
+    """Return a band as two numbers."""
+    ends = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else []
+    ends = [float(x) if isinstance(x, Fraction) else x for x in ends]
+    good = len(ends) == 2 and all(map(is_number, ends)) and 0 <= ends[0] < ends[1] <= HIGHEST
+    if not good:
+        raise InputError(
+            f"band = {shown(value)} must be two numbers in Hz, the smaller first; write "
+            "band = [4, 8]"
+        )
+    return float(ends[0]), float(ends[1])
 
 
 def sampled_frequency(w: float, step: float) -> float | None:
@@ -229,14 +320,16 @@ class Highest:
         loops: Loops,
         known: tuple[Array, Array] | None = None,
         sides: tuple[Any, Any] | None = None,
+        ends: Ends | None = None,
     ) -> Self:
         """Return those of the peaks of loops, or of peaks that are known: their loops and w.
 
-        Of peaks that are known, with what outputs and disturbances are multiplied by at each.
+        Of peaks that are known, with what outputs and disturbances are multiplied by at each; of
+        others those between the ends of a band, where there is one.
         """
         A, E, C, F = loops.A, loops.E, loops.C, loops.F
         step = loops.modes.step
-        points, w = known or peaks(loops.modes, E, C, F)[:2]
+        points, w = known or peaks(loops.modes, E, C, F, ends)[:2]
         s = 1j * w / (1 - 0.5j * w * step)
         A, E, C, F = (M[points] for M in (A, E, C, F))
         G = response(A, E, C, F, s[:, None])[:, 0]

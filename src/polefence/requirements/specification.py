@@ -200,6 +200,11 @@ class Specification(Short):
         """Limits without which it has no value, of a stable loop: none, in most kinds."""
         return ()
 
+    @property
+    def by_transfer_alone(self) -> bool:
+        """Whether nothing else than the transfer function proves it."""
+        return False
+
     def posed(self, plant: UncertainPlant, law: Law) -> tuple[UncertainPlant, Law, Specification]:
         """Return the plant, the law and the bound in which it is proved: themselves, in most."""
         return plant, law, self

@@ -12,6 +12,8 @@ from polefence.response.stationary import bilinear
 
 CLOSE = 1e-7  # to which the highest is one, relative
 
+Band = tuple[float, float]  # of frequencies [rad/s]
+
 
 def response(A: Array, E: Array, C: Array, F: Array, s: Any) -> Any:
     """Return C (s - A)^-1 E + F, (count, f, p, q), at s (count, f) [1/s]."""
@@ -31,7 +33,9 @@ def largest(G: Any) -> Array:
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
-def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Array]:
+def peaks(
+    modes: Modes, E: Array, C: Array, F: Array, band: Band | None = None
+) -> tuple[Array, Array, Array]:
     """Return the peaks of the largest singular value: loops, frequencies [rad/s] and heights.
 
     Of each loop the highest, and others near it in height. That no other is higher is decided by
@@ -43,15 +47,20 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
     modes : Modes
         Of stable A (count, n, n).
     E, C, F : (count, n, q), (count, p, n), (count, p, q) arrays
+    band : pair of float, optional
+        Between which w is; at its ends there may be peaks too.
     """
     modes, E, C, F = _continuous(modes, E, C, F)
-    A, poles, height = modes.A, modes.poles, _height(modes, E, C, F)
-    grid = _grid(poles)
+    A, height = modes.A, _height(modes, E, C, F)
+    grid = _grid(modes.poles, band)
+    low, high = (0.0, np.inf) if band is None else band
     loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
     for _ in range(8):  # at most: each round climbs every peak that still exceeds the best
         best = np.zeros(len(A))
         np.maximum.at(best, loops, top)
         higher = _higher(A, E, C, F, best * (1 + CLOSE))
+        if band is not None:
+            higher = [w[(w > low) & (w < high)] for w in higher]
         missed = [k for k, crossings in enumerate(higher) if len(crossings)]
         if not missed:
             break
@@ -62,7 +71,8 @@ def peaks(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Array, Array, Arr
             more = height(middle, slice(k, k + 1))
             j = int(more.argmax())
             if more[0, j] > best[k] * (1 + CLOSE):
-                around = np.array([[edges[0] / 2, middle[0, j], 2 * edges[-1]]])
+                ends = max(edges[0] / 2, low), min(2 * edges[-1], high)
+                around = np.array([[ends[0], middle[0, j], ends[1]]])
                 zoomed = _zoomed(height, np.array([k]), around)
                 loops, w = np.append(loops, k), np.append(w, zoomed[0])
                 top, gained = np.append(top, zoomed[1]), True
@@ -97,13 +107,13 @@ def climbed(modes: Modes, E: Array, C: Array, F: Array, of: Any) -> tuple[Array,
     return _climbed(value, grid, value(grid), np.arange(len(modes.A)), points=10)
 
 
-def on_grid(modes: Modes, E: Array, C: Array, F: Array) -> Array:
+def on_grid(modes: Modes, E: Array, C: Array, F: Array, band: Band | None = None) -> Array:
     """Return the largest singular value on a grid of frequencies, those of the poles among them.
 
     Parameters are those of `peaks`, of which it is at most the height of the highest.
     """
     modes, E, C, F = _continuous(modes, E, C, F)
-    return np.asarray(_height(modes, E, C, F)(_grid(modes.poles)).max(axis=1))
+    return np.asarray(_height(modes, E, C, F)(_grid(modes.poles, band)).max(axis=1))
 
 
 def _continuous(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Modes, Array, Array, Array]:
@@ -140,8 +150,11 @@ def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
     return summed if np.all(agreed) else solved
 
 
-def _grid(poles: Any) -> Array:
-    """Return rising frequencies (count, f): zero, those of the poles, some between and beyond."""
+def _grid(poles: Any, band: Band | None = None) -> Array:
+    """Return rising frequencies (count, f): zero, those of the poles, some between and beyond.
+
+    In a band its ends, those of the others that are in it, and some between.
+    """
     sizes = np.abs(poles)
     fast = np.maximum(sizes.max(axis=1), np.finfo(float).tiny)
     slow = np.maximum(sizes.min(axis=1), 1e-6 * fast)
@@ -150,7 +163,20 @@ def _grid(poles: Any) -> Array:
     even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
     rates = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
     ends = np.stack([0 * fast, 1e4 * fast], axis=1)
-    return np.stack([_apart(row) for row in np.concatenate([even, rates, ends], axis=1)])
+    grid = np.stack([_apart(row) for row in np.concatenate([even, rates, ends], axis=1)])
+    return grid if band is None else np.stack([_inside(row, *band) for row in grid])
+
+
+def _inside(w: Array, low: float, high: float) -> Array:
+    """Return rising frequencies of a band, as many as there are and a few; those given if in it.
+
+    Where the band is far wider than what is given, its upper end is ten times as large.
+    """
+    high = min(high, 10 * max(w[-1], low))
+    own = w[(w > low) & (w < high)]
+    # in the place of those outside, and few more: in ratios as irrational as can be
+    share = np.arange(1, 7 + len(w) - len(own)) * ((np.sqrt(5) - 1) / 2) % 1
+    return np.sort(np.concatenate([[low, high], own, low + (high - low) * share]))
 
 
 def _apart(w: Array) -> Array:

@@ -26,7 +26,7 @@ from polefence.plant.system import Array, Exact
 from polefence.proof.laws import add
 from polefence.proof.matrices import Rationals, mix, right_divide
 from polefence.proof.polynomials import basis, coordinates
-from polefence.proof.transfer import Numbers, Transfer
+from polefence.proof.transfer import Transfer, imaginary_value
 from polefence.proof.work import FormatError
 from polefence.requirements.gain import Gain
 from polefence.requirements.rms import Rms
@@ -56,7 +56,7 @@ def attained(
             return None
         if type(asked) is Rms:
             return known.claim.value(known.transfer)
-        return _peak(loop, asked, known.transfer)
+        return _peak(loop, asked, known.transfer) if isinstance(asked, Gain) else None
     return None
 
 
@@ -117,12 +117,13 @@ def _at(
     return loop, replace(limit, signal=tuple(signals), at_most=None)
 
 
-def _peak(loop: UncertainPlant, limit: Specification, transfer: Transfer) -> Fraction | None:
+def _peak(loop: UncertainPlant, limit: Gain, transfer: Transfer) -> Fraction | None:
     """Return the square of the gain near the worst frequency, in nearly the worst direction."""
     channel = limit.channel(loop, np.ones((1, 1)))
     step = float(loop.step)
     modes = Modes(channel.A, step)
-    _, frequencies, heights = peaks(modes, channel.E, channel.C, channel.F)
+    band = limit.ends(step)
+    _, frequencies, heights = peaks(modes, channel.E, channel.C, channel.F, band)
     if not len(heights):
         return None
     w = float(frequencies[int(heights.argmax())])
@@ -131,15 +132,20 @@ def _peak(loop: UncertainPlant, limit: Specification, transfer: Transfer) -> Fra
     s = np.array([[1j * w / (1 - 0.5j * w * step)]])
     G = response(channel.A, channel.E, channel.C, channel.F, s)[0, 0]
     v = np.linalg.svd(G)[2][0].conj()
-    x = _near(w) * transfer.unit
+    near = _within(_near(w), limit, loop.step)
+    if near is None:
+        return None
+    x = near * transfer.unit
     a, b = transfer.first
-    bottom = _square(*_value(a, x))
+    bottom = _square(*imaginary_value(a, x))
     if not bottom:
         return None
     direction = [(_near(float(z.real)), _near(float(z.imag))) for z in v]
     total = Fraction(0)
     for row in b:
-        parts = [_times(_value(entry, x), z) for entry, z in zip(row, direction, strict=True)]
+        parts = [
+            _times(imaginary_value(entry, x), z) for entry, z in zip(row, direction, strict=True)
+        ]
         total += _square(sum(re for re, _ in parts), sum(im for _, im in parts))
     size = sum(_square(*z) for z in direction)
     return transfer.scale**2 * total / (bottom * size)
@@ -153,12 +159,14 @@ def _near(x: float) -> Fraction:
     return Fraction(round(Fraction(x) / size * FINE), FINE) * size
 
 
-def _value(polynomial: Numbers, x: Fraction) -> tuple[Fraction, Fraction]:
-    """Return a polynomial, highest power first, at the imaginary number x."""
-    re = im = Fraction(0)
-    for coefficient in polynomial:
-        re, im = coefficient - x * im, x * re
-    return re, im
+def _within(w: Fraction, limit: Gain, step: Fraction) -> Fraction | None:
+    """Return a frequency, or the end of the limit's band that it is beyond; None of no band."""
+    if limit.exact_band is None:
+        return w
+    ends = limit.exact_band.inside(step)
+    if ends is None:
+        return None
+    return max(ends[0], w if ends[1] is None else min(w, ends[1]))
 
 
 def _times(a: tuple[Fraction, Fraction], b: tuple[Fraction, Fraction]) -> tuple[Fraction, Fraction]:

@@ -6,26 +6,40 @@ Y = C + D K and Q E in place of E, or -(N + N' + (Q E E'Q + Y'Y) / g) > 0 where 
 polynomial whose coefficients prove more than those of the blocks. In discrete time what a step T
 adds, T |N x + E w|^2 in the metric of X, is a further row [ N, E, 0, X / T ]; in the dual form it
 is T [N, E]'Q [N, E], taken from the first two blocks.
+
+In a ``band`` it is the largest singular value of the transfer function there alone, which the
+transfer function itself proves: see `proof.transfer`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from polefence.proof.bands import Band
 from polefence.proof.claims.held import StoredClaim
 from polefence.proof.claims.signal import (
     MAX_ENTRIES,
     Rows,
+    Subject,
     below_kappa,
     with_remainder,
 )
 from polefence.proof.claims.storage import least_of_storage, rows_of_storage
 from polefence.proof.matrices import identity
+from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, constant, diagonal
-from polefence.proof.transfer import Tensor, Transfer, gain_polynomial, passes
+from polefence.proof.reading import Table, plain
+from polefence.proof.transfer import (
+    Tensor,
+    Transfer,
+    gain_polynomial,
+    passes,
+    passes_at,
+    pole_polynomial,
+)
 from polefence.proof.work import FormatError
 
 
@@ -34,6 +48,8 @@ class Gain(StoredClaim):
     """The L2 gain from w to z = C x + D u + F w, its H-infinity norm, is less than ``level``.
 
     With ``held`` w and z are those at all times, of the plant of which this one is the samples.
+    With a ``band`` it is the largest amplification of a sine of a frequency in the band, whatever
+    its direction: the largest singular value of the transfer function there; the loop is stable.
     """
 
     kind: ClassVar[str] = "gain"
@@ -45,10 +61,28 @@ class Gain(StoredClaim):
     along_motions: ClassVar[bool] = True
     has_passing: ClassVar[bool] = True
 
+    band: Band | None = field(default=None, kw_only=True)
+
+    @classmethod
+    def read_extra(
+        cls, table: Table, subject: Subject, outputs: tuple[Output, ...]
+    ) -> dict[str, Any]:
+        """Read what is sampled, and the band."""
+        known = super().read_extra(table, subject, outputs)
+        return known | ({"band": Band.of(table.numbers("band", 2))} if "band" in table else {})
+
+    def write_extra(self) -> dict[str, Any]:
+        """Return what is sampled, and the band."""
+        band = self.band
+        more = {} if band is None else {"band": [plain(band.low), plain(band.high)]}
+        return super().write_extra() | more
+
     def require_extra(self) -> None:
-        """Refuse what is sampled, or a storage function, where it does not fit."""
+        """Refuse what is sampled, a storage function, or a band where it does not fit."""
         super().require_extra()
         subject = self.subject
+        if self.band is not None:
+            self._require_band(self.band)
         dual = any(item.dual for item in subject.evidence.per_cell)
         if dual and not subject.step and subject.law.F and subject.remainder is not None:
             raise FormatError(
@@ -57,6 +91,13 @@ class Gain(StoredClaim):
             )
         if self.held is not None and not all(item.dual for item in self.subject.evidence.per_cell):
             raise FormatError("held: a gain at all times needs Q of the dual form in every part")
+
+    def _require_band(self, band: Band) -> None:
+        if not self.subject.evidence.transfer:
+            raise FormatError("band: a gain in a band is proved by the transfer function alone")
+        if self.held is not None:
+            raise FormatError("band: at all times a sampled plant has no frequency response")
+        band.require(self.subject.step)
 
     @property
     def more_work(self) -> int:
@@ -166,6 +207,14 @@ class Gain(StoredClaim):
 
     def polynomials(self, transfer: Transfer) -> Iterator[tuple[str, Tensor]]:
         """Yield det(g^2 I - G*G) |a|^2 over the frequency and the parameters."""
+        if self.band is not None:
+            ends = self.band.outside(self.subject.step)
+            yield "of the poles", pole_polynomial(transfer)
+            if passes_at(transfer, self.level, ends[0]):
+                yield "of the gain in the band", gain_polynomial(transfer, self.level, ends)
+            else:
+                yield "of the gain at the band's lower end", Tensor([0], (1,))
+            return
         if passes(transfer, self.level):
             yield "of the gain", gain_polynomial(transfer, self.level)
         else:
@@ -183,5 +232,5 @@ class Gain(StoredClaim):
 
     @property
     def under(self) -> str:
-        """Nothing: every disturbance."""
-        return ""
+        """The band; nothing where it is every disturbance."""
+        return "" if self.band is None else f" at every frequency {self.band.text}"

@@ -574,51 +574,48 @@ def pole_polynomial(loop: Transfer) -> Tensor:
 def _over_frequencies(
     loop: Transfer, degrees: Sequence[int], columns: Sequence[Row], ends: Ends = ALL
 ) -> Tensor:
-    """Return the Bernstein coefficients of what is known in powers of w^2 at nodes of t."""
-    n = loop.n
+    """Return Bernstein coefficients of what is known in powers of x = w^2 at nodes of t.
+
+    Between two places p_0 / q_0 and p_1 / q_1 of x it is, times the n-th power of a denominator
+    that is positive, a polynomial in r from 0 to 1:
+
+        x = (p_0 (1 - r) + p_1 r) / (q_0 (1 - r) + q_1 r).
+    """
+    n, unit = loop.n, Fraction(4) ** _exponent(loop.first[0])
     values = [column[k] for k in range(n + 1) for column in columns]
     tensor = Tensor.of(values, (n + 1, *(d + 1 for d in degrees)))
-    unit = Fraction(4) ** _exponent(loop.first[0])
     low, high = (_placed(None if w is None else (w * loop.unit) ** 2, unit) for w in ends)
-    if ends != ALL:
-        spend(
-            RATIONAL * n**3,
-            n * max(bits([[x.numerator, x.denominator]]) for x in (*low, *high)),
-            64,
-        )
-    tensor = tensor.along(0, _between_ends(n, low, high))
+    whole = common_denominator([[[*low, *high]]], LONGEST)
+    places = [int(x * whole) for x in (*low, *high)]
+    spend(n**3, n * bits([places]), bits([places]))
+    tensor = tensor.along(0, _between_places(n, *places))
     for axis, d in enumerate(degrees, 1):
         tensor = tensor.along(axis, to_bernstein(d))
     return tensor
 
 
 def _placed(x: Fraction | None, unit: Fraction) -> tuple[Fraction, Fraction]:
-    """Return p and q with x = p / q and p + unit q = unit; x is infinite where it is None."""
+    """Return p and q with x = p / q, of which p + q unit is about unit; None is infinite.
+
+    So r is nearly linear in x / (x + unit). A q that is a power of two keeps numbers short.
+    """
     if x is None:
         return unit, Fraction(0)
     share = unit / (x + unit)
-    return x * share, share
+    q = Fraction(2) ** (share.numerator.bit_length() - share.denominator.bit_length())
+    return x * q, q
 
 
 @lru_cache(maxsize=64)
-def _between_ends(
-    n: int, low: tuple[Fraction, Fraction], high: tuple[Fraction, Fraction]
-) -> list[Row]:
-    """Return the matrix from powers of x to Bernstein coefficients in v between two places.
-
-    At v = v_0 (1 - r) + v_1 r, x = (p_0 (1 - r) + p_1 r) / (q_0 (1 - r) + q_1 r). Times the n-th
-    power of the denominator x^j is a product of so many sums, which `to_bernstein` has, too.
-    """
-    top, bottom = (list(pair) for pair in zip(low, high, strict=True))
+def _between_places(n: int, p_0: int, q_0: int, p_1: int, q_1: int) -> list[Row]:
+    """Return the matrix from powers of x to Bernstein coefficients between two places."""
     columns = []
     for j in range(n + 1):
-        column = [Fraction(1)]
-        for first, second in [top] * j + [bottom] * (n - j):
-            column = [
-                first * a + second * b
-                for a, b in zip([*column, Fraction(0)], [Fraction(0), *column], strict=True)
-            ]
-        columns.append([c / math.comb(n, k) for k, c in enumerate(column)])
+        column = [1]
+        for first, second in [(p_0, p_1)] * j + [(q_0, q_1)] * (n - j):
+            pairs = zip([*column, 0], [0, *column], strict=True)
+            column = [first * a + second * b for a, b in pairs]
+        columns.append([Fraction(c, math.comb(n, k)) for k, c in enumerate(column)])
     return [list(row) for row in zip(*columns, strict=True)]
 
 

@@ -322,7 +322,9 @@ def transfer(
         w, m, y, e = (_value(polynomial, t) for polynomial in (W, N, Y, E))
         resolved.append(_resolved(w, m, y, e, None if F is None else _value(F, t)))
     shape, unit = (n + 1, *(d + 1 for d in degrees)), math.lcm(*(node[2] for node in resolved))
-    if unit.bit_length() > MAX_BITS:
+    # of a law's own W denominators of N W^-1 are far longer than those of a
+    plain = common_denominator([[node[0]] for node in resolved], LONGEST)
+    if unit.bit_length() > min(MAX_BITS, 1 + 2 * plain.bit_length() // n):
         unit = 1
     powers = [Fraction(1, unit**k) for k in range(n + 1)]
     a = Tensor.of([node[0][k] / powers[k] for k in range(n + 1) for node in resolved], shape)

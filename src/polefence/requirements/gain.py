@@ -272,9 +272,9 @@ def _band(value: Any) -> tuple[float, float]:
     ends = [float(x) if isinstance(x, Fraction) else x for x in ends]
     good = len(ends) == 2 and all(map(is_number, ends)) and 0 <= ends[0] < ends[1] <= HIGHEST
     if not good:
+        several = f"[{', '.join(map(shown, ends))}]" if 0 < len(ends) < 5 else shown(value)
         raise InputError(
-            f"band = {shown(value)} must be two numbers in Hz, the smaller first; write "
-            "band = [4, 8]"
+            f"band = {several} must be two numbers in Hz, the smaller first; write band = [4, 8]"
         )
     return float(ends[0]), float(ends[1])
 

@@ -37,10 +37,12 @@ class Band(Short):
         Raises
         ------
         FormatError
-            If they are no band.
+            If they are no band, or none is left where its ends are rounded into it to be printed.
         """
         if len(ends) != 2 or not 0 <= ends[0] < ends[1] <= HIGHEST:
             raise FormatError("band must hold two numbers, 0 <= low < high, in Hz")
+        if Fraction(digits_up(ends[0])) >= Fraction(digits_down(ends[1])):
+            raise FormatError("band: its ends must differ in six digits")
         return cls(*ends)
 
     def require(self, step: Fraction) -> None:
@@ -76,10 +78,7 @@ class Band(Short):
     @property
     def text(self) -> str:
         """The band in words, each end rounded into it."""
-        low, high = digits_up(self.low), digits_down(self.high)
-        if Fraction(low) > Fraction(high):  # it is narrower than the digits that are printed
-            return f"from {self.low} to {self.high} Hz"
-        return f"from {low} to {high} Hz"
+        return f"from {digits_up(self.low)} to {digits_down(self.high)} Hz"
 
 
 def _frequency(f: Fraction, step: Fraction) -> Interval | None:

@@ -21,9 +21,10 @@ from polefence.plant.outputs import disturbances
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
-from polefence.proof.bands import HIGHEST, Band
+from polefence.proof.bands import Band
 from polefence.proof.between import Held
 from polefence.proof.text import exactly
+from polefence.proof.work import FormatError
 from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
 from polefence.requirements.specification import Row, Specification, is_number
 from polefence.response.between import held_evenly
@@ -270,12 +271,14 @@ def _band(value: Any) -> tuple[float, float]:
     """Return a band as two numbers."""
     ends = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else []
     ends = [float(x) if isinstance(x, Fraction) else x for x in ends]
-    good = len(ends) == 2 and all(map(is_number, ends)) and 0 <= ends[0] < ends[1] <= HIGHEST
-    if not good:
+    try:
+        Band.of([Fraction(x) for x in ends] if all(map(is_number, ends)) else [])
+    except FormatError as error:
         several = f"[{', '.join(map(shown, ends))}]" if 0 < len(ends) < 5 else shown(value)
         raise InputError(
-            f"band = {several} must be two numbers in Hz, the smaller first; write band = [4, 8]"
-        )
+            f"band = {several} must be two numbers in Hz, the smaller first, that differ in six "
+            "digits; write band = [4, 8]"
+        ) from error
     return float(ends[0]), float(ends[1])
 
 

@@ -12,6 +12,7 @@ from polefence.certify.bounds import best_bound, kept_bound
 from polefence.certify.refutation import least_of_any, refute_limits
 from polefence.certify.robust.attained import attained
 from polefence.cli.main import main
+from polefence.plant.larger import with_states
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
@@ -238,3 +239,15 @@ def test_a_law_is_found_for_a_limit_and_as_an_objective(folder):
     assert least.level < 0.99 * best_bound(plant, done.law, band).level
     with pytest.raises(InputError, match="no LMI has its band"):
         pf.optimise(plant, band, limits, method="quadratic")
+
+
+@pytest.mark.parametrize("band", [None, (0.5, 3)])
+def test_states_of_a_law_do_not_count_where_there_is_no_law(band):
+    """They are integrators then, on which no signal depends; nor does a force that is zero."""
+    plant = loads(MASS_ON_SPRING)
+    larger, alpha = with_states(plant, 2), np.eye(2)
+    for signal in ("position", "force"):
+        own = Gain(signal, band=band)
+        values = own.values(larger, None, alpha)
+        assert values == pytest.approx(own.values(plant, None, alpha), rel=1e-12)
+        assert np.all(values > 0) == (signal == "position")

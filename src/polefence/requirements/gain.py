@@ -32,8 +32,8 @@ from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.peaks import Band as Ends
-from polefence.response.peaks import on_grid, peaks, response
-from polefence.response.stationary import stationary
+from polefence.response.peaks import largest, on_grid, peaks, response
+from polefence.response.stationary import needed, stationary
 
 ALL_TIMES, SAMPLES = "all times", "samples"
 
@@ -253,11 +253,16 @@ class Gain(Specification):
 
     def _of(self, channel: Channel, closed: ClosedLoops) -> Array:
         loops = channel.closed(closed.K, Modes(closed.closed, closed.step), closed.passed)
-        ends = self.ends(closed.step)
-        values = on_grid(loops.modes, loops.E, loops.C, loops.F, ends)
+        # states of a law without control are integrators, on which no signal depends
+        some = needed(loops.C, loops.A)
+        if not len(some):
+            return largest(loops.F)
+        modes = Modes(loops.A[:, some][:, :, some], closed.step)
+        E, C, ends = loops.E[:, some], loops.C[..., some], self.ends(closed.step)
+        values = on_grid(modes, E, C, loops.F, ends)
         worst = np.argsort(-values)[:20]  # points of the grid
-        modes = Modes(loops.A[worst], closed.step)
-        points, _, height = peaks(modes, loops.E[worst], loops.C[worst], loops.F[worst], ends)
+        modes = Modes(modes.A[worst], closed.step)
+        points, _, height = peaks(modes, E[worst], C[worst], loops.F[worst], ends)
         np.maximum.at(values, worst[points], height)
         return values
 

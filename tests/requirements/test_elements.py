@@ -17,12 +17,11 @@ from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
-from polefence.proof.document import check, from_plain
-from polefence.proof.work import FormatError
 from polefence.requirements.sector import SectorBound
 from polefence.requirements.specification import limit_text
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.response.modes import Modes
+from support.files import is_accepted
 from support.specs import MASS_ON_SPRING
 
 GAIN = np.array([[-20.0, -4.0]])
@@ -299,13 +298,6 @@ SPEC = (
 )
 
 
-def is_proved(document):
-    try:
-        return check(from_plain(document)).proved
-    except FormatError:
-        return False
-
-
 def test_a_law_is_tuned_for_it_and_its_file_says_so(tmp_path, capsys):
     spec, out, said = (tmp_path / name for name in ("spring.toml", "out", "said.json"))
     spec.write_text(SPEC)
@@ -359,7 +351,7 @@ def document(tmp_path_factory):
     region = pf.parse_region("half_plane(0)")
     pf.analyse(plant, pf.FixedGain(GAIN), region, limits=[asked()]).design.save(folder)
     document = json.loads((folder / "design.json").read_text())
-    assert is_proved(document)
+    assert is_accepted(document)
     return document
 
 
@@ -393,7 +385,7 @@ def test_one_fault_in_a_file_and_it_is_not_proved(document, key, change):
     table = json.loads(json.dumps(document))
     claim = next(own for own in table["claims"] if own["kind"] == "sector")
     claim[key] = change(claim.get(key))
-    assert not is_proved(table)
+    assert not is_accepted(table)
 
 
 def test_a_product_that_is_not_affine_is_refused():

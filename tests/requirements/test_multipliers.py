@@ -18,13 +18,14 @@ from polefence.plant.exact import file_plant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
-from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
 from polefence.requirements import multipliers
 from polefence.requirements.sector import SectorBound
 from polefence.requirements.specification import limit_text
 from polefence.requirements.text import load_specifications, parse_specification
 from polefence.response.modes import Modes
+from support.elements import with_elements
+from support.files import is_accepted
 from support.specs import MASS_ON_SPRING
 
 GAIN = np.array([[-20.0, -4.0]])
@@ -102,26 +103,7 @@ def test_it_is_popovs_criterion(seed):
 
 def made(seed, count=1):
     """A stable family of two vertices with elements that do not enter the rates of signals."""
-    random = np.random.default_rng(seed)
-    n, m = 4 + count, 1
-    S = random.normal(size=(n, n))
-    A = 2 * (S - S.T) + 0.3 * random.normal(size=(n, n))
-    A -= (np.linalg.eigvals(A).real.max() + random.uniform(0.3, 0.6)) * np.eye(n)
-    As = [A, A + 0.1 * random.normal(size=(n, n))]
-    Bs = [random.normal(size=(n, m))] * 2
-    E = random.normal(size=(n, count + 1))
-    E[:count, 1:] = 0
-    K = 0.1 * random.normal(size=(m, n))
-    plant = pf.UncertainPlant.from_vertices(As, Bs, [E, E])
-    signals = [Output(f"y{k + 1}", "", C=np.eye(count, n)[k]) for k in range(count)]
-    ends = np.array([[-0.5, 0.8], [-1.0, 0.2]])[:count]
-    own = SectorBound(
-        signals,
-        disturbance=[f"w{k + 2}" for k in range(count)],
-        sector=ends.tolist(),
-        time_invariant=True,
-    )
-    return (As, Bs, E, K), plant, own, random
+    return with_elements(seed, count, entering=False, time_invariant=True)
 
 
 def sectors_proved(own, bound):
@@ -301,7 +283,7 @@ def test_slopes_are_those_of_central_differences(seed, count, restricted):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_level_is_the_gain_of_the_loop_that_is_proved(seed):
+def test_a_level_is_the_gain_of_the_loop_that_is_accepted(seed):
     """Of d^-1 (z - p y') to d (r y + level p y'), on a fine grid."""
     (*_, K), plant, own, _ = made(seed, 2)
     channel = own.channel(plant, np.eye(2))
@@ -323,13 +305,6 @@ def test_a_level_is_the_gain_of_the_loop_that_is_proved(seed):
 # --- files ---------------------------------------------------------------------------------------
 
 
-def is_proved(document):
-    try:
-        return check(from_plain(document)).proved
-    except FormatError:
-        return False
-
-
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     plant, folder = loads(MASS_ON_SPRING), tmp_path_factory.mktemp("file")
@@ -339,7 +314,7 @@ def document(tmp_path_factory):
     assert kept_bound(plant, law, replace(limit, time_invariant=False)) is None
     pf.analyse(plant, law, region, limits=[limit]).design.save(folder)
     document = json.loads((folder / "design.json").read_text())
-    assert is_proved(document)
+    assert is_accepted(document)
     return document
 
 
@@ -379,7 +354,7 @@ def test_one_fault_in_a_file_and_it_is_not_proved(document, key, change):
     claim[key] = value
     if value is None:
         del claim[key]
-    assert not is_proved(table)
+    assert not is_accepted(table)
 
 
 def test_one_fault_in_the_plant_and_it_is_not_proved(document):
@@ -387,7 +362,7 @@ def test_one_fault_in_the_plant_and_it_is_not_proved(document):
     for i, j, x in ((0, 0, 0.01), (1, 0, 30)):
         table = json.loads(json.dumps(document))
         table["plant"]["vertices"][1]["E"][i][j] = x
-        assert not is_proved(table)
+        assert not is_accepted(table)
 
 
 def test_a_multiplier_of_what_has_none_is_refused():

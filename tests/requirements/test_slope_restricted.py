@@ -15,12 +15,13 @@ from polefence.plant.exact import file_plant
 from polefence.plant.outputs import Output
 from polefence.plant.points import seeded
 from polefence.plant.spec import loads
-from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError
 from polefence.requirements import multipliers
 from polefence.requirements.sector import SectorBound
 from polefence.requirements.text import parse_specification
 from polefence.response.modes import Modes
+from support.elements import with_elements
+from support.files import is_accepted
 from support.specs import MASS_ON_SPRING
 
 GAIN = np.array([[-20.0, -4.0]])
@@ -141,25 +142,7 @@ def test_no_curve_of_such_slopes_supplies_less_than_nothing(seed):
 
 def made(seed, count=1):
     """A stable family of two vertices whose elements enter the rates of their signals."""
-    random = np.random.default_rng(seed)
-    n, m = 4 + count, 1
-    S = random.normal(size=(n, n))
-    A = 2 * (S - S.T) + 0.3 * random.normal(size=(n, n))
-    A -= (np.linalg.eigvals(A).real.max() + random.uniform(0.3, 0.6)) * np.eye(n)
-    As = [A, A + 0.1 * random.normal(size=(n, n))]
-    Bs = [random.normal(size=(n, m))] * 2
-    E = random.normal(size=(n, count + 1))
-    K = 0.1 * random.normal(size=(m, n))
-    plant = pf.UncertainPlant.from_vertices(As, Bs, [E, E])
-    signals = [Output(f"y{k + 1}", "", C=np.eye(count, n)[k]) for k in range(count)]
-    ends = np.array([[-0.5, 0.8], [-1.0, 0.2]])[:count]
-    own = SectorBound(
-        signals,
-        disturbance=[f"w{k + 2}" for k in range(count)],
-        sector=ends.tolist(),
-        slope_restricted=True,
-    )
-    return (As, Bs, E, K), plant, own, random
+    return with_elements(seed, count, entering=True, slope_restricted=True)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -191,7 +174,7 @@ def test_most_random_families_gain():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_level_is_the_gain_of_the_loop_that_is_proved(seed):
+def test_a_level_is_the_gain_of_the_loop_that_is_accepted(seed):
     """Of d^-1 zt to d yt, by the transfer function of the multiplier, on a fine grid."""
     (*_, K), plant, own, _ = made(seed, 2)
     channel = own.channel(plant, np.eye(2))
@@ -309,13 +292,6 @@ def test_in_discrete_time_there_is_none():
 # --- files ---------------------------------------------------------------------------------------
 
 
-def is_proved(document):
-    try:
-        return check(from_plain(document)).proved
-    except FormatError:
-        return False
-
-
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     plant, folder = loads(SENSED), tmp_path_factory.mktemp("file")
@@ -325,7 +301,7 @@ def document(tmp_path_factory):
     assert kept_bound(plant, law, replace(limit, slope_restricted=False)) is None
     pf.analyse(plant, law, pf.parse_region("half_plane(0)"), limits=[limit]).design.save(folder)
     document = json.loads((folder / "design.json").read_text())
-    assert is_proved(document)
+    assert is_accepted(document)
     return document
 
 
@@ -368,7 +344,7 @@ def test_one_fault_in_a_file_and_it_is_not_proved(document, key, change):
     claim[key] = value
     if value is None:
         del claim[key]
-    assert not is_proved(table)
+    assert not is_accepted(table)
 
 
 def test_an_element_has_a_lag_or_a_multiplier():

@@ -8,7 +8,8 @@ from typing import Any
 
 from polefence.proof.claims import BoundClaim, Poles
 from polefence.proof.claims.base import Claim, prove
-from polefence.proof.document import loads
+from polefence.proof.document import check, from_plain, loads
+from polefence.proof.work import FormatError
 
 
 def poles_in(text: str) -> Poles:
@@ -31,6 +32,14 @@ def only_claim_in(text: str) -> Claim:
 def is_proved(document: dict[str, Any]) -> bool:
     """Whether the one claim of a file is proved."""
     return prove(only_claim_in(json.dumps(document))).proved
+
+
+def is_accepted(document: dict[str, Any]) -> bool:
+    """Whether all claims of a file are proved; not where it is refused."""
+    try:
+        return check(from_plain(document)).proved
+    except FormatError:
+        return False
 
 
 def first(document: dict[str, Any]) -> dict[str, Any]:

@@ -50,6 +50,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_as_before():
+    """After a command that Ctrl-C ended its process would ignore the next one."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="session")
 def as_printed() -> UncertainPlant:
     return family("quarter-car-as-printed")

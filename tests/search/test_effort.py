@@ -10,6 +10,7 @@ import polefence as pf
 from polefence.plant.outputs import Output
 from polefence.requirements.gain import Gain
 from polefence.search.effort import Closer, gain_of, least
+from polefence.search.tune.worth import up_to
 from support.commands import ran
 
 A, B, E = np.array([[0.0, 1.0], [-1.0, -0.1]]), np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]])
@@ -65,6 +66,9 @@ def test_several_halvings_of_the_gain_are_worth_half_a_thousandth_each(times, wo
         for share, k in ((worth * 0.99, 1), (worth * 1.01, 0)):
             each = [Closer(level, 1.0, 1.0), Closer(level * (1 + share), 1 / times, 1 / times)]
             assert least(each, ())[0] == k
+            # a search looks at laws up to that level, of a gain that is worth one, and no others
+            assert (each[1].level < up_to(level, 1.0, 1 / times)) == bool(k)
+        assert up_to(level, 1.0, 0.81) == up_to(level, 1.0, 5.0) == level
 
 
 def gain_by_frequencies(K):

@@ -66,7 +66,7 @@ from polefence.search.proper import proper, whitened
 from polefence.search.structured import as_sampled
 from polefence.search.task import Candidate, Missing, Task, candidate, level_of, together
 from polefence.search.tune.tuner import Tuned
-from polefence.search.tune.worth import NEAR
+from polefence.search.tune.worth import NEAR, up_to
 from polefence.search.tuned import Orders, embedded, orders_below, tuned_candidates
 
 
@@ -635,7 +635,13 @@ def _best_tuned(
     def proved() -> float:
         return min([below, *map(_level, every)])
 
-    for answer, tuned, lowest in tuned_candidates(task, structure, starts, known, proved):
+    def wanted(tuned: Tuned) -> float:
+        best = min(every, key=_level, default=None)
+        if best is None or _level(best) >= below:
+            return below
+        return up_to(_level(best), gain_of(best.plant, best.law), tuned.size)
+
+    for answer, tuned, lowest in tuned_candidates(task, structure, starts, known, wanted):
         done = _bounded(task, answer)
         if done is not None:
             done = replace(done, structure=structure, bounded_by=tuned.bounded_by)

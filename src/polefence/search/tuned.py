@@ -54,7 +54,7 @@ def tuned_candidates(
     structure: Structure,
     starts: Sequence[Law] = (),
     known: Sequence[Tuned] = (),
-    proved: Callable[[], float] = lambda: np.inf,
+    wanted: Callable[[Tuned], float] = lambda _: np.inf,
 ) -> Iterator[tuple[Candidate, Tuned, float]]:
     """Yield laws with proofs of region and limits, found for tighter and tighter requirements.
 
@@ -64,8 +64,9 @@ def tuned_candidates(
     ----------
     known : sequence of Tuned
         What the first search has found, where it is done.
-    proved : callable
-        The least level that was proved of a law: one that is no better at rest is not looked at.
+    wanted : callable
+        From what a search found to the level below which its law is wanted: one that is no better
+        at rest is not looked at.
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(specification.cut_off(task.plant) for specification in asked_for)
@@ -88,7 +89,7 @@ def tuned_candidates(
                 if number and ended():
                     break
                 # descents end so near one another
-                if task.minimise is not None and tuned.level >= proved() * (1 - 1e-5):
+                if task.minimise is not None and tuned.level >= wanted(tuned) * (1 - 1e-5):
                     if number or cut_off:
                         break
                     return  # nor is one for tighter limits

@@ -24,6 +24,11 @@ def near(level: float, gain: float, smaller: float) -> float:
     return float(level + times * NEAR * abs(level))
 
 
+def up_to(level: float, gain: float, other: float) -> float:
+    """Return the level up to which a law of another gain may be taken for one of this level."""
+    return near(level, gain, other) if other <= SMALLER * gain else level
+
+
 def taken(levels: Sequence[float], gains: Sequence[float], most: float = np.inf) -> int:
     """Return which law is taken: the best, or one whose gain is so much smaller for its level.
 

@@ -82,7 +82,8 @@ sanitize: $(VENV)/.installed-test
 	$(BIN)/python -m zipfile -e $(SANITIZED)/polefence-*.whl $(SANITIZED)
 	POLEFENCE_TEST_KERNEL="$$(ls $(SANITIZED)/polefence/_kernel*.so)" LD_PRELOAD="$(PRELOAD)" \
 	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/lmi/test_kernel.py tests/lmi/test_spelt_out.py \
-	    tests/lmi/test_interior.py tests/search/tune/test_quadratic.py tests/proof/test_exact.py tests/proof/test_bound.py \
+	    tests/lmi/test_interior.py tests/search/tune/test_quadratic.py \
+	    tests/search/tune/test_laws_by_kernel.py tests/proof/test_exact.py tests/proof/test_bound.py \
 	    tests/vehicle/test_compiled.py
 
 benchmark: $(VENV)/.installed-test

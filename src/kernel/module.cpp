@@ -24,6 +24,7 @@ namespace nb = nanobind;
 void add_exact(nb::module_ &);  // exact.cpp
 void add_bound(nb::module_ &);  // bound.cpp
 void add_drive(nb::module_ &);  // drive.cpp
+void add_laws(nb::module_ &);  // laws.cpp
 
 namespace polefence {
 
@@ -360,7 +361,9 @@ nb::tuple minimum(const Matrix &P, const Vector &q, const Matrix &G, const Vecto
 }  // namespace
 
 NB_MODULE(_kernel, module) {
-    module.doc() = "The interior points of polefence.lmi.solve and polefence.search.tune, a prover, and drives, compiled.";
+    module.doc() =
+        "The interior points of polefence.lmi.solve, the descents of polefence.search.tune, a prover, "
+        "and drives, compiled.";
     module.def("instructions", [] { return std::string(has_avx2() ? "AVX2" : "baseline"); });
     module.def("run", &run, nb::arg("unknowns"), nb::arg("entries").noconvert(), nb::arg("families"),
                nb::arg("x").noconvert(), nb::arg("r"), nb::arg("tolerance"), nb::arg("enough"),
@@ -376,4 +379,5 @@ NB_MODULE(_kernel, module) {
     add_exact(module);
     add_bound(module);
     add_drive(module);
+    add_laws(module);
 }

@@ -143,6 +143,10 @@ class EnergyPeak(Specification):
         channel, storing = super().channel(plant, alpha), self._storing(plant, held, self.norm)
         return at_times(channel, storing, alpha, float(plant.period), times)
 
+    def is_of_noise(self, channel: Channel) -> bool:
+        """Whether `slopes` are those of noise: not of the times between samples."""
+        return not np.ndim(channel.more)
+
     def slopes(self, loops: Loops) -> Slopes:
         """Return the peak with its slopes, at the times of a period that are worst."""
         return of_largest(loops) if np.ndim(loops.more) else of_noise(loops)

@@ -263,6 +263,10 @@ class Rms(Specification):
         channel = replace(channel, A=A, B=B, E=E, C=rows[..., :n], D=rows[..., n:], F=F)
         return replace(channel, more=mean.c, length=length)
 
+    def is_of_noise(self, channel: Channel) -> bool:  # noqa: ARG002
+        """Whether `slopes` are those of noise: always."""
+        return True
+
     def slopes(self, loops: Loops) -> Slopes:
         """Return the rms with its slopes."""
         return of_noise(loops)

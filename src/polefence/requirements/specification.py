@@ -617,6 +617,10 @@ class Specification(Short):
         S = np.diag(self.scales(plant) or (1.0,) * E.shape[-1])
         return Channel(*plant.at(alpha), E, C, D, self.scaled(plant, F), S)
 
+    def is_of_noise(self, channel: Channel) -> bool:  # noqa: ARG002
+        """Whether `slopes` of its channel are those of `polefence.requirements.slopes.of_noise`."""
+        return False
+
     def slopes(self, loops: Loops) -> Slopes:
         """Return the bounded quantity of stable closed loops of its `channel`, with slopes."""
         raise NotImplementedError

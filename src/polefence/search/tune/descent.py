@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -64,7 +65,7 @@ class Effort:
 
 
 FULL, EARLY, QUICK = Effort(300, 1e-6, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
-ROUGH = Effort(100, 1e-3, 1e-2)  # for what is only to be small
+ROUGH = Effort(100, 1e-2, 1e-2)  # for what is only to be small
 PATIENT = Effort(200, 1e-6)  # for smooth functions of which the very end matters
 
 
@@ -88,11 +89,16 @@ class Rows:
     objective: Any
 
     @property
+    def finite(self) -> bool:
+        """Whether all values and slopes are finite."""
+        return bool(np.all(np.isfinite(self.values)) and np.all(np.isfinite(self.slopes)))
+
+    @cached_property
     def level(self) -> float:
         """The largest of what is minimised."""
         return float(self.values[self.objective].max())
 
-    @property
+    @cached_property
     def excess(self) -> float:
         """The largest of the others; what is above zero is not kept."""
         return float(self.values[~self.objective].max(initial=-np.inf))

@@ -8,14 +8,16 @@ does not drown the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from itertools import count
 from typing import Any
 
 import numpy as np
 
 from polefence.base.effort import spend
 from polefence.lmi.conditions.target import Side
+from polefence.lmi.solve.engine import kernel
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Region
@@ -23,13 +25,27 @@ from polefence.requirements.slopes import Channel
 from polefence.requirements.specification import Specification
 from polefence.response.modes import Modes
 from polefence.response.stationary import growth as growth_of
+from polefence.search.tune.compiled import Plan, knows
 from polefence.search.tune.descent import Rows
 from polefence.search.tune.poles import growth, sides_of, slopes
 from polefence.search.tune.smooth import curve_of, smooth_growth
 from polefence.search.tune.starts import Sizes
 from polefence.search.tune.unknowns import At, Unknowns
+from polefence.search.tune.wanted import (
+    AT_MOST,
+    ENTRIES,
+    IN_UNITS,
+    KEPT,
+    NOISE,
+    OTHER,
+    SIDE,
+    SIZE,
+    SPEED,
+    Wanted,
+)
 
 REGION, LIMITS, LEVEL, SMALL = "region", "limits", "level", "small"  # phases of a search
+BOUNDS = SIDE, SPEED, ENTRIES  # what loops must keep that are not stable, too
 WORST = "worst"  # asks for the worst of each measure alone
 MARGIN = 1e-5  # by which what must be kept is kept: 1e-4 costs the shown car as much
 # Times the best level: within it the smallest law is looked for. The gain of a car's law falls from
@@ -134,10 +150,10 @@ class Task:
         return (*first, *self.limits)
 
     @property
-    def bounds(self) -> int:
-        """How many measures there are of what loops must keep, but for limits."""
-        largest = np.any(np.isfinite(self.unknowns.largest))
-        return len(self.sides) + bool(np.isfinite(self.fastest)) + bool(largest)
+    def stable(self) -> bool:
+        """Whether limits and level are those of stable loops alone."""
+        turning = isinstance(self.minimise, tuple) and any(np.any(s.M1) for s in self.minimise)
+        return bool(self.requirements) or turning
 
     @property
     def coupled(self) -> bool:
@@ -206,9 +222,8 @@ class Points:
 
     def evaluable(self, modes: Modes) -> Any:
         """Return at which points limits and level are, (count,): most ask for stability."""
-        poles, minimise = modes.poles, self.task.minimise
-        turning = isinstance(minimise, tuple) and any(np.any(side.M1) for side in minimise)
-        if not self.task.requirements and not turning:
+        poles = modes.poles
+        if not self.task.stable:
             return np.full(len(poles), True)
         rates = growth_of(poles, modes.step)
         return np.all(rates < -1e-12 * np.abs(poles).max(axis=1)[:, None], axis=1)
@@ -282,43 +297,61 @@ class Points:
         dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
         return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
-    def bounds(
-        self, K: Array, modes: Modes, kappa: float | None = None
-    ) -> list[tuple[Found, float]]:
-        """Return what loops must keep, but for requirements: kept where zero or less; margins."""
-        measures = [(self.side(side, modes, kappa), MARGIN) for side in self.task.sides]
+    def wanted(self, phase: str) -> list[Wanted]:
+        """Return what a phase measures."""
+        margin, groups = 0.0 if phase == WORST else MARGIN, count()
+        wanted = list[Wanted]()
+        if phase == SMALL:
+            wanted.append(Wanted(SIZE, next(groups), IN_UNITS))
+        elif phase in (LEVEL, WORST):
+            wanted += self._lowered(next(groups), IN_UNITS if phase == LEVEL else KEPT)
+        sides = self.task.sides
+        wanted += [Wanted(SIDE, next(groups), shift=margin, side=side) for side in sides]
         if np.isfinite(self.task.fastest):
-            measure = self.speed(modes)
-            measures.append((replace(measure, values=measure.values - 1), 0.0))
-        largest = self.task.unknowns.largest
-        if np.any(np.isfinite(largest)):
-            measure = self.entries(K, largest)
-            measures.append((replace(measure, values=measure.values - 1), MARGIN))
-        return measures
-
-    def limited(self, K: Array, inner: Array, modes: Modes) -> list[tuple[Found, float]]:
-        """Return the limits, kept where zero or less, and their margins."""
+            wanted.append(Wanted(SPEED, next(groups), shift=-1.0))
+        if np.any(np.isfinite(self.task.unknowns.largest)):
+            wanted.append(Wanted(ENTRIES, next(groups), shift=margin - 1))
+        if phase == REGION:
+            return wanted
         first = len(self.task.requirements) - len(self.task.limits)
-        measures = []
-        for k, specification in enumerate(self.task.limits):
-            measure = self.requirement(first + k, K, inner, modes)
-            measures.append((_beyond(measure, specification.at_most or 1.0), MARGIN))
-        return measures
+        for k, limit in enumerate(self.task.limits, first):
+            group, most = next(groups), limit.at_most or 1.0
+            wanted.append(self._of_requirement(k, group, KEPT, most, margin - 1))
+        if phase == SMALL and self.task.minimise is not None:
+            wanted += self._lowered(next(groups), AT_MOST)
+        return wanted
 
-    def level(self, K: Array, inner: Array, modes: Modes, kappa: float | None = None) -> Found:
-        """Return what is minimised, at gains of all states, and of what is measured."""
-        if self.task.minimise is None:
+    def _lowered(self, group: int, bend: int) -> list[Wanted]:
+        """Return what is minimised."""
+        minimise = self.task.minimise
+        if minimise is None:
+            return [Wanted(SIZE, group, bend)]
+        if isinstance(minimise, tuple):
+            return [Wanted(SIDE, group, bend, side=side) for side in minimise]
+        return [self._of_requirement(0, group, bend)]
+
+    def _of_requirement(
+        self, k: int, group: int, bend: int, limit: float = 1.0, shift: float = 0.0
+    ) -> Wanted:
+        channel, requirement = self.channels[k + 1], self.task.requirements[k]
+        F = self.unknowns.seen(channel.reads)[1]
+        plain = not channel.beside and (F is None or channel.S is None)
+        kind = NOISE if plain and requirement.is_of_noise(channel) else OTHER
+        return Wanted(kind, group, bend, limit, shift, requirement=k, channel=channel)
+
+    def found(
+        self, wanted: Wanted, K: Array, inner: Array, modes: Modes, kappa: float | None = None
+    ) -> Found:
+        """Return one measure, at gains of all states, and of what is measured."""
+        if wanted.side is not None:
+            return self.side(wanted.side, modes, kappa)
+        if wanted.kind == SPEED:
+            return self.speed(modes)
+        if wanted.kind == ENTRIES:
+            return self.entries(inner, self.task.unknowns.largest)
+        if wanted.kind == SIZE:
             return self.size(inner)
-        if isinstance(self.task.minimise, tuple):
-            measures = [self.side(side, modes, kappa) for side in self.task.minimise]
-            values, points = (
-                np.concatenate([getattr(measure, key) for measure in measures])
-                for key in ("values", "points")
-            )
-            return Found(
-                values, points, lambda: np.concatenate([measure.dK for measure in measures])
-            )
-        return self.requirement(0, K, inner, modes)
+        return self.requirement(wanted.requirement, K, inner, modes)
 
     def answers(self, asks: Sequence[Ask]) -> list[Any]:
         """Return rows, or the worst, of several laws: those of one phase are evaluated together."""
@@ -334,7 +367,7 @@ class Points:
         return [found[k] for k in range(len(asks))]
 
     def _answers(self, asks: Sequence[Ask]) -> Sequence[Any]:
-        inner = np.concatenate([self.unknowns.gains(ask.theta) for ask in asks])
+        inner = self.unknowns.gains_of([ask.theta for ask in asks])
         wide, each = self.times(len(asks)), (len(asks), len(self.alpha))
         K = inner @ wide.unknowns.C
         if asks[0].phase == WORST:
@@ -352,60 +385,109 @@ class Points:
         return rows
 
     def _of_finite(self, asks: Sequence[Ask], K: Array, inner: Array) -> list[Rows | None]:
-        """Return rows of laws whose loops are finite."""
+        """Return rows of laws whose loops are finite: the kernel's, with those of the reference."""
+        wide, each = self.times(len(asks)), len(self.alpha)
+        modes, plan = wide.modes(K), wide.plan(asks[0])
+        if plan is None:
+            return self._referred(asks, K, inner, modes)
+        units, most = (np.array([getattr(ask, key) for ask in asks]) for key in ("unit", "most"))
+        rows, hard = plan.rows(len(asks), inner, modes, units, most)
+
+        def of(some: Sequence[int]) -> tuple[list[Ask], Array, Array, Modes]:
+            kept = (np.array(some)[:, None] * each + np.arange(each)).ravel()
+            return [asks[k] for k in some], K[kept], inner[kept], modes[kept]
+
+        if plan.rest and (good := [k for k, own in enumerate(rows) if own is not None]):
+            more = self.times(len(good)).measured(*of(good), plan.rest)
+            for k, own in zip(good, more, strict=True):
+                rows[k] = _joined(rows[k], own)
+        if hard:
+            for k, own in zip(hard, self._referred(*of(hard)), strict=True):
+                rows[k] = own
+        return rows
+
+    def _referred(
+        self, asks: Sequence[Ask], K: Array, inner: Array, modes: Modes
+    ) -> list[Rows | None]:
+        """Return rows of laws whose loops are finite, by the reference."""
         wide, each = self.times(len(asks)), (len(asks), len(self.alpha))
-        modes = wide.modes(K)
         good = np.isfinite(modes.left).all(axis=(1, 2))
         if asks[0].phase != REGION:
             good &= wide.evaluable(modes)
         good = good.reshape(each).all(axis=1)
+        rows = list[Rows | None]([None] * len(asks))
         if not good.any():
-            return [None] * len(asks)
-        if not good.all():
-            kept = np.repeat(good, each[1])
-            some, wide = np.flatnonzero(good).tolist(), self.times(int(good.sum()))
-            rows = wide._rows([asks[k] for k in some], K[kept], inner[kept], modes[kept])
-            numbered = dict(zip(some, rows, strict=True))
-            return [numbered.get(k) for k in range(len(asks))]
-        return wide._rows(asks, K, inner, modes)
+            return rows
+        kept, some = np.repeat(good, each[1]), np.flatnonzero(good).tolist()
+        wide = self.times(len(some))
+        asked, every = [asks[k] for k in some], wide.wanted(asks[0].phase)
+        found = wide.measured(asked, K[kept], inner[kept], modes[kept], every)
+        for k, own in zip(some, found, strict=True):
+            rows[k] = own
+        return rows
 
-    def _rows(self, asks: Sequence[Ask], K: Array, inner: Array, modes: Modes) -> list[Rows | None]:
-        """Return rows of laws, of which each has as many of these points."""
+    def measured(
+        self,
+        asks: Sequence[Ask],
+        K: Array,
+        inner: Array,
+        modes: Modes,
+        every: Sequence[Wanted],
+    ) -> list[Rows | None]:
+        """Return rows of some measures of laws, of which each has as many of these points."""
         phase, kappa, count = asks[0].phase, asks[0].kappa, len(self.alpha) // len(asks)
-        measures = self.bounds(inner, modes, kappa if phase == REGION else None)
-        if phase != REGION:
-            measures += self.limited(K, inner, modes)
-        kept = [_kept(measure, margin) for measure, margin in measures]
-        if phase in (LEVEL, SMALL):
-            units = np.array([ask.unit for ask in asks])
-            first = self.level(K, inner, modes, kappa) if phase == LEVEL else self.size(inner)
-            kept.insert(0, _scaled(first, units[first.points // count]))
-        if phase == SMALL and self.task.minimise is not None:
-            level = self.level(K, inner, modes)
-            most = np.array([ask.most for ask in asks])
-            kept.append(_kept(_less(level, most[level.points // count]), 0.0))
-        return self._each(kept, phase in (LEVEL, SMALL), len(asks))
-
-    def _each(self, measures: Sequence[Found], first: bool, laws: int) -> list[Rows | None]:
-        """Return all rows of each law; the first alone are the objective, or all."""
-        count, parts = len(self.alpha) // laws, []
-        for k, measure in enumerate(measures):
-            dK = (
-                measure.dK
-                if measure.inner
-                else measure.dK @ np.swapaxes(self.unknowns.C[measure.points], 1, 2)
-            )
-            objective = np.full(len(measure.values), k == 0 or not first)
-            slope = self.unknowns.slopes(measure.points, dK)
-            slope = slope if measure.mixed is None else measure.mixed @ slope
+        units, most = (np.array([getattr(ask, key) for ask in asks]) for key in ("unit", "most"))
+        first, parts = phase in (LEVEL, SMALL), []
+        for wanted in every:
+            smooth = kappa if phase == REGION or wanted.bend == IN_UNITS else None
+            measure = self.found(wanted, K, inner, modes, smooth)
             law, point = np.divmod(measure.points, count)
-            parts.append((measure.values, slope, point + k * count, objective, law))
+            if wanted.bend == IN_UNITS:
+                measure = _scaled(measure, units[law])
+            elif wanted.bend == AT_MOST:
+                measure = _kept(_less(measure, most[law]))
+            else:
+                measure = _kept(_within(measure, wanted.limit, wanted.shift))
+            objective = np.full(len(law), wanted.bend == IN_UNITS or not first)
+            slope = self._slopes(measure)
+            parts.append((measure.values, slope, point + wanted.group * count, objective, law))
         *columns, law = (np.concatenate(part) for part in zip(*parts, strict=True))
-        every = [Rows(*(M[law == k] for M in columns)) for k in range(laws)]
-        return [
-            rows if np.all(np.isfinite(rows.values)) and np.all(np.isfinite(rows.slopes)) else None
-            for rows in every
-        ]
+        rows = [Rows(*(M[law == k] for M in columns)) for k in range(len(asks))]
+        return [own if own.finite else None for own in rows]
+
+    def _slopes(self, measure: Found) -> Array:
+        """Return slopes with respect to the law's numbers, (rows, size)."""
+        dK = measure.dK
+        if not measure.inner:
+            dK = dK @ np.swapaxes(self.unknowns.C[measure.points], 1, 2)
+        slope = self.unknowns.slopes(measure.points, dK)
+        return slope if measure.mixed is None else measure.mixed @ slope
+
+    def plan(self, ask: Ask) -> Plan | None:
+        """Return what the kernel does of a phase; None where there is none, or it does nothing."""
+        if kernel() is None or ask.kappa is not None:
+            return None
+        if ask.phase not in self._plans:
+            every = self.wanted(ask.phase)
+            self._plans[ask.phase] = self._planned(every, ask.phase)
+        return self._plans[ask.phase]
+
+    @cached_property
+    def _plans(self) -> dict[str, Plan | None]:
+        return {}
+
+    def _planned(self, every: Sequence[Wanted], phase: str) -> Plan:
+        unknowns, task = self.task.unknowns, self.task
+        size = unknowns.signals / unknowns.inputs[:, None]
+        stable = phase != REGION and task.stable
+        known = tuple(wanted for wanted in every if knows(wanted))
+        rest = tuple(wanted for wanted in every if not knows(wanted))
+        at, largest = self.unknowns, unknowns.largest
+        step = float(task.plant.step)
+        first = phase in (LEVEL, SMALL)
+        return Plan(
+            known, rest, self.channels[0], at, largest, size, step, task.fastest, stable, first
+        )
 
     def rows(self, theta: Array, phase: str, **how: Any) -> Rows | None:
         """Return everything that a phase of a search minimises and keeps; None where it cannot be.
@@ -426,22 +508,33 @@ class Points:
         """
         finite = self.finite(K)
         if not np.all(finite):
-            found = np.full((1 + self.task.bounds + len(self.task.limits), len(K)), np.inf)
+            found = np.full((1 + self.wanted(WORST)[-1].group, len(K)), np.inf)
             if np.any(finite):
                 found[:, finite] = self[finite].worst(K[finite], inner[finite])
             return found
-        modes = self.modes(K)
+        modes, plan = self.modes(K), self.plan(Ask(np.zeros(0), WORST))
+        if plan is not None and not plan.rest:
+            worst = plan.worst(inner, modes)
+            if worst is not None:
+                return worst
         good = self.evaluable(modes)
-        some = self if np.all(good) else self[good]
-        evaluated = modes if np.all(good) else Modes(modes.A[good], modes.step)
-        bounds = [_largest(measure, len(K)) for measure, _ in self.bounds(inner, modes)]
-        rest = [np.full(len(K), np.inf) for _ in range(1 + len(self.task.limits))]
-        if np.any(good):
-            measures = [some.level(K[good], inner[good], evaluated)]
-            measures += [measure for measure, _ in some.limited(K[good], inner[good], evaluated)]
-            for row, measure in zip(rest, measures, strict=True):
-                row[good] = _largest(measure, int(good.sum()))
-        return np.array([rest[0], *bounds, *rest[1:]])
+        some, at = (self, modes) if np.all(good) else (self[good], modes[good])
+        every = self.wanted(WORST)
+        largest = np.full((1 + every[-1].group, len(K)), -np.inf)
+        for wanted in every:
+            row, whole = largest[wanted.group], wanted.group and wanted.kind in BOUNDS
+            row[~good] = -np.inf if whole else np.inf
+            if not whole and not np.any(good):
+                continue
+            measure = (
+                self.found(wanted, K, inner, modes)
+                if whole
+                else some.found(wanted, K[good], inner[good], at)
+            )
+            points = measure.points if whole else np.flatnonzero(good)[measure.points]
+            measure = _within(measure, wanted.limit, wanted.shift)
+            np.maximum.at(row, points, measure.values)
+        return largest
 
     def __getitem__(self, some: Any) -> Points:
         at = self.unknowns[some]
@@ -462,18 +555,25 @@ def _shared(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     return tuple(shared)
 
 
-def _largest(measure: Found, count: int) -> Array:
-    largest = np.full(count, -np.inf)
-    np.maximum.at(largest, measure.points, measure.values)
-    return largest
+def _joined(one: Rows | None, other: Rows | None) -> Rows | None:
+    """Return the rows of both; None where one has none that could be evaluated."""
+    if one is None or other is None:
+        return other
+    columns = ((getattr(rows, field.name) for rows in (one, other)) for field in fields(Rows))
+    return Rows(*(np.concatenate(list(parts)) for parts in columns))
 
 
-def _kept(measure: Found, margin: float) -> Found:
-    """Return values with their margin, beyond zero as logarithms."""
-    values = measure.values + margin
-    above = np.maximum(values, 0.0)
-    bent = np.where(values > 0, np.log1p(above), values)
-    return _flatter(measure, bent, np.ones(len(values)), 1 + above)
+def _within(measure: Found, limit: float, shift: float) -> Found:
+    """Return values in shares of a limit, and moved; those at zero or less are kept."""
+    values = measure.values / limit + shift
+    return replace(measure, values=values, turned=lambda: measure.dK / limit)
+
+
+def _kept(measure: Found) -> Found:
+    """Return values that beyond zero are logarithms."""
+    above = np.maximum(measure.values, 0.0)
+    bent = np.where(measure.values > 0, np.log1p(above), measure.values)
+    return _flatter(measure, bent, np.ones(len(bent)), 1 + above)
 
 
 def _scaled(measure: Found, unit: Array) -> Found:
@@ -493,11 +593,6 @@ def _flatter(measure: Found, values: Array, unit: Array, each: Array) -> Found:
         return np.asarray(measure.dK / unit[:, None, None] / each[:, None, None])
 
     return replace(measure, values=values, turned=turned, mixed=mixed)
-
-
-def _beyond(measure: Found, limit: float) -> Found:
-    """Return by how much values are beyond a limit, in shares of it."""
-    return replace(measure, values=measure.values / limit - 1, turned=lambda: measure.dK / limit)
 
 
 def _less(measure: Found, level: Array) -> Found:

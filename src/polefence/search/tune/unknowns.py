@@ -199,7 +199,14 @@ class At:
 
     def gains(self, theta: Array) -> Array:
         """Return K of what is measured, (count, m, r)."""
-        return np.asarray(np.tensordot(self.terms, self.unknowns.coefficients(theta), 1))
+        return self.gains_of([theta])
+
+    def gains_of(self, thetas: Sequence[Array]) -> Array:
+        """Return K of what is measured of several laws, one after the other, (laws count, m, r)."""
+        unknowns = self.unknowns
+        flat = np.stack(thetas).reshape(len(thetas), unknowns.terms, -1) @ unknowns.pattern.T
+        K = self.terms @ flat
+        return np.asarray(K.reshape(-1, len(unknowns.inputs), len(unknowns.signals)))
 
     def of(self, law: Law, alpha: Array) -> Array:
         """Return the gain that a law has of what is measured, (count, m, r)."""

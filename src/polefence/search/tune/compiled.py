@@ -1,0 +1,184 @@
+"""What the compiled kernel measures of laws at points: poles, the law itself, answers to noise.
+
+`polefence.search.tune.measures` is the reference: it measures what the kernel does not know, and
+laws with a point at which eigenvectors are too ill-conditioned for equations in their coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from polefence.lmi.solve.engine import kernel
+from polefence.plant.system import Array
+from polefence.requirements.slopes import Channel
+from polefence.response.modes import Modes
+from polefence.search.tune.descent import Rows
+from polefence.search.tune.unknowns import At
+from polefence.search.tune.wanted import OTHER, Wanted
+
+FINE, IMPOSSIBLE, HARD = range(3)  # of a law: one without rows, and one for the reference
+LARGEST = 2  # rows of a side's matrices
+
+
+def knows(wanted: Wanted) -> bool:
+    """Whether the kernel measures it."""
+    return wanted.kind != OTHER and (wanted.side is None or len(wanted.side.L0) <= LARGEST)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Measures at points, as the kernel takes them.
+
+    Attributes
+    ----------
+    every, rest : tuple of Wanted
+        What the kernel measures, and what it does not know.
+    channel : Channel
+        The plant alone.
+    at : At
+    largest, weight : (m, r) arrays
+        What the magnitudes of the law's entries may be, and what makes its size of them.
+    step, fastest : float
+    stable : bool
+        Whether loops must be stable for what is asked.
+    first : bool
+        Whether what is in units is the objective; else all is.
+    """
+
+    every: tuple[Wanted, ...]
+    rest: tuple[Wanted, ...]
+    channel: Channel
+    at: At
+    largest: Array
+    weight: Array
+    step: float
+    fastest: float
+    stable: bool
+    first: bool
+
+    def rows(
+        self, laws: int, K: Array, modes: Modes, unit: Array, most: Array
+    ) -> tuple[list[Rows | None], list[int]]:
+        """Return rows of laws that follow one another, and the numbers of those for the reference.
+
+        Parameters
+        ----------
+        K : (points, m, r) array
+            Of what is measured.
+        modes : Modes
+            Of the plant's loops.
+        unit, most : (laws,) arrays
+        """
+        values, slopes, groups, objective, ends, status, _ = self._asked(laws, K, modes, unit, most)
+        objective, begin, rows = objective.view(bool), 0, list[Rows | None]()
+        for end, how in zip(ends.tolist(), status.tolist(), strict=True):
+            some = slice(begin, end)
+            own = Rows(values[some], slopes[some], groups[some], objective[some])
+            rows.append(own if how == FINE else None)
+            begin = end
+        return rows, np.flatnonzero(status == HARD).tolist()
+
+    def worst(self, K: Array, modes: Modes) -> Array | None:
+        """Return the largest of each group at each point; None where the reference is to say."""
+        one = np.ones(1)
+        *_, status, worst = self._asked(1, K, modes, one, one, slopes=False)
+        if status[0] != FINE:
+            return None
+        groups = [wanted.group for wanted in self.every]
+        largest = np.full((1 + groups[-1], len(K)), -np.inf)
+        np.maximum.at(largest, groups, worst)
+        return largest
+
+    def _asked(
+        self, laws: int, K: Array, modes: Modes, *of_laws: Array, slopes: bool = True
+    ) -> Any:
+        own = self._arrays
+        loops = [_loops(self.channel, modes)]
+        for channel in own.filtered:
+            wide = np.pad(K @ self.at.C, ((0, 0), (0, 0), (0, channel.filters)))
+            loops.append(_loops(channel, Modes(channel.A + channel.B @ wide, modes.step)))
+        asked = (self.step, self.fastest, self.stable, self.first, slopes)
+        law = (np.ascontiguousarray(K), *own.law, *of_laws)
+        return kernel().rows(
+            laws, *asked, *law, loops, own.sources, own.noises, own.sides, own.measures, own.bends
+        )
+
+    @cached_property
+    def _arrays(self) -> _Arrays:
+        return _Arrays.of(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrays:
+    """What the kernel takes, whatever the law."""
+
+    law: tuple[Array, ...]
+    filtered: list[Channel]
+    sources: list[tuple[int, Array]]
+    noises: list[tuple[int, Array, Array, Array]]
+    sides: list[tuple[Array, ...]]
+    measures: Any
+    bends: Array
+
+    @classmethod
+    def of(cls, plan: Plan) -> _Arrays:
+        filtered, sources = list[Channel](), list[tuple[int, Array]]()
+        noises, sides = list[tuple[int, Array, Array, Array]](), list[tuple[Array, ...]]()
+        numbers = []
+        for wanted in plan.every:
+            numbers.append(0)
+            if wanted.side is not None:
+                numbers[-1] = len(sides)
+                sides.append(
+                    tuple(_plain(getattr(wanted.side, M)) for M in ("L0", "L1", "M0", "M1"))
+                )
+            elif wanted.channel is not None:
+                numbers[-1] = len(noises)
+                noises.append(_noise(wanted.channel, filtered, sources))
+        unknowns = plan.at.unknowns
+        law = (plan.at.C, plan.at.terms, unknowns.pattern, plan.largest, plan.weight)
+        measures = [
+            (wanted.kind, number, wanted.group, wanted.bend)
+            for wanted, number in zip(plan.every, numbers, strict=True)
+        ]
+        bends = [(wanted.limit, wanted.shift) for wanted in plan.every]
+        return cls(
+            tuple(map(_plain, law)),
+            filtered,
+            sources,
+            noises,
+            sides,
+            np.array(measures, dtype=np.int64).reshape(-1, 4),
+            np.array(bends, dtype=float).reshape(-1, 2),
+        )
+
+
+def _noise(
+    channel: Channel, filtered: list[Channel], sources: list[tuple[int, Array]]
+) -> tuple[int, Array, Array, Array]:
+    """Return a signal with the number of what drives it, which several may share."""
+    loops = 0
+    if channel.filters:
+        filtered.append(channel)
+        loops = len(filtered)
+    E = _plain(channel.E)
+    same = [k for k, own in enumerate(sources) if own[0] == loops and np.array_equal(own[1], E)]
+    if not same:
+        sources.append((loops, E))
+    more = np.zeros(len(E)) + channel.more
+    source = same[0] if same else len(sources) - 1
+    return source, _plain(channel.C), _plain(channel.D), _plain(more)
+
+
+def _loops(channel: Channel, modes: Modes) -> tuple[Array, ...]:
+    own = (modes.A, channel.B)
+    parts = (modes.poles, modes.right, modes.left)
+    return (*map(_plain, own), *(np.ascontiguousarray(part, dtype=complex) for part in parts))
+
+
+def _plain(M: Array) -> Array:
+    return np.ascontiguousarray(M, dtype=float)

@@ -30,10 +30,29 @@ def share_processors() -> None:
     _SHARED.set(True)
 
 
+BLAS = "OPENBLAS_NUM_THREADS"  # which OpenBLAS reads while it is loaded
+
+
 @contextmanager
 def small_matrices() -> Iterator[None]:
-    """Have BLAS use one thread: more gain nothing there, and lose much to other processes."""
-    from threadpoolctl import threadpool_limits
+    """Have BLAS use one thread: more gain nothing there, and lose much to other processes.
 
-    with threadpool_limits(1, user_api="blas"):
-        yield
+    Also a BLAS that is loaded meanwhile, as SciPy brings its own: it has all processors afterwards.
+    """
+    from threadpoolctl import ThreadpoolController
+
+    before = ThreadpoolController()
+    outermost = BLAS not in os.environ
+    with before.limit(limits=1, user_api="blas"):
+        if not outermost:
+            yield
+            return
+        os.environ[BLAS] = "1"
+        try:
+            yield
+        finally:
+            os.environ.pop(BLAS, None)
+            known = {own.filepath for own in before.lib_controllers}
+            for own in ThreadpoolController().lib_controllers:
+                if own.user_api == "blas" and own.filepath not in known:
+                    own.set_num_threads(processors())

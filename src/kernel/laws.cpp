@@ -21,6 +21,7 @@ using Int = std::int64_t;
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double residual = 1e-9;  // of an equation, as response/modes.py takes it
+constexpr double close = 1e-8;     // of a trace, as search/tune/smooth.py takes it
 
 template <int D>
 using In = nb::ndarray<const double, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
@@ -69,7 +70,15 @@ struct Side {
     const double *L0, *L1, *M0, *M1;
 };
 
-enum Kind : Int { of_side, of_speed, of_entries, of_noise, of_size };
+// A smooth measure of a side, as search/tune/smooth.py has it; its trace is to be `most`.
+struct Curve {
+    Int side;
+    double a[3];
+    Complex b[2];
+    double e, s, most;
+};
+
+enum Kind : Int { of_side, of_speed, of_entries, of_noise, of_size, of_curve };
 enum Bend : Int { kept, in_units, at_most };  // value / limit + shift; value / unit; below most
 
 struct Measure {
@@ -90,6 +99,7 @@ struct Question {
     std::vector<Source> sources;
     std::vector<Noise> noises;
     std::vector<Side> sides;
+    std::vector<Curve> curves;
     std::vector<Measure> measures;
 };
 
@@ -105,6 +115,8 @@ class Laws {
         for (const Source &own : q.sources) most_rows = std::max(most_rows, own.q);
         const auto size = static_cast<std::size_t>(widest * std::max(widest, most_rows));
         for (auto *own : {&half, &whole}) own->resize(size);
+        if (!q.curves.empty())
+            for (auto *own : {&P, &G, &S, &X, &Q, &powers[0], &powers[1], &powers[2]}) own->resize(size);
         for (auto *own : {&product, &weights, &observed, &moved, &dA, &closed, &shown})
             own->resize(size);
         covariances.resize(q.sources.size(), std::vector<double>(size));
@@ -179,6 +191,8 @@ class Laws {
                 entries();
             } else if (own.kind == of_size) {
                 size();
+            } else if (own.kind == of_curve) {
+                smooth(q.curves[static_cast<std::size_t>(own.number)], poles);
             } else if (!noise(q.noises[static_cast<std::size_t>(own.number)])) {
                 return hard;
             }
@@ -289,6 +303,151 @@ class Laws {
         *dx = 2 * along.real();
         *dy = -2 * along.imag();
         return r;
+    }
+
+    // --- poles, smoothly ---
+
+    // The trace of X, a + b z_i + b* z_j* + e z_i z_j* of each two modes negative, at r.
+    double trace(double r) const {
+        const Int n = q.modes[0].n;
+        double sum = 0;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = i; j < n; ++j) {
+                const std::size_t at = cell(i, j, n);
+                const Complex D = powers[0][at] + r * (powers[1][at] + r * powers[2][at]);
+                sum -= (j > i ? 2 : 1) * against(S[at], D).real() / square(D);
+            }
+        return sum;
+    }
+
+    // The least r above `low` at which the trace, which falls, is at most a number.
+    double least(double low, double most) const {
+        const double aim = 1 / most, size = std::max(std::fabs(low), 1e-12);
+        double below = low, under = 0, step = 1e-3 * size, above = low + step, over = 1 / trace(above);
+        for (int k = 0; k < 40 && !(over >= aim); ++k) {
+            below = above;
+            under = over;
+            step *= 16;
+            above = low + step;
+            over = 1 / trace(above);
+        }
+        for (int k = 0; k < 40; ++k) {
+            double share = 0.5;  // every third time, so that it ends
+            if (k % 3 != 2) {
+                share = (aim - under) / std::max(over - under, std::numeric_limits<double>::min());
+                share = std::min(std::max(share, 1e-3), 1 - 1e-3);
+            }
+            const double next = below + (above - below) * share, value = 1 / trace(next);
+            (value >= aim ? above : below) = next;
+            (value >= aim ? over : under) = value;
+            if (std::fabs(over - aim) <= close * aim || above - below <= close * size) break;
+        }
+        return above;
+    }
+
+    void smooth(const Curve &own, const Complex *z) {
+        const Modes &modes = q.modes[0];
+        const Int n = modes.n;
+        const Complex *V = modes.right + place * n * n, *U = modes.left + place * n * n;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                Complex left = 0, right = 0;
+                for (Int k = 0; k < n; ++k) {
+                    left += against(U[i * n + k], U[j * n + k]);
+                    right += against(V[k * n + j], V[k * n + i]);
+                }
+                const std::size_t at = cell(i, j, n);
+                P[at] = left;
+                G[at] = right;
+                S[at] = own.s * against(left, right);
+                const Complex both = against(z[i], z[j]);
+                for (std::size_t k = 0; k < 3; ++k) {
+                    powers[k][at] = own.a[k];
+                    if (k < 2) powers[k][at] += times(own.b[k], z[i]) + std::conj(times(own.b[k], z[j]));
+                }
+                powers[0][at] += own.e * both;
+            }
+        double low = -infinity, dx = 0, dy = 0;
+        for (Int i = 0; i < n; ++i) {
+            const Complex upper(z[i].real(), std::fabs(z[i].imag()));
+            low = std::max(low, growth(q.sides[static_cast<std::size_t>(own.side)], upper, &dx, &dy));
+        }
+        const double r = least(low, own.most);
+        if (q.slopes) turn_smooth(own, modes, V, U, r);
+        row(r);
+    }
+
+    void turn_smooth(const Curve &own, const Modes &modes, const Complex *V, const Complex *U, double r) {
+        const Int n = modes.n;
+        const double *A = modes.A + place * n * n;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                const std::size_t at = cell(i, j, n);
+                const Complex D = powers[0][at] + r * (powers[1][at] + r * powers[2][at]);
+                S[at] = own.s * P[at] / -D;
+                P[at] = G[at] / -std::conj(D);  // D' is its conjugate
+            }
+        // X = V (..) V*, Q = U* (..) U
+        multiply(n, [&](Int i, Int k) { return V[i * n + k]; }, [&](Int k, Int j) { return S[cell(k, j, n)]; }, half);
+        multiply(n, [&](Int i, Int k) { return half[cell(i, k, n)]; }, [&](Int k, Int j) { return std::conj(V[j * n + k]); }, X);
+        multiply(n, [&](Int i, Int k) { return std::conj(U[k * n + i]); }, [&](Int k, Int j) { return P[cell(k, j, n)]; }, half);
+        multiply(n, [&](Int i, Int k) { return half[cell(i, k, n)]; }, [&](Int k, Int j) { return U[k * n + j]; }, Q);
+        const Complex b = own.b[0] + r * own.b[1], db = own.b[1];
+        const double da = own.a[1] + 2 * r * own.a[2];
+        // fall: of the trace of Q (da X + 2 db A X)
+        double fall = 0;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                Complex change = da * X[cell(i, j, n)];
+                if (db != 0.0) {
+                    Complex sum = 0;
+                    for (Int k = 0; k < n; ++k) sum += A[i * n + k] * X[cell(k, j, n)];
+                    change += 2.0 * times(db, sum);
+                }
+                fall += times(Q[cell(j, i, n)], change).real();
+            }
+        // b X Q + e X A' Q
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                Complex sum = times(b, X[cell(i, j, n)]);
+                if (own.e != 0)
+                    for (Int k = 0; k < n; ++k) sum += own.e * A[j * n + k] * X[cell(i, k, n)];
+                half[cell(i, j, n)] = sum;
+            }
+        const double *B = modes.B + place * n * q.m, *C = q.C + place * q.r * n;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                double sum = 0;
+                for (Int k = 0; k < n; ++k) sum += times(half[cell(j, k, n)], Q[cell(k, i, n)]).real();
+                dA[cell(i, j, n)] = -2 * sum / fall;
+            }
+        for (Int k = 0; k < q.m; ++k)
+            for (Int j = 0; j < n; ++j) {
+                double sum = 0;
+                for (Int i = 0; i < n; ++i) sum += B[i * q.m + k] * dA[cell(i, j, n)];
+                full[cell(k, j, n)] = sum;
+            }
+        seen(C, n);
+    }
+
+    template <class Left, class Right>
+    static void multiply(Int n, Left left, Right right, std::vector<Complex> &out) {
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                Complex sum = 0;
+                for (Int k = 0; k < n; ++k) sum += times(left(i, k), right(k, j));
+                out[cell(i, j, n)] = sum;
+            }
+    }
+
+    // Slopes with respect to the gain of what is measured, from those in `full`.
+    void seen(const double *C, Int n) {
+        for (Int k = 0; k < q.m; ++k)
+            for (Int j = 0; j < q.r; ++j) {
+                double sum = 0;
+                for (Int i = 0; i < n; ++i) sum += full[cell(k, i, n)] * C[j * n + i];
+                gain[cell(k, j, q.r)] = sum;
+            }
     }
 
     // --- the law itself ---
@@ -451,13 +610,7 @@ class Laws {
                 for (Int i = 0; i < p; ++i) sum += D[i * q.m + k] * shown[cell(i, j, n)] / value;
                 full[cell(k, j, plain)] = sum;
             }
-        const double *measured = q.C + place * q.r * plain;
-        for (Int k = 0; k < q.m; ++k)
-            for (Int j = 0; j < q.r; ++j) {
-                double sum = 0;
-                for (Int i = 0; i < plain; ++i) sum += full[cell(k, i, plain)] * measured[j * plain + i];
-                gain[cell(k, j, q.r)] = sum;
-            }
+        seen(q.C + place * q.r * plain, plain);
         return true;
     }
 
@@ -502,7 +655,7 @@ class Laws {
     Int law = 0, place = 0;
     std::ptrdiff_t number = 0;
     double peak = 0;
-    std::vector<Complex> half, whole, ahead, behind;
+    std::vector<Complex> half, whole, ahead, behind, P, G, S, X, Q, powers[3];
     std::vector<double> product, weights, observed, moved, dA, closed, shown, full, states_gain, gain, flat;
     std::vector<std::vector<double>> covariances;
     std::vector<bool> solved;
@@ -539,12 +692,12 @@ nb::tuple rows(Int laws, double step, double fastest, bool needs_decay, bool fir
                const In<2> &largest, const In<2> &weight, const In<1> &unit, const In<1> &most,
                const std::vector<Loops> &modes, const std::vector<Driven> &sources,
                const std::vector<Shown> &noises, const std::vector<Grown> &sides,
-               const Integers &measures, const In<2> &bends) {
+               const In<2> &curves, const Integers &measures, const In<2> &bends) {
     const Int points = extent(K, 0), m = extent(K, 1), r = extent(K, 2), n = extent(C, 2);
     require(laws > 0 && points % laws == 0 && !modes.empty(), "laws do not fit");
     Question q{laws, points / laws, m, r, extent(term, 1), extent(pattern, 1), step, fastest,
                needs_decay, first, slopes, K.data(), C.data(), term.data(), pattern.data(),
-               largest.data(), weight.data(), unit.data(), most.data(), {}, {}, {}, {}, {}};
+               largest.data(), weight.data(), unit.data(), most.data(), {}, {}, {}, {}, {}, {}};
     require(shaped(C, {points, r, n}) && shaped(term, {points, q.terms}) &&
                 shaped(pattern, {m * r, q.numbers}) && shaped(largest, {m, r}) &&
                 shaped(weight, {m, r}) && shaped(unit, {laws}) && shaped(most, {laws}),
@@ -581,12 +734,20 @@ nb::tuple rows(Int laws, double step, double fastest, bool needs_decay, bool fir
                 "a side does not fit");
         q.sides.push_back({p, L0.data(), L1.data(), M0.data(), M1.data()});
     }
+    require(extent(curves, 1) == 11, "a curve does not fit");
+    for (Int k = 0; k < extent(curves, 0); ++k) {
+        const double *own = curves.data() + 11 * k;
+        require(own[0] >= 0 && own[0] < static_cast<double>(q.sides.size()), "a curve does not fit");
+        q.curves.push_back({static_cast<Int>(own[0]), {own[1], own[2], own[3]},
+                            {Complex(own[4], own[5]), Complex(own[6], own[7])}, own[8], own[9], own[10]});
+    }
     const Int count = extent(measures, 0);
     require(shaped(measures, {count, 4}) && shaped(bends, {count, 2}), "measures do not fit");
     for (Int k = 0; k < count; ++k) {
         const Int *own = measures.data() + 4 * k;
-        require(own[0] >= of_side && own[0] <= of_size && own[3] >= kept && own[3] <= at_most &&
+        require(own[0] >= of_side && own[0] <= of_curve && own[3] >= kept && own[3] <= at_most &&
                     (own[0] != of_side || within(own[1], q.sides.size())) &&
+                    (own[0] != of_curve || within(own[1], q.curves.size())) &&
                     (own[0] != of_noise || within(own[1], q.noises.size())),
                 "no such measure");
         q.measures.push_back({static_cast<Kind>(own[0]), own[1], own[2], static_cast<Bend>(own[3]),
@@ -616,5 +777,5 @@ void add_laws(nb::module_ &module) {
                nb::arg("largest").noconvert(), nb::arg("weight").noconvert(),
                nb::arg("unit").noconvert(), nb::arg("most").noconvert(), nb::arg("modes"),
                nb::arg("sources"), nb::arg("noises"), nb::arg("sides"),
-               nb::arg("measures").noconvert(), nb::arg("bends").noconvert());
+               nb::arg("curves").noconvert(), nb::arg("measures").noconvert(), nb::arg("bends").noconvert());
 }

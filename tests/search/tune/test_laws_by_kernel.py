@@ -8,7 +8,7 @@ import pytest
 
 import polefence as pf
 from polefence.law.structure import Structure
-from polefence.lmi.conditions.target import Sectors
+from polefence.lmi.conditions.target import Decays, Disks, Sectors
 from polefence.lmi.solve import engine
 from polefence.plant.delta import delta_form
 from polefence.plant.spec import loads
@@ -65,17 +65,20 @@ def search(lines, plant=None, structure=None, region=None, minimise=0):
     return _Search(_task(plant, structure or Structure(), least, limits, region))
 
 
-def asks(own, phase, seed=1, size=0.02):
+def asks(own, phase, seed=1, size=0.02, kappa=None):
     random = np.random.default_rng(seed)
     laws = [size * random.normal(size=own.task.unknowns.size) for _ in range(6)]
     laws[1][:] = 1e200  # overflows
     laws[3] *= 1e4  # unstable
-    return [Ask(theta, phase, unit=0.1 + k, most=0.5 + 0.3 * k) for k, theta in enumerate(laws)]
+    return [
+        Ask(theta, phase, unit=0.1 + k, kappa=kappa, most=0.5 + 0.3 * k)
+        for k, theta in enumerate(laws)
+    ]
 
 
-def agree(own, monkeypatch, phase, seed=1, size=0.02):
+def agree(own, monkeypatch, phase, seed=1, size=0.02, kappa=None):
     """Check that both give the same rows, in any order; return those of the kernel."""
-    questions = asks(own, phase, seed, size)
+    questions = asks(own, phase, seed, size, kappa)
     ours = own.first.answers(questions)
     with monkeypatch.context() as patch:
         patch.setattr(measures, "kernel", lambda: None)
@@ -126,10 +129,20 @@ def test_rows_at_samples_are_those_of_the_reference(phase, monkeypatch):
     agree(search(lines, plant), monkeypatch, phase, size=1e-4)
 
 
+@pytest.mark.parametrize("kappa", [None, 10.0, 1e4])
 @pytest.mark.parametrize("phase", [REGION, LEVEL, WORST])
-def test_regions_that_grow_are_measured_too(phase, monkeypatch):
-    own = _Search(_of_region(loads(PLANT), Structure(), Sectors(1.0), ()))
-    agree(own, monkeypatch, phase)
+@pytest.mark.parametrize("goal", [Sectors(1.0), Disks(-2.0), Decays(1.0, pf.Disk(-5, 5))], ids=str)
+def test_regions_that_grow_are_measured_too(goal, phase, kappa, monkeypatch):
+    own = _Search(_of_region(loads(PLANT), Structure(), goal, ()))
+    agree(own, monkeypatch, phase, kappa=kappa)
+
+
+@pytest.mark.parametrize("kappa", [10.0, 300.0, 1e4])
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_smooth_regions_are_those_of_the_reference(structure, region, kappa, monkeypatch):
+    own = search(LINES[:1], structure=STRUCTURES[structure], region=REGIONS[region])
+    agree(own, monkeypatch, REGION, kappa=kappa)
 
 
 def test_the_size_of_a_law_is_measured_too(monkeypatch):
@@ -147,6 +160,7 @@ def test_rows_of_random_plants_are_those_of_the_reference(seed, make_random, mon
     own = search(lines, plant, region=pf.HalfPlane(0.01) & pf.Sector(0.01))
     for phase in PHASES:
         agree(own, monkeypatch, phase, seed)
+    agree(own, monkeypatch, REGION, seed, kappa=300.0)
 
 
 def test_a_point_without_modes_is_left_to_the_reference(monkeypatch):
@@ -178,9 +192,7 @@ def test_no_bit_depends_on_what_is_asked_beside():
 
 def arguments():
     """What the kernel takes of one law at the four corners, as `Plan` asks it."""
-    own = search(LINES[:3], region=REGIONS["two"])
-    plan = own.first.plan(Ask(np.zeros(0), LEVEL))
-    kept = {}
+    own, kept = search(LINES[:3], region=REGIONS["two"]), {}
 
     def listen(*args):
         kept["args"] = args
@@ -188,10 +200,12 @@ def arguments():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "kernel", lambda: SimpleNamespace(rows=listen))
+        own.first.answers([asks(own, REGION, kappa=10.0)[0]])
+        curves = kept["args"][-3]
         own.first.answers([asks(own, LEVEL)[0]])
-    assert plan.every
+    kept["args"] = (*kept["args"][:-3], curves, *kept["args"][-2:])
     names = "laws step fastest needs_decay first slopes K C term pattern largest weight unit most"
-    names += " modes sources noises sides measures bends"
+    names += " modes sources noises sides curves measures bends"
     return dict(zip(names.split(), kept["args"], strict=True))
 
 
@@ -220,7 +234,12 @@ def spoilt():
             if not axes:
                 for number in (-1, 99):
                     yield "fit", {key: [(number, *own[0][1:]), *own[1:]]}
-    for column, values in ((0, (-1, 5)), (1, (-1, 99)), (3, (-1, 3))):
+    yield "a curve does not fit", {"curves": other(given["curves"], 1)}
+    for number in (-1.0, 99.0):
+        curves = given["curves"].copy()
+        curves[0, 0] = number
+        yield "a curve does not fit", {"curves": curves}
+    for column, values in ((0, (-1, 6)), (1, (-1, 99)), (3, (-1, 3))):
         for value in values:
             measures = given["measures"].copy()
             measures[:, column] = value

@@ -17,11 +17,13 @@ from polefence.plant.system import Array
 from polefence.requirements.slopes import Channel
 from polefence.response.modes import Modes
 from polefence.search.tune.descent import Rows
+from polefence.search.tune.smooth import Curve
 from polefence.search.tune.unknowns import At
 from polefence.search.tune.wanted import OTHER, Wanted
 
 FINE, IMPOSSIBLE, HARD = range(3)  # of a law: one without rows, and one for the reference
 LARGEST = 2  # rows of a side's matrices
+MATRICES = "L0", "L1", "M0", "M1"
 
 
 def knows(wanted: Wanted) -> bool:
@@ -47,6 +49,8 @@ class Plan:
         Whether loops must be stable for what is asked.
     first : bool
         Whether what is in units is the objective; else all is.
+    trace : float
+        What that of smooth measures may be.
     """
 
     every: tuple[Wanted, ...]
@@ -59,6 +63,7 @@ class Plan:
     fastest: float
     stable: bool
     first: bool
+    trace: float
 
     def rows(
         self, laws: int, K: Array, modes: Modes, unit: Array, most: Array
@@ -104,7 +109,16 @@ class Plan:
         asked = (self.step, self.fastest, self.stable, self.first, slopes)
         law = (np.ascontiguousarray(K), *own.law, *of_laws)
         return kernel().rows(
-            laws, *asked, *law, loops, own.sources, own.noises, own.sides, own.measures, own.bends
+            laws,
+            *asked,
+            *law,
+            loops,
+            own.sources,
+            own.noises,
+            own.sides,
+            own.curves,
+            own.measures,
+            own.bends,
         )
 
     @cached_property
@@ -121,6 +135,7 @@ class _Arrays:
     sources: list[tuple[int, Array]]
     noises: list[tuple[int, Array, Array, Array]]
     sides: list[tuple[Array, ...]]
+    curves: Array
     measures: Any
     bends: Array
 
@@ -128,14 +143,15 @@ class _Arrays:
     def of(cls, plan: Plan) -> _Arrays:
         filtered, sources = list[Channel](), list[tuple[int, Array]]()
         noises, sides = list[tuple[int, Array, Array, Array]](), list[tuple[Array, ...]]()
-        numbers = []
+        numbers, curves = list[int](), list[tuple[float, ...]]()
         for wanted in plan.every:
             numbers.append(0)
             if wanted.side is not None:
                 numbers[-1] = len(sides)
-                sides.append(
-                    tuple(_plain(getattr(wanted.side, M)) for M in ("L0", "L1", "M0", "M1"))
-                )
+                sides.append(tuple(_plain(getattr(wanted.side, M)) for M in MATRICES))
+                if wanted.curve is not None:
+                    numbers[-1] = len(curves)
+                    curves.append((len(sides) - 1, *_numbers(wanted.curve), plan.trace))
             elif wanted.channel is not None:
                 numbers[-1] = len(noises)
                 noises.append(_noise(wanted.channel, filtered, sources))
@@ -152,9 +168,15 @@ class _Arrays:
             sources,
             noises,
             sides,
+            np.array(curves, dtype=float).reshape(-1, 11),
             np.array(measures, dtype=np.int64).reshape(-1, 4),
             np.array(bends, dtype=float).reshape(-1, 2),
         )
+
+
+def _numbers(curve: Curve) -> tuple[float, ...]:
+    a, b = (*curve.a, 0.0, 0.0)[:3], (*curve.b, 0j)[:2]
+    return *a, b[0].real, b[0].imag, b[1].real, b[1].imag, curve.e, curve.s
 
 
 def _noise(

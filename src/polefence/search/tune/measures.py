@@ -28,7 +28,7 @@ from polefence.response.stationary import growth as growth_of
 from polefence.search.tune.compiled import Plan, knows
 from polefence.search.tune.descent import Rows
 from polefence.search.tune.poles import growth, sides_of, slopes
-from polefence.search.tune.smooth import curve_of, smooth_growth
+from polefence.search.tune.smooth import Curve, curve_of, smooth_growth
 from polefence.search.tune.starts import Sizes
 from polefence.search.tune.unknowns import At, Unknowns
 from polefence.search.tune.wanted import (
@@ -40,6 +40,7 @@ from polefence.search.tune.wanted import (
     OTHER,
     SIDE,
     SIZE,
+    SMOOTH_SIDE,
     SPEED,
     Wanted,
 )
@@ -252,20 +253,15 @@ class Points:
 
         return Found(measure.values, measure.points, turned, inner=True, mixed=measure.mixed)
 
-    def side(self, side: Side, modes: Modes, kappa: float | None = None) -> Found:
-        """Return the growth of a side at every pole of the upper half-plane.
+    def smooth_side(self, side: Side, curve: Curve, modes: Modes, kappa: float) -> Found:
+        """Return the growth of a side at each point, smoothly."""
+        values, dA = smooth_growth(side, curve, modes, kappa)
+        up = np.swapaxes(self.channels[0].B, 1, 2)
+        return Found(values, np.arange(len(values)), lambda: up @ dA)
 
-        Parameters
-        ----------
-        kappa : float, optional
-            Of one that is smooth, where the side has one.
-        """
+    def side(self, side: Side, modes: Modes) -> Found:
+        """Return the growth of a side at every pole of the upper half-plane."""
         B = self.channels[0].B
-        curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
-        if kappa is not None and curve is not None:
-            values, dA = smooth_growth(side, curve, modes, kappa)
-            up = np.swapaxes(B, 1, 2)
-            return Found(values, np.arange(len(values)), lambda: up @ dA)
         points, which = np.nonzero(modes.poles.imag >= 0)
         values, dx, dy = growth(side, modes.poles[points, which])
         return Found(values, points, lambda: slopes(modes, B, points, which, dx, dy))
@@ -297,16 +293,18 @@ class Points:
         dK = K * weight**2 / np.where(values > 0, values, 1.0)[:, None, None]
         return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
-    def wanted(self, phase: str) -> list[Wanted]:
-        """Return what a phase measures."""
+    def wanted(self, phase: str, kappa: float | None = None) -> list[Wanted]:
+        """Return what a phase measures, with ``kappa`` smoothly: regions in their own phase."""
         margin, groups = 0.0 if phase == WORST else MARGIN, count()
         wanted = list[Wanted]()
         if phase == SMALL:
             wanted.append(Wanted(SIZE, next(groups), IN_UNITS))
         elif phase in (LEVEL, WORST):
-            wanted += self._lowered(next(groups), IN_UNITS if phase == LEVEL else KEPT)
+            bend = IN_UNITS if phase == LEVEL else KEPT
+            wanted += self._lowered(next(groups), bend, kappa)
         sides = self.task.sides
-        wanted += [Wanted(SIDE, next(groups), shift=margin, side=side) for side in sides]
+        smooth = kappa if phase == REGION else None
+        wanted += [self._of_side(side, next(groups), KEPT, margin, smooth) for side in sides]
         if np.isfinite(self.task.fastest):
             wanted.append(Wanted(SPEED, next(groups), shift=-1.0))
         if np.any(np.isfinite(self.task.unknowns.largest)):
@@ -321,14 +319,21 @@ class Points:
             wanted += self._lowered(next(groups), AT_MOST)
         return wanted
 
-    def _lowered(self, group: int, bend: int) -> list[Wanted]:
+    def _lowered(self, group: int, bend: int, kappa: float | None = None) -> list[Wanted]:
         """Return what is minimised."""
         minimise = self.task.minimise
         if minimise is None:
             return [Wanted(SIZE, group, bend)]
         if isinstance(minimise, tuple):
-            return [Wanted(SIDE, group, bend, side=side) for side in minimise]
+            return [self._of_side(side, group, bend, 0.0, kappa) for side in minimise]
         return [self._of_requirement(0, group, bend)]
+
+    def _of_side(
+        self, side: Side, group: int, bend: int, shift: float, kappa: float | None
+    ) -> Wanted:
+        curve = None if kappa is None else curve_of(side, self.task.sizes.rate)
+        kind = SIDE if curve is None else SMOOTH_SIDE
+        return Wanted(kind, group, bend, 1.0, shift, side, curve)
 
     def _of_requirement(
         self, k: int, group: int, bend: int, limit: float = 1.0, shift: float = 0.0
@@ -344,7 +349,9 @@ class Points:
     ) -> Found:
         """Return one measure, at gains of all states, and of what is measured."""
         if wanted.side is not None:
-            return self.side(wanted.side, modes, kappa)
+            if wanted.curve is None or kappa is None:
+                return self.side(wanted.side, modes)
+            return self.smooth_side(wanted.side, wanted.curve, modes, kappa)
         if wanted.kind == SPEED:
             return self.speed(modes)
         if wanted.kind == ENTRIES:
@@ -420,7 +427,7 @@ class Points:
             return rows
         kept, some = np.repeat(good, each[1]), np.flatnonzero(good).tolist()
         wide = self.times(len(some))
-        asked, every = [asks[k] for k in some], wide.wanted(asks[0].phase)
+        asked, every = [asks[k] for k in some], wide.wanted(asks[0].phase, asks[0].kappa)
         found = wide.measured(asked, K[kept], inner[kept], modes[kept], every)
         for k, own in zip(some, found, strict=True):
             rows[k] = own
@@ -435,12 +442,11 @@ class Points:
         every: Sequence[Wanted],
     ) -> list[Rows | None]:
         """Return rows of some measures of laws, of which each has as many of these points."""
-        phase, kappa, count = asks[0].phase, asks[0].kappa, len(self.alpha) // len(asks)
+        phase, count = asks[0].phase, len(self.alpha) // len(asks)
         units, most = (np.array([getattr(ask, key) for ask in asks]) for key in ("unit", "most"))
         first, parts = phase in (LEVEL, SMALL), []
         for wanted in every:
-            smooth = kappa if phase == REGION or wanted.bend == IN_UNITS else None
-            measure = self.found(wanted, K, inner, modes, smooth)
+            measure = self.found(wanted, K, inner, modes, asks[0].kappa)
             law, point = np.divmod(measure.points, count)
             if wanted.bend == IN_UNITS:
                 measure = _scaled(measure, units[law])
@@ -465,28 +471,31 @@ class Points:
 
     def plan(self, ask: Ask) -> Plan | None:
         """Return what the kernel does of a phase; None where there is none, or it does nothing."""
-        if kernel() is None or ask.kappa is not None:
+        if kernel() is None:
             return None
-        if ask.phase not in self._plans:
-            every = self.wanted(ask.phase)
-            self._plans[ask.phase] = self._planned(every, ask.phase)
-        return self._plans[ask.phase]
+        key = ask.phase, ask.kappa
+        if key not in self._plans:
+            self._plans[key] = self._planned(*key)
+        return self._plans[key]
 
     @cached_property
-    def _plans(self) -> dict[str, Plan | None]:
+    def _plans(self) -> dict[tuple[str, float | None], Plan]:
         return {}
 
-    def _planned(self, every: Sequence[Wanted], phase: str) -> Plan:
-        unknowns, task = self.task.unknowns, self.task
-        size = unknowns.signals / unknowns.inputs[:, None]
-        stable = phase != REGION and task.stable
-        known = tuple(wanted for wanted in every if knows(wanted))
-        rest = tuple(wanted for wanted in every if not knows(wanted))
-        at, largest = self.unknowns, unknowns.largest
-        step = float(task.plant.step)
-        first = phase in (LEVEL, SMALL)
+    def _planned(self, phase: str, kappa: float | None) -> Plan:
+        unknowns, task, every = self.task.unknowns, self.task, self.wanted(phase, kappa)
         return Plan(
-            known, rest, self.channels[0], at, largest, size, step, task.fastest, stable, first
+            every=tuple(wanted for wanted in every if knows(wanted)),
+            rest=tuple(wanted for wanted in every if not knows(wanted)),
+            channel=self.channels[0],
+            at=self.unknowns,
+            largest=unknowns.largest,
+            weight=unknowns.signals / unknowns.inputs[:, None],
+            step=float(task.plant.step),
+            fastest=task.fastest,
+            stable=phase != REGION and task.stable,
+            first=phase in (LEVEL, SMALL),
+            trace=0.0 if kappa is None else kappa * self.channels[0].A.shape[-1],
         )
 
     def rows(self, theta: Array, phase: str, **how: Any) -> Rows | None:

@@ -21,6 +21,7 @@ using Int = std::int64_t;
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double residual = 1e-9;  // of an equation, as response/modes.py takes it
+constexpr int refined = 3;         // times at most
 constexpr double close = 1e-8;     // of a trace, as search/tune/smooth.py takes it
 
 template <int D>
@@ -117,7 +118,7 @@ class Laws {
         for (auto *own : {&half, &whole}) own->resize(size);
         if (!q.curves.empty())
             for (auto *own : {&P, &G, &S, &X, &Q, &powers[0], &powers[1], &powers[2]}) own->resize(size);
-        for (auto *own : {&product, &weights, &observed, &moved, &dA, &closed, &shown})
+        for (auto *own : {&product, &weights, &observed, &moved, &dA, &closed, &shown, &left_over, &correction})
             own->resize(size);
         covariances.resize(q.sources.size(), std::vector<double>(size));
         solved.resize(q.sources.size());
@@ -474,8 +475,21 @@ class Laws {
 
     // --- noise ---
 
-    // X of A X + X A' + step A X A' + W = 0, W in `weights`; of A' X + ... where turned.
+    // X of A X + X A' + step A X A' + W = 0, W in `weights`; of A' X + ... where turned. What
+    // ill-conditioned eigenvectors leave over is solved for in turn.
     bool lyapunov(const Modes &own, Int at, bool turned, double *X) {
+        const Int size = own.n * own.n;
+        const double *A = own.A + at * size;
+        by_modes(own, at, turned, weights, X);
+        for (int k = 0; k < refined; ++k) {
+            if (solves(A, own.n, turned, X)) return true;
+            by_modes(own, at, turned, left_over, correction.data());
+            for (Int i = 0; i < size; ++i) X[i] += correction[static_cast<std::size_t>(i)];
+        }
+        return solves(A, own.n, turned, X);
+    }
+
+    void by_modes(const Modes &own, Int at, bool turned, const std::vector<double> &W, double *X) {
         const Int n = own.n;
         const Complex *p = own.poles + at * n, *V = own.right + at * n * n, *U = own.left + at * n * n;
         // V (U W U* / -t) V*, or U* (V* W V / -t*) U
@@ -483,7 +497,7 @@ class Laws {
             for (Int j = 0; j < n; ++j) {
                 Complex sum = 0;
                 for (Int k = 0; k < n; ++k)
-                    sum += weights[cell(k, j, n)] * (turned ? std::conj(V[k * n + i]) : U[i * n + k]);
+                    sum += W[cell(k, j, n)] * (turned ? std::conj(V[k * n + i]) : U[i * n + k]);
                 half[cell(i, j, n)] = sum;
             }
         for (Int i = 0; i < n; ++i)
@@ -511,7 +525,6 @@ class Laws {
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j)
                 X[i * n + j] = (product[cell(i, j, n)] + product[cell(j, i, n)]) / 2;
-        return solves(own.A + at * n * n, n, turned, X);
     }
 
     bool solves(const double *A, Int n, bool turned, const double *X) {
@@ -531,6 +544,7 @@ class Laws {
                     for (Int k = 0; k < n; ++k)
                         left += q.step * product[cell(i, k, n)] * (turned ? A[k * n + j] : A[j * n + k]);
                 if (!(std::fabs(left) < infinity)) return false;
+                left_over[cell(i, j, n)] = left;
                 rest = std::max(rest, std::fabs(left));
                 size = std::max(size, std::fabs(W));
             }
@@ -656,7 +670,7 @@ class Laws {
     std::ptrdiff_t number = 0;
     double peak = 0;
     std::vector<Complex> half, whole, ahead, behind, P, G, S, X, Q, powers[3];
-    std::vector<double> product, weights, observed, moved, dA, closed, shown, full, states_gain, gain, flat;
+    std::vector<double> product, weights, observed, moved, dA, closed, shown, left_over, correction, full, states_gain, gain, flat;
     std::vector<std::vector<double>> covariances;
     std::vector<bool> solved;
 };

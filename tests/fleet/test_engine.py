@@ -3,7 +3,7 @@
 import os
 import signal
 from collections import Counter
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 from functools import partial
@@ -109,6 +109,24 @@ def test_workers_that_never_start_end_it():
     breaks = iter([True] * 1000)
     with pytest.raises(OutputError, match="die as soon as they start; .* script .* if __name__"):
         list(carried_out(range(60), twice, lambda: nullcontext(Pool(breaks)), 3))
+
+
+def test_a_pool_that_python_cannot_start_is_started_again(quick_start, monkeypatch):
+    """As Python has it where the process that cleans up dies in the middle of a start."""
+    tried = []
+
+    class Faulty(ProcessPoolExecutor):
+        def submit(self, *of):
+            tried.append(of)
+            if len(tried) == 2:
+                raise ValueError("bad value(s) in fds_to_keep")
+            return super().submit(*of)
+
+    monkeypatch.setattr("polefence.base.workers.ProcessPoolExecutor", Faulty)
+    assert dict(carried_out(range(5), twice, partial(processes, 2), 2)) == {
+        k: 2 * k for k in range(5)
+    }
+    assert len(tried) == 2 + 2 + 5
 
 
 def test_a_fault_of_ours_is_not_hidden():

@@ -72,8 +72,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start_worker)
         try:
             with hold():
-                for started in [pool.submit(os.getpid) for _ in range(count)]:
-                    started.result()
+                _wait_for(pool, count)
             yield pool
         except KeyboardInterrupt:
             for worker in list((pool._processes or {}).values()):
@@ -82,6 +81,22 @@ def processes(jobs: int | None = None) -> Iterator[Executor | None]:
         finally:
             with ignore():
                 pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _wait_for(pool: Executor, count: int) -> None:
+    """Start all workers of a pool.
+
+    Raises
+    ------
+    BrokenExecutor
+        If one dies at once; or the process beside them that cleans up, which Python hands the
+        others by a number that may be another's by then.
+    """
+    try:
+        for started in [pool.submit(os.getpid) for _ in range(count)]:
+            started.result()
+    except ValueError as error:
+        raise BrokenExecutor("the workers did not start") from error
 
 
 def start_quiet_tracker() -> None:

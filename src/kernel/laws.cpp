@@ -104,6 +104,12 @@ struct Question {
     std::vector<Measure> measures;
 };
 
+// Of one source at one point: X, X + step A X, and whether modes alone did not solve for it.
+struct Covariance {
+    bool solved = false, refined = false;
+    std::vector<double> X, moved;
+};
+
 enum Status : Int { fine, impossible, hard };  // hard: without modes
 
 class Laws {
@@ -111,17 +117,21 @@ class Laws {
     explicit Laws(const Question &question) : q(question) {
         Int widest = 1;
         for (const Modes &own : q.modes) widest = std::max(widest, own.n);
-        Int most_rows = widest;
+        Int most_rows = std::max({widest, q.m, q.r});
         for (const Noise &own : q.noises) most_rows = std::max(most_rows, own.p);
         for (const Source &own : q.sources) most_rows = std::max(most_rows, own.q);
         const auto size = static_cast<std::size_t>(widest * std::max(widest, most_rows));
         for (auto *own : {&half, &whole}) own->resize(size);
         if (!q.curves.empty())
             for (auto *own : {&P, &G, &S, &X, &Q, &powers[0], &powers[1], &powers[2]}) own->resize(size);
-        for (auto *own : {&product, &weights, &observed, &moved, &dA, &closed, &shown, &left_over, &correction})
+        for (auto *own : {&product, &weights, &observed, &dA, &closed, &shown, &left_over, &correction})
             own->resize(size);
-        covariances.resize(q.sources.size(), std::vector<double>(size));
-        solved.resize(q.sources.size());
+        covariances.resize(q.sources.size());
+        for (Covariance &own : covariances) own.X.resize(size);
+        for (auto *own : {&real, &imaginary}) own->resize(size);
+        line.resize(2 * static_cast<std::size_t>(widest));
+        thin.resize(size);
+        pushed.resize(static_cast<std::size_t>(q.m * widest));
         for (auto *own : {&full, &states_gain}) own->resize(static_cast<std::size_t>(q.m * widest));
         gain.resize(static_cast<std::size_t>(q.m * q.r));
         flat.resize(static_cast<std::size_t>(q.numbers));
@@ -167,7 +177,7 @@ class Laws {
         const Complex *poles = plain.poles + at * plain.n;
         const bool decays = decay(poles, plain.n);
         if (q.needs_decay && !decays && q.slopes) return impossible;
-        std::fill(solved.begin(), solved.end(), false);
+        for (Covariance &own : covariances) own.solved = false;
         turn(at);
         for (const Measure &own : q.measures) {
             now = &own;
@@ -505,8 +515,8 @@ class Laws {
                 Complex sum = 0;
                 for (Int k = 0; k < n; ++k)
                     sum += turned ? times(half[cell(i, k, n)], V[k * n + j]) : against(half[cell(i, k, n)], U[j * n + k]);
-                const Complex total = p[i] + std::conj(p[j]) + q.step * against(p[i], p[j]);
-                whole[cell(i, j, n)] = sum / -(turned ? std::conj(total) : total);
+                const Complex t = total(p[i], p[j]);
+                whole[cell(i, j, n)] = sum / -(turned ? std::conj(t) : t);
             }
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
@@ -532,7 +542,7 @@ class Laws {
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
                 double sum = 0;
-                for (Int k = 0; k < n; ++k) sum += (turned ? A[k * n + i] : A[i * n + k]) * X[k * n + j];
+                for (Int k = 0; k < n; ++k) sum += (turned ? A[k * n + i] : A[i * n + k]) * X[j * n + k];
                 product[cell(i, j, n)] = sum;
                 largest = std::max(largest, std::fabs(sum));
             }
@@ -554,19 +564,10 @@ class Laws {
     bool noise(const Noise &own) {
         const Source &source = q.sources[static_cast<std::size_t>(own.source)];
         const Modes &modes = q.modes[static_cast<std::size_t>(source.modes)];
-        const Int n = modes.n, p = own.p, w = source.q;
-        double *X = covariances[static_cast<std::size_t>(own.source)].data();
-        if (!solved[static_cast<std::size_t>(own.source)]) {
-            const double *E = source.E + place * n * w;
-            for (Int i = 0; i < n; ++i)
-                for (Int j = 0; j < n; ++j) {
-                    double sum = 0;
-                    for (Int k = 0; k < w; ++k) sum += E[i * w + k] * E[j * w + k];
-                    weights[cell(i, j, n)] = sum;
-                }
-            if (!lyapunov(modes, place, false, X)) return false;
-            solved[static_cast<std::size_t>(own.source)] = true;
-        }
+        const Int n = modes.n, p = own.p;
+        Covariance &known = covariances[static_cast<std::size_t>(own.source)];
+        if (!known.solved && !covariance(source, modes, known)) return false;
+        const double *X = known.X.data();
         const Int plain = q.modes[0].n;
         const double *open = own.C + place * p * n, *D = own.D + place * p * q.m, *C = closed.data();
         for (Int i = 0; i < p; ++i)
@@ -585,45 +586,139 @@ class Laws {
                 sum += along * C[i * n + j];
             }
         const double value = std::sqrt(std::max(sum, 0.0));
-        if (q.slopes && !turn_noise(own, modes, C, X, value > 0 ? value : 1)) return false;
+        if (q.slopes && !turn_noise(own, modes, known, value > 0 ? value : 1)) return false;
         row(value);
         return true;
     }
 
-    // Slopes Q X over the value with respect to A, C X over it with respect to C: times B' and D'.
-    bool turn_noise(const Noise &own, const Modes &modes, const double *C, const double *X, double value) {
-        const Int n = modes.n, p = own.p, plain = q.modes[0].n;
+    // X of one source, by X = V Y V*, Y = U E E' U* / -t.
+    bool covariance(const Source &source, const Modes &modes, Covariance &known) {
+        const Int n = modes.n, w = source.q;
+        const double *E = source.E + place * n * w, *A = modes.A + place * n * n;
+        const Complex *U = modes.left + place * n * n, *V = modes.right + place * n * n;
+        for (Int i = 0; i < n; ++i)
+            for (Int k = 0; k < w; ++k) {
+                Complex sum = 0;
+                for (Int j = 0; j < n; ++j) sum += U[i * n + j] * E[j * w + k];
+                thin[cell(i, k, w)] = sum;
+            }
+        const Complex *p = modes.poles + place * n;
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                Complex sum = 0;
+                for (Int k = 0; k < w; ++k) sum += against(thin[cell(i, k, w)], thin[cell(j, k, w)]);
+                const Complex own = sum / -total(p[i], p[j]);
+                real[cell(i, j, n)] = own.real();
+                imaginary[cell(i, j, n)] = own.imag();
+            }
+        std::vector<double> &X = known.X;
+        for (Int i = 0; i < n; ++i) {
+            double *Zr = line.data(), *Zi = Zr + n;
+            std::fill(Zr, Zi + n, 0.0);
+            for (Int k = 0; k < n; ++k) {
+                const double Vr = V[i * n + k].real(), Vi = V[i * n + k].imag();
+                const double *Yr = real.data() + k * n, *Yi = imaginary.data() + k * n;
+                for (Int j = 0; j < n; ++j) {
+                    Zr[j] += Vr * Yr[j] - Vi * Yi[j];
+                    Zi[j] += Vr * Yi[j] + Vi * Yr[j];
+                }
+            }
+            for (Int j = 0; j <= i; ++j) {
+                double sum = 0;
+                for (Int k = 0; k < n; ++k) sum += Zr[k] * V[j * n + k].real() + Zi[k] * V[j * n + k].imag();
+                X[cell(i, j, n)] = X[cell(j, i, n)] = sum;
+            }
+        }
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
                 double sum = 0;
-                for (Int k = 0; k < p; ++k) sum += C[k * n + i] * C[k * n + j];
+                for (Int k = 0; k < w; ++k) sum += E[i * w + k] * E[j * w + k];
                 weights[cell(i, j, n)] = sum;
             }
-        if (!lyapunov(modes, place, true, observed.data())) return false;
-        const double *A = modes.A + place * n * n;
+        known.refined = !solves(A, n, false, X.data());
+        if (known.refined && !lyapunov(modes, place, false, X.data())) return false;
+        // X, with step A X at samples
+        known.moved = X;
+        if (q.step != 0)
+            for (Int i = 0; i < n; ++i)
+                for (Int k = 0; k < n; ++k)
+                    for (Int j = 0; j < n; ++j)
+                        known.moved[cell(i, j, n)] += q.step * A[i * n + k] * X[cell(k, j, n)];
+        return known.solved = true;
+    }
+
+    Complex total(Complex left, Complex right) const {
+        return left + std::conj(right) + q.step * against(left, right);
+    }
+
+    // B' Q of A' Q + Q A + C' C = 0 and so on, (m, n), into `full`: by B' U* Y U, Y = V* C' C V / -t*.
+    bool observed_inputs(const Modes &modes, Int p, bool refined) {
+        const Int n = modes.n, m = q.m;
+        const double *B = modes.B + place * n * m, *C = closed.data();
+        if (refined) {
+            for (Int i = 0; i < n; ++i)
+                for (Int j = 0; j < n; ++j) {
+                    double sum = 0;
+                    for (Int k = 0; k < p; ++k) sum += C[k * n + i] * C[k * n + j];
+                    weights[cell(i, j, n)] = sum;
+                }
+            if (!lyapunov(modes, place, true, observed.data())) return false;
+            for (Int k = 0; k < m; ++k)
+                for (Int j = 0; j < n; ++j) {
+                    double sum = 0;
+                    for (Int i = 0; i < n; ++i) sum += B[i * m + k] * observed[cell(i, j, n)];
+                    pushed[cell(k, j, n)] = sum;
+                }
+            return true;
+        }
+        const Complex *U = modes.left + place * n * n, *V = modes.right + place * n * n;
+        const Complex *poles = modes.poles + place * n;
+        std::fill(thin.begin(), thin.begin() + p * n, Complex(0));
+        for (Int k = 0; k < p; ++k)
+            for (Int i = 0; i < n; ++i) {
+                const double own = C[k * n + i];
+                if (own != 0)
+                    for (Int j = 0; j < n; ++j) thin[cell(k, j, n)] += own * V[i * n + j];
+            }
+        for (Int i = 0; i < n; ++i)
+            for (Int k = 0; k < m; ++k) {
+                Complex sum = 0;
+                for (Int j = 0; j < n; ++j) sum += U[i * n + j] * B[j * m + k];
+                half[cell(i, k, m)] = sum;
+            }
+        std::fill(whole.begin(), whole.begin() + m * n, Complex(0));
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
-                double sum = X[i * n + j];
-                if (q.step != 0)
-                    for (Int k = 0; k < n; ++k) sum += q.step * A[i * n + k] * X[k * n + j];
-                moved[cell(i, j, n)] = sum;
+                Complex sum = 0;
+                for (Int k = 0; k < p; ++k) sum += against(thin[cell(k, j, n)], thin[cell(k, i, n)]);
+                const Complex own = sum / -std::conj(total(poles[i], poles[j]));
+                for (Int k = 0; k < m; ++k) whole[cell(k, j, n)] += against(own, half[cell(i, k, m)]);
             }
-        for (Int i = 0; i < n; ++i)
-            for (Int j = 0; j < plain; ++j) {
-                double sum = 0;
-                for (Int k = 0; k < n; ++k) sum += observed[cell(i, k, n)] * moved[cell(k, j, n)];
-                dA[cell(i, j, n)] = sum / value;
+        std::fill(pushed.begin(), pushed.end(), 0.0);
+        for (Int k = 0; k < m; ++k)
+            for (Int i = 0; i < n; ++i) {
+                const double re = whole[cell(k, i, n)].real(), im = whole[cell(k, i, n)].imag();
+                for (Int j = 0; j < n; ++j)
+                    pushed[cell(k, j, n)] += re * U[i * n + j].real() - im * U[i * n + j].imag();
             }
+        return true;
+    }
+
+    // Slopes: Q X over the value with respect to A, times B'; C X over it, times D'.
+    bool turn_noise(const Noise &own, const Modes &modes, const Covariance &known, double value) {
+        const Int n = modes.n, p = own.p, plain = q.modes[0].n;
+        if (!observed_inputs(modes, p, known.refined)) return false;
         // no gain is of the states of filters
-        const double *B = modes.B + place * n * q.m, *D = own.D + place * p * q.m;
+        const double *D = own.D + place * p * q.m;
         std::fill(full.begin(), full.end(), 0.0);
-        for (Int k = 0; k < q.m; ++k)
-            for (Int j = 0; j < plain; ++j) {
-                double sum = 0;
-                for (Int i = 0; i < n; ++i) sum += B[i * q.m + k] * dA[cell(i, j, n)];
-                for (Int i = 0; i < p; ++i) sum += D[i * q.m + k] * shown[cell(i, j, n)] / value;
-                full[cell(k, j, plain)] = sum;
-            }
+        for (Int k = 0; k < q.m; ++k) {
+            double *to = full.data() + k * plain;
+            for (Int i = 0; i < n; ++i)
+                for (Int j = 0; j < plain; ++j) to[j] += pushed[cell(k, i, n)] * known.moved[cell(i, j, n)];
+            for (Int i = 0; i < p; ++i)
+                for (Int j = 0; j < plain; ++j) to[j] += D[i * q.m + k] * shown[cell(i, j, n)];
+            for (Int j = 0; j < plain; ++j) to[j] /= value;
+        }
         seen(q.C + place * q.r * plain, plain);
         return true;
     }
@@ -670,9 +765,10 @@ class Laws {
     std::ptrdiff_t number = 0;
     double peak = 0;
     std::vector<Complex> half, whole, ahead, behind, P, G, S, X, Q, powers[3];
-    std::vector<double> product, weights, observed, moved, dA, closed, shown, left_over, correction, full, states_gain, gain, flat;
-    std::vector<std::vector<double>> covariances;
-    std::vector<bool> solved;
+    std::vector<double> product, weights, observed, dA, closed, shown, left_over, correction, full, states_gain, gain, flat;
+    std::vector<Complex> thin;
+    std::vector<double> real, imaginary, line, pushed;
+    std::vector<Covariance> covariances;
 };
 
 template <class T>

@@ -130,7 +130,7 @@ class Laws {
         for (Covariance &own : covariances) own.X.resize(size);
         for (auto *own : {&real, &imaginary}) own->resize(size);
         line.resize(2 * static_cast<std::size_t>(widest));
-        thin.resize(size);
+        for (auto *own : {&thin_real, &thin_imaginary}) own->resize(size);
         pushed.resize(static_cast<std::size_t>(q.m * widest));
         for (auto *own : {&full, &states_gain}) own->resize(static_cast<std::size_t>(q.m * widest));
         gain.resize(static_cast<std::size_t>(q.m * q.r));
@@ -596,21 +596,22 @@ class Laws {
         const Int n = modes.n, w = source.q;
         const double *E = source.E + place * n * w, *A = modes.A + place * n * n;
         const Complex *U = modes.left + place * n * n, *V = modes.right + place * n * n;
-        for (Int i = 0; i < n; ++i)
-            for (Int k = 0; k < w; ++k) {
+        for (Int k = 0; k < w; ++k)
+            for (Int i = 0; i < n; ++i) {
                 Complex sum = 0;
                 for (Int j = 0; j < n; ++j) sum += U[i * n + j] * E[j * w + k];
-                thin[cell(i, k, w)] = sum;
+                thin_real[cell(k, i, n)] = sum.real();
+                thin_imaginary[cell(k, i, n)] = sum.imag();
             }
         const Complex *p = modes.poles + place * n;
-        for (Int i = 0; i < n; ++i)
+        for (Int i = 0; i < n; ++i) {
+            squares(w, n, i);
             for (Int j = 0; j < n; ++j) {
-                Complex sum = 0;
-                for (Int k = 0; k < w; ++k) sum += against(thin[cell(i, k, w)], thin[cell(j, k, w)]);
-                const Complex own = sum / -total(p[i], p[j]);
+                const Complex own = Complex(line[cell(0, j, n)], -line[cell(1, j, n)]) / -total(p[i], p[j]);
                 real[cell(i, j, n)] = own.real();
                 imaginary[cell(i, j, n)] = own.imag();
             }
+        }
         std::vector<double> &X = known.X;
         for (Int i = 0; i < n; ++i) {
             double *Zr = line.data(), *Zi = Zr + n;
@@ -637,7 +638,6 @@ class Laws {
             }
         known.refined = !solves(A, n, false, X.data());
         if (known.refined && !lyapunov(modes, place, false, X.data())) return false;
-        // X, with step A X at samples
         known.moved = X;
         if (q.step != 0)
             for (Int i = 0; i < n; ++i)
@@ -645,6 +645,20 @@ class Laws {
                     for (Int j = 0; j < n; ++j)
                         known.moved[cell(i, j, n)] += q.step * A[i * n + k] * X[cell(k, j, n)];
         return known.solved = true;
+    }
+
+    // Of row i of H* H, H the rows in `thin_real` and `thin_imaginary`: real parts, then imaginary.
+    void squares(Int rows, Int n, Int i) {
+        double *re = line.data(), *im = re + n;
+        std::fill(re, im + n, 0.0);
+        for (Int k = 0; k < rows; ++k) {
+            const double *Hr = thin_real.data() + k * n, *Hi = thin_imaginary.data() + k * n;
+            const double own = Hr[i], other = Hi[i];
+            for (Int j = 0; j < n; ++j) {
+                re[j] += own * Hr[j] + other * Hi[j];
+                im[j] += own * Hi[j] - other * Hr[j];
+            }
+        }
     }
 
     Complex total(Complex left, Complex right) const {
@@ -673,13 +687,22 @@ class Laws {
         }
         const Complex *U = modes.left + place * n * n, *V = modes.right + place * n * n;
         const Complex *poles = modes.poles + place * n;
-        std::fill(thin.begin(), thin.begin() + p * n, Complex(0));
-        for (Int k = 0; k < p; ++k)
-            for (Int i = 0; i < n; ++i) {
-                const double own = C[k * n + i];
-                if (own != 0)
-                    for (Int j = 0; j < n; ++j) thin[cell(k, j, n)] += own * V[i * n + j];
+        for (Int i = 0; i < n; ++i)
+            for (Int j = 0; j < n; ++j) {
+                real[cell(i, j, n)] = V[i * n + j].real();
+                imaginary[cell(i, j, n)] = V[i * n + j].imag();
             }
+        for (Int k = 0; k < p; ++k) {
+            double *re = thin_real.data() + k * n, *im = thin_imaginary.data() + k * n;
+            std::fill(re, re + n, 0.0);
+            std::fill(im, im + n, 0.0);
+            for (Int i = 0; i < n; ++i)
+                if (const double own = C[k * n + i]; own != 0)
+                    for (Int j = 0; j < n; ++j) {
+                        re[j] += own * real[cell(i, j, n)];
+                        im[j] += own * imaginary[cell(i, j, n)];
+                    }
+        }
         for (Int i = 0; i < n; ++i)
             for (Int k = 0; k < m; ++k) {
                 Complex sum = 0;
@@ -687,13 +710,13 @@ class Laws {
                 half[cell(i, k, m)] = sum;
             }
         std::fill(whole.begin(), whole.begin() + m * n, Complex(0));
-        for (Int i = 0; i < n; ++i)
+        for (Int i = 0; i < n; ++i) {
+            squares(p, n, i);
             for (Int j = 0; j < n; ++j) {
-                Complex sum = 0;
-                for (Int k = 0; k < p; ++k) sum += against(thin[cell(k, j, n)], thin[cell(k, i, n)]);
-                const Complex own = sum / -std::conj(total(poles[i], poles[j]));
+                const Complex own = Complex(line[cell(0, j, n)], line[cell(1, j, n)]) / -std::conj(total(poles[i], poles[j]));
                 for (Int k = 0; k < m; ++k) whole[cell(k, j, n)] += against(own, half[cell(i, k, m)]);
             }
+        }
         std::fill(pushed.begin(), pushed.end(), 0.0);
         for (Int k = 0; k < m; ++k)
             for (Int i = 0; i < n; ++i) {
@@ -766,8 +789,7 @@ class Laws {
     double peak = 0;
     std::vector<Complex> half, whole, ahead, behind, P, G, S, X, Q, powers[3];
     std::vector<double> product, weights, observed, dA, closed, shown, left_over, correction, full, states_gain, gain, flat;
-    std::vector<Complex> thin;
-    std::vector<double> real, imaginary, line, pushed;
+    std::vector<double> real, imaginary, thin_real, thin_imaginary, line, pushed;
     std::vector<Covariance> covariances;
 };
 

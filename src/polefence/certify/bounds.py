@@ -22,7 +22,7 @@ from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
-from polefence.certify import factor_margins
+from polefence.certify import factor_margins, responses
 from polefence.certify.by_transfer import ByTransfer
 from polefence.certify.candidates import TOLERANCES, first
 from polefence.certify.certificate import Certificate
@@ -74,6 +74,7 @@ from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
 from polefence.requirements.rms import Rms, in_any_order, of_one_noise
 from polefence.requirements.specification import Specification, claim_of
+from polefence.requirements.step import StepMeasure
 from polefence.requirements.weights import behind
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -211,7 +212,9 @@ def best_bound(
     specification.require_fit(plant)
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
-        return _of_poles(plant, specification, factor_margins.largest(plant, law, specification))
+        return _of_given(plant, specification, factor_margins.largest(plant, law, specification))
+    if isinstance(specification, StepMeasure):
+        return _of_given(plant, specification, responses.least(plant, law, specification))
     with stage(f"bound on {specification.title}"):
         best = _least_bound(plant, law, specification, known)
         if specification.scales_apart(plant, law):
@@ -261,15 +264,17 @@ def _of(specification: Specification, bound: Bound | None) -> Bound | None:
     return None if bound is None else replace(bound, specification=specification)
 
 
-def _of_poles(
-    plant: UncertainPlant, specification: Specification, found: factor_margins.Proved | None
+def _of_given(
+    plant: UncertainPlant,
+    specification: Specification,
+    found: factor_margins.Proved | responses.Proved | None,
 ) -> Bound | None:
-    """Return the bound of a claim about poles with factors."""
+    """Return the bound of a claim about poles with factors, or of a response that is followed."""
     if found is None:
         return None
     claim, verdict = found
-    level = float(claim.level)
-    return Bound(specification, level, claim, claim.degree, verdict.reason, plant.parameters)
+    level, degree = float(claim.level), getattr(claim, "degree", 0)
+    return Bound(specification, level, claim, degree, verdict.reason, plant.parameters)
 
 
 def _best_bound(
@@ -625,7 +630,9 @@ def kept_bound(
     """
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
-        return _of_poles(plant, specification, factor_margins.kept(plant, law, specification))
+        return _of_given(plant, specification, factor_margins.kept(plant, law, specification))
+    if isinstance(specification, StepMeasure):
+        return _of_given(plant, specification, responses.kept(plant, law, specification))
     with stage(f"limit on {specification.title}"):
         kept = _within_limit(plant, law, specification, known)
         if kept is None and specification.scales_apart(plant, law):

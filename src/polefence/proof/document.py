@@ -39,6 +39,7 @@ from polefence.proof.claims.sampled import Sampled
 from polefence.proof.claims.samples import Samples
 from polefence.proof.claims.saturation import Saturation
 from polefence.proof.claims.sector import SectorBound
+from polefence.proof.claims.step import StepResponse
 from polefence.proof.claims.worst_gain import WorstCaseGain
 from polefence.proof.laws import Law, read_law
 from polefence.proof.plant import Plant
@@ -72,6 +73,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             DelayMargin,
             WorstCaseGain,
             SectorBound,
+            StepResponse,
             GainNorm,
             Estimate,
             GainError,

@@ -39,6 +39,7 @@ from polefence.requirements.specification import (
     listed,
     number,
 )
+from polefence.requirements.step import StepMeasure
 from polefence.requirements.worst_gain import WorstCaseGain
 from polefence.response.stationary import velocity_density
 
@@ -58,6 +59,7 @@ KINDS: dict[str, type[Specification]] = {
         DelayMargin,
         WorstCaseGain,
         SectorBound,
+        StepMeasure,
         GainNorm,
     )
 }

@@ -19,6 +19,7 @@ from polefence.proof.claims.saturation import Saturation
 from polefence.proof.claims.sector import Elements, SectorBound
 from polefence.proof.claims.signal import SignalClaim, Subject
 from polefence.proof.claims.started import is_semidefinite
+from polefence.proof.claims.step import StepResponse
 from polefence.proof.claims.worst_gain import WorstCaseGain
 from polefence.proof.plant import Output
 
@@ -48,6 +49,7 @@ __all__ = [
     "Saturation",
     "SectorBound",
     "SignalClaim",
+    "StepResponse",
     "Subject",
     "Unmodelled",
     "Verdict",

@@ -33,7 +33,16 @@ from polefence.proof.matrices import ONE, ZERO, Rationals, inverse
 from polefence.proof.plant import Output, Plant
 from polefence.proof.polynomials import constant, number
 from polefence.proof.reading import Table, plain
-from polefence.proof.response import Centred, Follower, Form, Series, end_of, norms, positive
+from polefence.proof.response import (
+    Centred,
+    Follower,
+    Form,
+    Series,
+    end_of,
+    norms,
+    positive,
+    variables,
+)
 from polefence.proof.short import Short
 from polefence.proof.text import digits_up
 from polefence.proof.work import FormatError
@@ -140,10 +149,19 @@ class StepResponse(SignalClaim):
 
     def inside(self, piece: Any) -> StepResponse:
         """Return the claim about a part of the box, with its own series."""
-        k = self.subject.evidence.cells.index(piece)
         if len(self.following) != len(self.subject.evidence.cells):
             raise FormatError("following: there must be one for each part of the box")
-        return replace(super().inside(piece), following=(self.following[k],))
+        return self.part(piece, self.following[self.subject.evidence.cells.index(piece)])
+
+    def part(self, piece: Any, following: Following | None) -> StepResponse:
+        """Return the claim about a part of the box that is followed so."""
+        own = () if following is None else (following,)
+        return replace(super().inside(piece), following=own)
+
+    @property
+    def run(self) -> Run:
+        """The motion that is followed."""
+        return Run.of(self)
 
     def _with(self, piece: Any) -> StepResponse:
         return replace(super()._with(piece), following=self.following[:1])
@@ -181,7 +199,7 @@ class StepResponse(SignalClaim):
 
     def _missed(self) -> str:
         """Say what is not proved; "" where all is."""
-        return _Run.of(self).fault()
+        return self.run.fault()
 
     def statement(self, plant: Plant) -> str:
         """Say what is proved."""
@@ -192,7 +210,7 @@ class StepResponse(SignalClaim):
 
 
 @dataclass(frozen=True)
-class _Run(Short):
+class Run(Short):
     """The motion of one part of the box."""
 
     claim: StepResponse
@@ -203,7 +221,7 @@ class _Run(Short):
     Q: Rationals
 
     @classmethod
-    def of(cls, claim: StepResponse) -> _Run:
+    def of(cls, claim: StepResponse) -> Run:
         """Return the motion."""
         subject = claim.subject
         loop = subject.dual_loop(claim.outputs)
@@ -213,6 +231,11 @@ class _Run(Short):
         F = None if passing is None else Centred.of(passing * every)
         Q = subject.evidence.X[0]
         return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
+
+    @property
+    def follower_variables(self) -> tuple[Fraction, ...]:
+        """The largest size of each variable."""
+        return variables(self.claim.subject.sizes)
 
     @property
     def follower(self) -> Follower:

@@ -35,6 +35,7 @@ TERMS = 22
 DEGREES = (4, 8)  # of the parameters, tried in turn before a part is split
 REACH = 1.02
 BITS, MORE = 30, 1e6
+FEW = 24  # bits of a level
 SHARE = 0.3  # of what is allowed after the last step
 MOST_STEPS, MOST_PARTS = 4000, 256
 SMALLEST = Fraction(1, 64)  # of a parameter's range
@@ -60,7 +61,7 @@ def least(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
             level = max(worst, NOTHING if asked.measure in RELATIVE else 0.0) * (1 + share)
             if asked.measure in ("overshoot", "undershoot"):
                 level = max(level, share)
-            found = _proved(plant, law, asked, level)
+            found = _proved(plant, law, asked, _above(level))
             if found is not None:
                 return found
     return None
@@ -73,10 +74,8 @@ def _sampled(plant: UncertainPlant, law: Law, asked: StepMeasure) -> float:
 
 def _proved(plant: UncertainPlant, law: Law, asked: StepMeasure, level: float) -> Proved | None:
     on = law.domain_of(plant).on
-    whole = Fraction(level)
-    if asked.measure in TIMES:
-        whole = Fraction(round(whole * 2**20), 2**20)
-    blank = claim_of(plant, law.exact, on, asked, Evidence([identity(plant.shape[0])]), whole)
+    evidence = Evidence([identity(plant.shape[0])])
+    blank = claim_of(plant, law.exact, on, asked, evidence, Fraction(level))
     if not isinstance(blank, StepResponse):
         return None
     sizes = blank.subject.sizes
@@ -93,7 +92,7 @@ def _proved(plant: UncertainPlant, law: Law, asked: StepMeasure, level: float) -
         waiting += _halves(blank, low, high)
     evidence = parts[0][0].evidence
     if len(parts) > 1:
-        evidence = Evidence([], cells=tuple(piece for piece, _ in parts))
+        evidence = Evidence([], cells=tuple(piece for piece, _ in parts), dual=True)
     subject = replace(blank.subject, evidence=evidence)
     claim = replace(blank, subject=subject, following=tuple(own for _, own in parts))
     with suppress(FormatError), counted(claim.allowed):
@@ -207,7 +206,7 @@ class _Floats:
         step = Fraction(h).limit_denominator(10**6)
         if claim.measure in TIMES:
             step = claim.level / max(1, math.ceil(float(claim.level) / h))
-        steps = self._steps(ends, Q, reach, allowed, float(step))
+        steps = self._steps(np.asarray(ends), Q, reach, allowed, float(step))
         if steps is None:
             return None
         norm = np.sqrt(np.diag(Q)).sum()
@@ -256,6 +255,12 @@ def _value(P: Centred, g: Sequence[float] | Array) -> Array:
         scale = float(np.prod(np.power(g, e))) if len(e) else 1.0
         total = total + scale * np.array([[float(Fraction(x, P.whole)) for x in row] for row in M])
     return np.asarray(total)
+
+
+def _above(level: float) -> float:
+    """Return a number of few bits that is not less, of which steps are parts."""
+    share, power = math.frexp(level)
+    return math.ldexp(math.ceil(share * 2**FEW), power - FEW)
 
 
 def _short(value: float) -> Fraction:

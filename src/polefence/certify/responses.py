@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import product
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import expm
 
 from polefence.base.progress import stage
 from polefence.law.law import Law
@@ -25,6 +25,7 @@ from polefence.proof.response import Centred
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.specification import claim_of
 from polefence.requirements.step import TIMES, StepMeasure
+from polefence.response.discrete import balancing
 
 SAMPLES = 30
 STEPS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # by what share a level is above the worst sample
@@ -183,18 +184,18 @@ class _Floats:
     def followed(self, degree: int) -> tuple[Evidence, Following] | None:
         """Return a norm and a series of so high a degree; None where errors do not fade."""
         claim, n = self.claim, self.A.shape[1]
-        _, V = np.linalg.eig(self.A[0])
-        every = np.linalg.eigvals(self.A)
+        d = balancing(self.A)
+        balanced = self.A / d[:, None] * d
+        every = np.linalg.eigvals(balanced)
         slow = -every.real.max()
         if slow <= 0:
             return None
-        rate, left = RATE * slow, np.linalg.inv(V)
-        shifted = self.A[0] + rate * np.eye(n)
-        Q = solve_continuous_lyapunov(shifted.T, -(left.conj().T @ left).real)
-        Q = (Q + Q.T) / 2
-        falling = np.swapaxes(self.A, 1, 2) @ Q + Q @ self.A + 2 * rate * Q
+        rate = RATE * slow
+        Q = _norm(balanced, rate)
+        falling = np.swapaxes(balanced, 1, 2) @ Q + Q @ balanced + 2 * rate * Q
         if np.linalg.eigvalsh(falling).max() >= 0:
             return None
+        Q = Q / d[:, None] / d
         squares = np.einsum("ki,ij,kj->k", self.C, np.linalg.inv(Q), self.C)
         reach = REACH * float(np.sqrt(squares.max()))
         ends = -np.linalg.solve(self.A, self.b[..., None])[..., 0]
@@ -247,6 +248,22 @@ class _Floats:
             if k >= fewest and spread * reach * (np.abs(left) @ weights).max() < SHARE * allowed:
                 return k
         return None
+
+
+def _norm(A: Array, rate: float) -> Array:
+    """Return Q of the modes in the middle, weighed so that what moves them at corners is even."""
+    poles, V = np.linalg.eig(A[0])
+    left = np.linalg.inv(V)
+    moved = np.abs(left @ (A[1:] - A[0]) @ V).max(axis=0)
+    room = np.sqrt(np.maximum(-poles.real - rate, 1e-3 * np.abs(poles)))
+    moved = moved / room[:, None] / room
+    pairs = np.abs(poles[:, None] - poles.conj()).argmin(axis=1)
+    moved = np.maximum(moved, moved[pairs][:, pairs])  # alike for both of a pair
+    moved = moved + 1e-9 * max(float(moved.max()), 1e-300)
+    d = balancing(moved[None]) * room
+    left = left / d[:, None]
+    Q = (left.conj().T @ left).real
+    return np.asarray((Q + Q.T) / 2)
 
 
 def _value(P: Centred, g: Sequence[float] | Array) -> Array:

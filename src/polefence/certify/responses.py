@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import product
+from itertools import groupby, product
 
 import numpy as np
-from scipy.linalg import expm
 
 from polefence.base.progress import stage
 from polefence.law.law import Law
@@ -31,8 +30,10 @@ SAMPLES = 30
 STEPS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # by what share a level is above the worst sample
 NOTHING = 1e-6  # an overshoot of none, as a share
 RATE = 0.6  # of the slowest decay, with which errors are proved to fade
-TURN = 2.0  # of the fastest mode, in one step
-TERMS = 22
+BEGIN = 2.0  # of the fastest mode's time, the first step
+TERMS = 12
+OFF, LONGER = 1e-7, 1e-4  # of what is allowed, a residual; of that, for which steps are longer
+SPREAD = 2.0  # of sizes of coefficients beside values at corners
 DEGREES = (4, 8)  # of the parameters, tried in turn before a part is split
 REACH = 1.02
 BITS, MORE = 30, 1e6
@@ -183,7 +184,6 @@ class _Floats:
 
     def followed(self, degree: int) -> tuple[Evidence, Following] | None:
         """Return a norm and a series of so high a degree; None where errors do not fade."""
-        claim, n = self.claim, self.A.shape[1]
         d = balancing(self.A)
         balanced = self.A / d[:, None] * d
         every = np.linalg.eigvals(balanced)
@@ -203,18 +203,16 @@ class _Floats:
         allowed = self._allowed(final)
         if allowed <= 0:
             return None
-        h = TURN / np.abs(every).max()
-        step = Fraction(h).limit_denominator(10**6)
-        if claim.measure in TIMES:
-            step = claim.level / max(1, math.ceil(float(claim.level) / h))
-        steps = self._steps(np.asarray(ends), Q, reach, allowed, float(step))
-        if steps is None:
+        fast = float(np.abs(every).max())
+        planned = self._planned(fast, np.asarray(ends), Q, reach, allowed)
+        if planned is None:
             return None
-        norm = np.sqrt(np.diag(Q)).sum()
+        unit, lengths = planned
+        norm, steps = np.sqrt(np.diag(Q)).sum(), sum(count for _, count in lengths)
         size = reach * norm * TERMS * (degree + 1) * steps * MORE / allowed
         bits = max(BITS, math.ceil(math.log2(size)))
-        following = Following(step, steps, TERMS, degree, bits, _short(rate), _short(reach))
-        return Evidence([_rationals(Q)], dual=True), following
+        own = unit, lengths, TERMS, degree, bits, _short(rate), _short(reach)
+        return Evidence([_rationals(Q)], dual=True), Following(*own)
 
     def _allowed(self, final: Array) -> float:
         """Return how far the signal may be from its final value after the last step."""
@@ -231,23 +229,76 @@ class _Floats:
             case _:
                 return float(size.min())
 
-    def _steps(self, ends: Array, Q: Array, reach: float, allowed: float, h: float) -> int | None:
-        """Return how many steps there are to be."""
-        if self.claim.measure == "final":
-            return 1
-        if self.claim.measure == "rise":
-            return round(float(self.claim.level) / h)
-        weights, fewest = np.sqrt(np.diag(Q)), 1
-        if self.claim.measure == "settling":
-            fewest = round(float(self.claim.level) / h)
-        left = ends
-        over = expm(h * self.A)
-        spread = 2.0  # of sizes of coefficients beside values at corners
-        for k in range(1, MOST_STEPS):
-            left = (over @ left[..., None])[..., 0]
-            if k >= fewest and spread * reach * (np.abs(left) @ weights).max() < SHARE * allowed:
-                return k
+    def _planned(
+        self, fast: float, ends: Array, Q: Array, reach: float, allowed: float
+    ) -> tuple[Fraction, tuple[tuple[int, int], ...]] | None:
+        """Return a unit, and steps as long as the tau method bears, until little is left."""
+        claim, weights = self.claim, np.sqrt(np.diag(Q))
+        level = claim.level if claim.measure in TIMES else Fraction(0)
+        unit = _power(BEGIN / fast)
+        if level:
+            unit = level / 2 ** max(0, math.ceil(math.log2(float(level / unit))))
+        goal, at = (0 if not level else round(level / unit)), 0
+        x = np.zeros_like(self.b)
+        lengths, length = list[int](), 1
+        inverses: dict[int, Array] = {}
+        while len(lengths) < MOST_STEPS:
+            left = SPREAD * reach * (np.abs(x - ends) @ weights).max()
+            if at >= goal and (left < SHARE * allowed or self._short_of_it(at)):
+                return unit, _runs(lengths)
+            if at < goal:
+                length = min(length, 1 << (goal - at).bit_length() - 1)
+            while True:
+                if length not in inverses:
+                    inverses[length] = _tau(self.A, float(length * unit))
+                c = _followed(inverses[length], x, self.b, float(length * unit))
+                left_over = np.abs(self.A @ c[:, -1, :, None])[..., 0] @ weights
+                off = reach * float(left_over.max()) * float(length * unit)
+                if off < OFF * allowed or length == 1:
+                    break
+                length //= 2
+            x = c.sum(axis=1)
+            lengths.append(length)
+            at += length
+            if off < OFF * allowed * LONGER:
+                length *= 2
         return None
+
+    def _short_of_it(self, at: int) -> bool:
+        """Whether nothing is asked after so many units: of a final value, or of a rise."""
+        return self.claim.measure == "final" or (self.claim.measure == "rise" and at > 0)
+
+
+def _tau(A: Array, h: float) -> Array:
+    """Return the inverse of c -> coefficients of X' - h / 2 A X, and X(-1), of each A."""
+    count, n, _ = A.shape
+    m = TERMS
+    whole = np.zeros((count, m + 1, n, m + 1, n))
+    eye = np.eye(n)
+    for j in range(m):
+        for p in range(j + 1, m + 1, 2):
+            whole[:, j, :, p] = (p if j == 0 else 2 * p) * eye
+        whole[:, j, :, j] = -h / 2 * A
+    for p in range(m + 1):
+        whole[:, m, :, p] = (-1) ** p * eye
+    return np.asarray(np.linalg.inv(whole.reshape(count, n * (m + 1), n * (m + 1))))
+
+
+def _followed(inverse: Array, x: Array, b: Array, h: float) -> Array:
+    """Return c (count, m + 1, n) from x (count, n)."""
+    count, n = x.shape
+    right = np.zeros((count, TERMS + 1, n))
+    right[:, 0], right[:, -1] = h / 2 * b, x
+    found = inverse @ right.reshape(count, -1, 1)
+    return np.asarray(found.reshape(count, TERMS + 1, n))
+
+
+def _runs(lengths: Sequence[int]) -> tuple[tuple[int, int], ...]:
+    return tuple((length, len(list(same))) for length, same in groupby(lengths))
+
+
+def _power(value: float) -> Fraction:
+    return Fraction(2) ** math.floor(math.log2(value))
 
 
 def _norm(A: Array, rate: float) -> Array:

@@ -181,6 +181,12 @@ def root(value: Fraction) -> Fraction:
     return Fraction(isqrt(whole) + 1, 1 << shift)
 
 
+def root_above(square: Fraction) -> Fraction:
+    """Return a little more than the square root, of few digits."""
+    bits = max(0, 48 - (square.numerator.bit_length() - square.denominator.bit_length()) // 2)
+    return Fraction(math.isqrt((square.numerator << 2 * bits) // square.denominator) + 1, 1 << bits)
+
+
 def least_work(count: int, rows: int) -> int:
     """Return the least that so many inequalities of so many rows take, whatever their numbers."""
     return count * (rows * (rows + 1) * (rows + 2) // 6 * cost(RUNG, RUNG) + LEAST_WORK)

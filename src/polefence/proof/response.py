@@ -1,19 +1,22 @@
 """x(t) of a loop x' = A x + b at all values of its parameters: polynomials, and what they are off.
 
-On each step of length h, with s from 0 to 1, x is nearly
+On a step of length h, with s from -1 to 1, x is nearly a sum of Chebyshev polynomials,
 
-    X(s) = c_0 + c_1 s + ... + c_m s^m,    c_(i+1) = h (A c_i + [i = 0] b) / (i + 1),
+    X(s) = c_0 + c_1 T_1(s) + ... + c_m T_m(s),
 
-the series of the solution from where the last step ended. The c are polynomials in the parameters,
-of few degrees and of fixed point: what is left out, and every rounding, is a defect
+whose c are polynomials in the parameters, in whole numbers over 2^bits. Whatever they are, how far
+X is from a solution is known exactly: the residual, and the jump from where the last step ended,
 
-    X' = h (A X + b) + d(s),
+    R = X' - h / 2 (A X + b),    |R(s)| <= the sum of |R_i| of its own coefficients, for |T_i| <= 1.
 
-whose size |d|_P = sqrt(d'P d) is known. Where A'P + P A + 2 beta P < 0, the error e = x - X has
+With |e|_Q = sqrt(e'Q e) and Q A + A'Q + 2 beta Q < 0, the error e = x - X after a step is at most
 
-    |e(s)|_P <= |e(0)|_P exp(-beta h s) + the integral of |d|_P from 0 to s,
+    exp(-beta h) (|e|_Q + the jump) + 2 sum |R_i|_Q,
 
-so it neither grows with the number of steps nor hangs on how stiff the loop is.
+so it neither grows with the number of steps nor hangs on how stiff the loop is. The c are those for
+which R has T_m alone where parameters are in the middle (the tau method of Lanczos), and its first
+powers vanish beside. They are solved for with an inverse in floats, once improved: a poor one makes
+R large, and nothing false.
 
 Parameters are those of a product of simplices. Of each simplex of V corners one coordinate depends
 on the others; these, less 1 / V, are the variables g of the polynomials, |g| <= 1 - 1 / V.
@@ -25,15 +28,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
-from polefence.proof.claims.signal import root_above
-from polefence.proof.matrices import Rationals
+from polefence.proof.matrices import Integers, Rationals, root_above
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes
 from polefence.proof.work import spend
 
 SPLITS = 6  # of a step, one half of the last each
+FINE = 90  # bits of an inverse
 
 Form = dict[Exponent, list[int]]  # of vectors: a coefficient for each monomial of g
 
@@ -48,19 +51,13 @@ class Centred:
     @classmethod
     def of(cls, P: Polynomial) -> Centred:
         """Return a polynomial on simplices as one in g."""
-        sizes, terms, rows = P.sizes, dict[Exponent, list[list[int]]](), P.shape[0]
-        scale = 1
-        for size, degree in zip(sizes, P.degrees, strict=True):
-            scale *= size**degree
+        sizes, terms = P.sizes, dict[Exponent, list[list[int]]]()
+        scale = math.prod(size**degree for size, degree in zip(sizes, P.degrees, strict=True))
         for e, M in P.terms.items():
             for g, factor in _in_centred(e, sizes).items():
                 old = terms.get(g)
-                if old is None:
-                    terms[g] = [[factor * x for x in row] for row in M]
-                    continue
-                for i in range(rows):
-                    own = M[i]
-                    old[i] = [x + factor * y for x, y in zip(old[i], own, strict=True)]
+                own = [[factor * x for x in row] for row in M]
+                terms[g] = own if old is None else _plus(old, own)
         kept = {g: M for g, M in terms.items() if any(map(any, M))}
         return cls(kept, P.whole * scale)
 
@@ -74,6 +71,10 @@ class Centred:
                 old = total.get(key)
                 total[key] = own if old is None else list(map(int.__add__, old, own))
         return total
+
+
+def _plus(left: Integers, right: Integers) -> Integers:
+    return [list(map(int.__add__, a, b)) for a, b in zip(left, right, strict=True)]
 
 
 def _in_centred(e: Exponent, sizes: Sizes) -> dict[Exponent, int]:
@@ -110,9 +111,8 @@ def variables(sizes: Sizes) -> tuple[Fraction, ...]:
 
 @dataclass(frozen=True)
 class Series:
-    """How x is followed: steps of length ``step``, ``terms`` of s, ``degree`` of g, ``bits``."""
+    """How x is followed: up to T_``terms``, ``degree`` of g, ``bits`` behind the point."""
 
-    step: Fraction
     terms: int
     degree: int
     bits: int
@@ -120,25 +120,31 @@ class Series:
 
 @dataclass(frozen=True)
 class Step:
-    """X on one step: forms over 2^bits, one a power of s; and how far |x - X|_P is at most."""
+    """X on one step: forms over 2^bits, one a T_i; and how far |x - X|_Q is at most."""
 
-    number: int
+    begin: Fraction
+    end: Fraction
     forms: tuple[Form, ...]
     error: Fraction
+
+    @property
+    def last(self) -> Form:
+        """X at the end."""
+        return _sum(self.forms)
 
 
 @dataclass(frozen=True)
 class Follower:
-    """A loop x' = A x + b, from forms x0 over 2^bits, and the norm in which errors are measured.
+    """A loop x' = A x + b, and the norm in which errors are measured.
 
     Attributes
     ----------
     A, b : Centred
         b of one column.
     norm : tuple of Fraction
-        Numbers with |e|_P <= sum of norm_i |e_i|.
-    fades : Fraction
-        No less than exp(-beta h).
+        Numbers with |e|_Q <= sum of norm_i |e_i|.
+    rate : Fraction
+        beta [1/s].
     """
 
     A: Centred
@@ -146,12 +152,122 @@ class Follower:
     series: Series
     sizes: Sizes
     norm: tuple[Fraction, ...]
-    fades: Fraction
+    rate: Fraction
 
-    @property
+    @cached_property
     def variables(self) -> tuple[Fraction, ...]:
         """The largest size of each g."""
         return variables(self.sizes)
+
+    @cached_property
+    def monomials(self) -> tuple[Exponent, ...]:
+        """Those of g up to the degree, the lowest first."""
+        every = product(range(self.series.degree + 1), repeat=len(self.variables))
+        return tuple(sorted((e for e in every if sum(e) <= self.series.degree), key=sum))
+
+    def steps(self, x0: Form, lengths: Sequence[Fraction]) -> Iterator[Step]:
+        """Yield steps of these lengths."""
+        start, error, begin = x0, Fraction(0), Fraction(0)
+        for h in lengths:
+            forms = self.solved(start, h)
+            off = 2 * self.residual(forms, h)
+            jump = self.size(_sum([*_signed(forms), _negative(start)])) / 2**self.series.bits
+            end = begin + h
+            yield Step(begin, end, forms, error + jump + off)
+            x = self.rate * h
+            error = (error + jump) / (1 + x + x * x / 2 + x * x * x / 6) + off
+            start, begin = _sum(forms), end
+
+    def residual(self, forms: Sequence[Form], h: Fraction) -> Fraction:
+        """Return the sum of |R_i|_Q, exactly that of these forms, rounded up."""
+        whole, other, total = self.A.whole, self.b.whole, Fraction(0)
+        n, q = len(self.norm), 2 * h.denominator
+        spend(n * n * len(self.A.terms) * sum(map(len, forms)), 64, 64)
+        for i, (form, slope) in enumerate(zip(forms, _slopes(forms), strict=True)):
+            left = {e: [q * whole * other * x for x in v] for e, v in slope.items()}
+            moved = self.A.times(form)
+            left = _less(left, moved, h.numerator * other)
+            if not i:
+                b = {e: [row[0] << self.series.bits for row in M] for e, M in self.b.terms.items()}
+                left = _less(left, b, h.numerator * whole)
+            total += self.size(left)
+        return total / (q * whole * other << self.series.bits)
+
+    def solved(self, start: Form, h: Fraction) -> tuple[Form, ...]:
+        """Return forms of which R is small."""
+        m, n, bits = self.series.terms, len(self.norm), self.series.bits
+        inverse = self._inverse(h)
+        middle = self.A.terms.get((0,) * len(self.variables), [[0] * n for _ in range(n)])
+        over = 2 * h.denominator * self.A.whole
+        found: list[Form] = [{} for _ in range(m + 1)]
+        beside = [(e, M) for e, M in self.A.terms.items() if any(e)]
+        none = [0] * n
+        spend(len(self.monomials) * (n * (m + 1)) ** 2, 64, 64)
+
+        def moved(M: Integers, v: list[int]) -> list[int]:
+            return [h.numerator * sum(map(int.__mul__, row, v)) // over for row in M]
+
+        for e in self.monomials:
+            right = [list(none) for _ in range(m)]
+            for f, M in beside:
+                lower = tuple(map(int.__sub__, e, f))
+                if min(lower) < 0:
+                    continue
+                for j in range(m):
+                    v = found[j].get(lower)
+                    if v is not None:
+                        right[j] = list(map(int.__add__, right[j], moved(M, v)))
+            if e in self.b.terms:
+                own = [
+                    (h.numerator * row[0] << bits) // (2 * h.denominator * self.b.whole)
+                    for row in self.b.terms[e]
+                ]
+                right[0] = list(map(int.__add__, right[0], own))
+            right.append(start.get(e, none))
+            if not any(map(any, right)):
+                continue
+            c = [[0] * n for _ in range(m + 1)]
+            for _ in range(2):  # once, and once improved
+                slope = _slopes([{(): v} for v in c])
+                left = [
+                    [
+                        a - b + d
+                        for a, b, d in zip(
+                            right[j], slope[j].get((), none), moved(middle, c[j]), strict=True
+                        )
+                    ]
+                    for j in range(m)
+                ]
+                ends = [
+                    sum(v[i] if k % 2 == 0 else -v[i] for k, v in enumerate(c)) for i in range(n)
+                ]
+                left.append([a - b for a, b in zip(right[m], ends, strict=True)])
+                flat = [x for v in left for x in v]
+                more = [sum(map(int.__mul__, row, flat)) >> FINE for row in inverse]
+                c = [list(map(int.__add__, v, more[k * n : (k + 1) * n])) for k, v in enumerate(c)]
+            for k, v in enumerate(c):
+                if any(v):
+                    found[k][e] = v
+        return tuple(found)
+
+    def _inverse(self, h: Fraction) -> Integers:
+        """Return about the inverse of what R = 0 is in the middle, times 2^FINE."""
+        n = len(self.norm)
+        middle = self.A.terms.get((0,) * len(self.variables), [[0] * n for _ in range(n)])
+        scales = [float(x) for x in self.norm]
+        A = tuple(
+            tuple(
+                float(Fraction(x, self.A.whole)) * (scales[i] / scales[j])
+                for j, x in enumerate(row)
+            )
+            for i, row in enumerate(middle)
+        )
+        found = _inverted(A, float(h) / 2, self.series.terms)
+        every = range(len(found))
+        return [
+            [round(found[i][j] * (scales[j % n] / scales[i % n]) * 2.0**FINE) for j in every]
+            for i in every
+        ]
 
     def rate_of(self, x: Form) -> Form:
         """Return A x + b, each number rounded down twice."""
@@ -162,68 +278,52 @@ class Follower:
             rate[e] = list(map(int.__add__, rate.get(e, [0] * n), own))
         return rate
 
-    def steps(self, x0: Form, error: Fraction, count: int) -> Iterator[Step]:
-        """Yield so many steps, from what is off by ``error`` at the begin."""
-        start = x0
-        for k in range(count):
-            forms, defect = self._series(start)
-            yield Step(k, forms, error + defect)
-            error = error * self.fades + defect
-            start = end_of(forms)
-
-    def _series(self, start: Form) -> tuple[tuple[Form, ...], Fraction]:
-        """Return c_0 to c_m, and the integral of the defect at most."""
-        series, h = self.series, self.series.step
-        c, forms, defect = start, [start], Fraction(0)
-        n = len(self.norm)
-        for i in range(series.terms + 1):
-            spend(n * n * len(self.A.terms) * max(1, len(c)), 64, 64)
-            whole = self.A.times(c)
-            if i == 0:
-                for e, M in self.b.terms.items():
-                    up = [(row[0] * self.A.whole << series.bits) // self.b.whole for row in M]
-                    old = whole.get(e, [0] * n)
-                    whole[e] = list(map(int.__add__, old, up))
-            over = self.A.whole * h.denominator
-            if i == series.terms:  # all that is left
-                off = self.size(whole) * h.numerator / over
-                defect += off / (i + 1)
-                break
-            over *= i + 1
-            kept, left, rounded = dict[Exponent, list[int]](), dict[Exponent, list[int]](), 0
-            for e, v in whole.items():
-                if sum(e) > series.degree:
-                    left[e] = v
-                    continue
-                own = [(2 * h.numerator * x + over) // (2 * over) for x in v]
-                rounded += 1
-                if any(own):
-                    kept[e] = own
-            off = self.size(left) * h.numerator / over if left else Fraction(0)
-            off += Fraction(rounded, 2) * sum(self.norm)
-            if i == 0:  # b itself is rounded down
-                off += Fraction(len(self.b.terms) * h.numerator, over) * sum(self.norm)
-            defect += off  # (i + 1) times it, integrated over s^i
-            c = kept
-            forms.append(c)
-            if not c:
-                break
-        return tuple(forms), defect / 2**series.bits
-
     def size(self, c: Form) -> Fraction:
-        """Return how large a vector is at most, in the norm."""
+        """Return how large a vector of whole numbers is at most, in the norm."""
         most, total = self.variables, [Fraction(0)] * len(self.norm)
         for e, v in c.items():
-            scale = Fraction(1)
-            for power, size in zip(e, most, strict=True):
-                scale *= size**power
+            scale = math.prod((size**power for power, size in zip(e, most, strict=True)), start=ONE)
             for i, x in enumerate(v):
                 total[i] += abs(x) * scale
         return sum((w * x for w, x in zip(self.norm, total, strict=True)), Fraction(0))
 
 
-def end_of(forms: Sequence[Form]) -> Form:
-    """Return X at the end of a step."""
+ONE = Fraction(1)
+
+
+def _slopes(forms: Sequence[Form]) -> list[Form]:
+    """Return the coefficients of X', of T_0 on."""
+    result: list[Form] = [{} for _ in forms]
+    for j in (0, 1):  # those of odd numbers give even ones, and the other way round
+        total: Form = {}
+        for p in range(len(forms) - 1, 0, -1):
+            if p % 2 == j:
+                continue
+            total = _sum([total, {e: [2 * p * x for x in v] for e, v in forms[p].items()}])
+            result[p - 1] = total
+    result[0] = {e: [x // 2 for x in v] for e, v in result[0].items()}
+    return result
+
+
+def _signed(forms: Sequence[Form]) -> list[Form]:
+    """Return what is summed at s = -1."""
+    return [form if i % 2 == 0 else _negative(form) for i, form in enumerate(forms)]
+
+
+def _negative(form: Form) -> Form:
+    return {e: [-x for x in v] for e, v in form.items()}
+
+
+def _less(left: Form, right: Form, times: int) -> Form:
+    total = dict(left)
+    for e, v in right.items():
+        old = total.get(e)
+        own = [-times * x for x in v]
+        total[e] = own if old is None else list(map(int.__add__, old, own))
+    return total
+
+
+def _sum(forms: Sequence[Form]) -> Form:
     total: Form = {}
     for form in forms:
         for e, v in form.items():
@@ -232,12 +332,43 @@ def end_of(forms: Sequence[Form]) -> Form:
     return total
 
 
-def norms(P: Rationals) -> tuple[Fraction, ...]:
-    """Return sqrt(P_ii), rounded up: |e|_P is at most the sum of these times |e_i|."""
-    return tuple(root_above(P[i][i]) for i in range(len(P)))
+@lru_cache(maxsize=32)
+def _inverted(A: tuple[tuple[float, ...], ...], half: float, m: int) -> list[list[float]]:
+    """Return the inverse, in floats, of c -> coefficients 0 to m - 1 of X' - h/2 A X, and X(-1)."""
+    n = len(A)
+    size = n * (m + 1)
+    rows = [[0.0] * (2 * size) for _ in range(size)]
+    for j in range(m):
+        for i in range(n):
+            row = rows[j * n + i]
+            for p in range(j + 1, m + 1, 2):
+                row[p * n + i] = float(p if j == 0 else 2 * p)
+            for k in range(n):
+                row[j * n + k] -= half * A[i][k]
+    for i in range(n):
+        for p in range(m + 1):
+            rows[m * n + i][p * n + i] = 1.0 if p % 2 == 0 else -1.0
+    for i in range(size):
+        rows[i][size + i] = 1.0
+    for k in range(size):
+        pivot = max(range(k, size), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        head = rows[k][k] or 1e-300
+        own = [x / head for x in rows[k]]
+        rows[k] = own
+        for i, row in enumerate(rows):
+            x = row[k]
+            if i != k and x:
+                rows[i] = [a - x * b for a, b in zip(row, own, strict=True)]
+    return [row[size:] for row in rows]
 
 
-# --- polynomials of numbers, over s from 0 to 1 and g --------------------------------------------
+def norms(Q: Rationals) -> tuple[Fraction, ...]:
+    """Return sqrt(Q_ii), rounded up: |e|_Q is at most the sum of these times |e_i|."""
+    return tuple(root_above(Q[i][i]) for i in range(len(Q)))
+
+
+# --- polynomials of numbers, over s and g --------------------------------------------------------
 
 
 def positive(q: dict[Exponent, int], most: Sequence[Fraction], splits: int = SPLITS) -> bool:
@@ -246,7 +377,7 @@ def positive(q: dict[Exponent, int], most: Sequence[Fraction], splits: int = SPL
     Parameters
     ----------
     q : dict
-        Of exponents of s and of each g.
+        Of the number of T_i, and of exponents of each g.
     most : sequence of Fraction
         The largest size of each g.
     """
@@ -258,8 +389,8 @@ def positive(q: dict[Exponent, int], most: Sequence[Fraction], splits: int = SPL
         values[sum(map(int.__mul__, e, strides))] += x
     spend(len(values) * sum(shape), 64, 64)
     for k, degree in enumerate(degrees):
-        T = _to_bernstein(degree) if not k else _centred_to_bernstein(degree, most[k - 1])
-        values = _moved(values, shape[k], strides[k], T)
+        T = _chebyshev(degree) if not k else _centred(degree, most[k - 1])
+        values = _along(values, shape[k], strides[k], T)
     return _is_positive(values, shape[0], strides[0], splits)
 
 
@@ -275,8 +406,7 @@ def _is_positive(values: list[int], count: int, stride: int, splits: int) -> boo
         last = [list(map(int.__add__, a, b)) for a, b in pairwise(last)]
         left.append(last[0])
         right.append(last[-1])
-    halves = (left, right[::-1])
-    for half, order in zip(halves, (1, -1), strict=True):
+    for half, order in ((left, 1), (right[::-1], -1)):
         powers = range(count)[::order]
         scaled = [x << (count - 1 - k) for k, row in zip(powers, half, strict=True) for x in row]
         if not _is_positive(scaled, count, stride, splits - 1):
@@ -284,7 +414,7 @@ def _is_positive(values: list[int], count: int, stride: int, splits: int) -> boo
     return True
 
 
-def _moved(values: list[int], count: int, stride: int, T: list[list[int]]) -> list[int]:
+def _along(values: list[int], count: int, stride: int, T: Integers) -> list[int]:
     """Return values with a matrix applied along one axis."""
     result = [0] * len(values)
     for start in range(0, len(values), count * stride):
@@ -296,7 +426,7 @@ def _moved(values: list[int], count: int, stride: int, T: list[list[int]]) -> li
 
 
 @lru_cache(maxsize=64)
-def _to_bernstein(degree: int) -> list[list[int]]:
+def _to_bernstein(degree: int) -> Integers:
     """Return what makes Bernstein coefficients on [0, 1] of powers, times a positive number."""
     whole = math.lcm(*(math.comb(degree, i) for i in range(degree + 1)))
     return [
@@ -306,7 +436,26 @@ def _to_bernstein(degree: int) -> list[list[int]]:
 
 
 @lru_cache(maxsize=64)
-def _centred_to_bernstein(degree: int, most: Fraction) -> list[list[int]]:
+def _chebyshev(degree: int) -> Integers:
+    """Return the same of Chebyshev polynomials of s = 2 u - 1, u from 0 to 1."""
+    powers = [[1], [-1, 2]]  # of u, of each T_i
+    while len(powers) <= degree:
+        one, other = powers[-2:]
+        doubled = [0] * (len(other) + 1)
+        for i, x in enumerate(other):  # 2 (2 u - 1) T_i - T_(i-1)
+            doubled[i] -= 2 * x
+            doubled[i + 1] += 4 * x
+        for i, x in enumerate(one):
+            doubled[i] -= x
+        powers.append(doubled)
+    columns = [[*row, *[0] * (degree + 1 - len(row))] for row in powers[: degree + 1]]
+    return [
+        [sum(map(int.__mul__, row, column)) for column in columns] for row in _to_bernstein(degree)
+    ]
+
+
+@lru_cache(maxsize=64)
+def _centred(degree: int, most: Fraction) -> Integers:
     """Return the same of powers of g = most (2 u - 1), u from 0 to 1."""
     a, b = most.numerator, most.denominator
     powers = [

@@ -59,7 +59,7 @@ from polefence.proof.laws import (
     require_continuous,
     used_nodes,
 )
-from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work
+from polefence.proof.matrices import MAX_BITS, Rationals, beside, identity, least_work, root_above
 from polefence.proof.motion import (
     changes,
     extremes,
@@ -1086,12 +1086,6 @@ def _alone(subject: Subject, k: int, factor: Fraction) -> Output:
     driven = row[n + m :]
     F = ([[driven]] * count) if any(driven) else []
     return Output([[row[:n]]] * count, [[row[n : n + m]]] * count, "", tuple(F))
-
-
-def root_above(square: Fraction) -> Fraction:
-    """Return a little more than the square root, of few digits."""
-    bits = max(0, 48 - (square.numerator.bit_length() - square.denominator.bit_length()) // 2)
-    return Fraction(math.isqrt((square.numerator << 2 * bits) // square.denominator) + 1, 1 << bits)
 
 
 def misnamed(outputs: Sequence[Output], plant: Plant) -> str:

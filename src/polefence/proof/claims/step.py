@@ -38,7 +38,6 @@ from polefence.proof.response import (
     Follower,
     Form,
     Series,
-    end_of,
     norms,
     positive,
     variables,
@@ -50,7 +49,14 @@ from polefence.proof.work import FormatError
 MEASURES = ("peak", "overshoot", "undershoot", "settling", "rise", "final")
 RELATIVE = ("overshoot", "undershoot", "settling", "rise")
 FEW = 60  # bits of about the inverse of A
-MAX_STEPS, MAX_TERMS, MAX_FORM, MAX_BITS = 20_000, 60, 16, 400
+MAX_STEPS, MAX_TERMS, MAX_FORM, MAX_BITS = 20_000, 40, 16, 400
+
+
+def _whole_pairs(table: Table) -> tuple[tuple[int, int], ...]:
+    pairs = table.matrix("lengths", None, 2)
+    if any(x.denominator != 1 for pair in pairs for x in pair):
+        raise FormatError("lengths must be pairs of whole numbers")
+    return tuple((int(a), int(b)) for a, b in pairs)
 
 
 @dataclass(frozen=True)
@@ -59,15 +65,17 @@ class Following(Short):
 
     Attributes
     ----------
-    step : Fraction
-        h [s].
-    steps, terms, degree, bits : int
+    unit : Fraction
+        Of lengths [s].
+    lengths : tuple of (int, int)
+        Of how many units a step is, and how many steps of that length follow one another.
+    terms, degree, bits : int
     rate, reach : Fraction
         beta [1/s] and kappa.
     """
 
-    step: Fraction
-    steps: int
+    unit: Fraction
+    lengths: tuple[tuple[int, int], ...]
     terms: int
     degree: int
     bits: int
@@ -78,8 +86,8 @@ class Following(Short):
     def read(cls, table: Table) -> Following:
         """Read it."""
         return cls(
-            table.number("step"),
-            table.whole("steps", None, MAX_STEPS, 1),
+            table.number("unit"),
+            _whole_pairs(table),
             table.whole("terms", None, MAX_TERMS, 1),
             table.whole("degree", None, MAX_FORM),
             table.whole("bits", None, MAX_BITS, 1),
@@ -89,13 +97,26 @@ class Following(Short):
 
     def write(self) -> dict[str, Any]:
         """Return what `read` reads."""
-        whole = {key: getattr(self, key) for key in ("steps", "terms", "degree", "bits")}
-        return whole | {key: plain(getattr(self, key)) for key in ("step", "rate", "reach")}
+        whole = {key: getattr(self, key) for key in ("terms", "degree", "bits")}
+        whole |= {"lengths": [list(pair) for pair in self.lengths]}
+        return whole | {key: plain(getattr(self, key)) for key in ("unit", "rate", "reach")}
 
     def require(self) -> None:
         """Refuse numbers that are not positive."""
-        if min(self.step, self.rate, self.reach) <= 0:
-            raise FormatError("following: step, rate and reach must be positive")
+        if min(self.unit, self.rate, self.reach) <= 0:
+            raise FormatError("following: unit, rate and reach must be positive")
+        if any(min(pair) < 1 for pair in self.lengths) or not 1 <= self.steps <= MAX_STEPS:
+            raise FormatError(f"lengths must be whole numbers, of 1 to {MAX_STEPS} steps")
+
+    @property
+    def steps(self) -> int:
+        """How many steps there are."""
+        return sum(count for _, count in self.lengths)
+
+    @property
+    def every(self) -> list[Fraction]:
+        """The length of each step [s]."""
+        return [units * self.unit for units, count in self.lengths for _ in range(count)]
 
 
 @dataclass(frozen=True)
@@ -241,10 +262,8 @@ class Run(Short):
     def follower(self) -> Follower:
         """What is followed."""
         own = self.claim.following[0]
-        x = own.rate * own.step
-        series = Series(own.step, own.terms, own.degree, own.bits)
-        fades = 1 / (1 + x + x * x / 2 + x * x * x / 6)
-        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), fades)
+        series = Series(own.terms, own.degree, own.bits)
+        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
 
     def output(self, x: Form, *, direct: bool = True) -> tuple[dict[Any, int], Fraction]:
         """Return C x + F over 2^bits, and what that is rounded by."""
@@ -339,11 +358,11 @@ class Run(Short):
 
         last: Form = {}
         error = ZERO
-        for step in follower.steps({}, ZERO, own.steps):
-            begin, end = own.step * step.number, own.step * (step.number + 1)
+        for step in follower.steps({}, own.every):
+            begin, end = step.begin, step.end
             y, rounded = self.along(step.forms)
             slack = own.reach * step.error + rounded + ulp
-            last, error = end_of(step.forms), step.error
+            last, error = step.last, step.error
             if claim.measure == "peak":
                 asked = [(plus(level, times(y, s)), slack) for s in (1, -1)]
             elif claim.measure == "overshoot":
@@ -390,7 +409,7 @@ class Run(Short):
         else:
             of = claim.level if claim.measure == "overshoot" else claim.band
             after = [(share(of), tail + of * slack_end)]
-        if claim.measure == "settling" and own.step * own.steps < claim.level:
+        if claim.measure == "settling" and sum(own.every) < claim.level:
             return "the steps end before the settling time"
         for q, room in after:
             if not holds(q, room + ulp):

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import groupby, product
 
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from polefence.base.progress import stage
 from polefence.law.law import Law
 from polefence.plant.family import UncertainPlant
 from polefence.plant.points import seeded
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Verdict, prove
-from polefence.proof.claims.step import RELATIVE, Following, StepResponse
+from polefence.proof.claims.step import RELATIVE, Following, Run, StepResponse
 from polefence.proof.laws import Evidence, Piece, Point
 from polefence.proof.matrices import Rationals, identity
-from polefence.proof.response import Centred
+from polefence.proof.response import Centred, norms
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.specification import claim_of
 from polefence.requirements.step import TIMES, StepMeasure
@@ -29,13 +31,15 @@ from polefence.response.discrete import balancing
 SAMPLES = 30
 STEPS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # by what share a level is above the worst sample
 NOTHING = 1e-6  # an overshoot of none, as a share
+NORMS = ((0, 0), (2, 0), (2, 2), (4, 0))  # degrees of Q, and how much higher inequalities are
+CHECKED = 5  # of nodes at which errors are looked at
 RATE = 0.6  # of the slowest decay, with which errors are proved to fade
 BEGIN = 2.0  # of the fastest mode's time, the first step
 TERMS = 12
 OFF, LONGER = 1e-7, 1e-4  # of what is allowed, a residual; of that, for which steps are longer
 SPREAD = 2.0  # of sizes of coefficients beside values at corners
-DEGREES = (4, 8)  # of the parameters, tried in turn before a part is split
-REACH = 1.02
+DEGREES = (4, 7)  # of the parameters, tried in turn before a part is split
+REACH = 1.3
 BITS, MORE = 30, 1e6
 FEW = 24  # bits of a level
 SHARE = 0.3  # of what is allowed after the last step
@@ -117,17 +121,19 @@ def _part(blank: StepResponse, low: Point, high: Point) -> tuple[Piece, Followin
     """Return what proves one part; None where nothing was found."""
     inner = _of_part(blank, low, high)
     loop = _Floats.of(inner)
-    for degree in DEGREES:
-        chosen = loop.followed(degree)
-        if chosen is None:
-            return None
-        evidence, following = chosen
-        claim = replace(
-            inner, subject=replace(inner.subject, evidence=evidence), following=(following,)
-        )
-        with suppress(FormatError), counted(claim.allowed):
-            if prove(claim).proved:
-                return Piece(low, high, evidence), following
+    for evidence, rate, reach in loop.fading():
+        subject = replace(inner.subject, evidence=evidence)
+        for degree in DEGREES:
+            following = loop.followed(evidence, rate, reach, degree)
+            if following is None:
+                return None
+            claim = replace(inner, subject=subject, following=(following,))
+            with suppress(FormatError), counted(claim.allowed):
+                claim.require()
+                if not claim.fades().proved:
+                    break
+                if not claim.run.fault():
+                    return Piece(low, high, evidence), following
     return None
 
 
@@ -152,6 +158,8 @@ class _Floats:
     """The loop of one part, in floats, in its middle and at its corners."""
 
     claim: StepResponse
+    run: Run
+    domain: Domain
     A: Array  # (1 + corners, n, n)
     b: Array  # (1 + corners, n)
     C: Array
@@ -160,21 +168,16 @@ class _Floats:
     @classmethod
     def of(cls, claim: StepResponse) -> _Floats:
         """Return it."""
-        run = claim.run
-        most = [float(x) for x in run.follower_variables]
-        points = [
-            np.zeros(len(most)),
-            *(np.array(s) * most for s in product((-1, 1), repeat=len(most))),
-        ]
-        A, b, C = (np.array([_value(P, g) for g in points]) for P in (run.A, run.b, run.C))
-        F = np.zeros(len(points))
-        if run.F is not None:
-            F = np.array([_value(run.F, g)[0, 0] for g in points])
-        return cls(claim, A, b[:, :, 0], C[:, 0], F)
+        run, domain = claim.run, Domain(claim.subject.sizes)
+        middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
+        at = np.concatenate([middle[None], domain.coordinates(np.eye(domain.corners))])
+        A, b, C = (_values(P, domain, at) for P in (run.A, run.b, run.C))
+        F = np.zeros(len(at)) if run.F is None else _values(run.F, domain, at)[:, 0, 0]
+        return cls(claim, run, domain, A, b[:, :, 0], C[:, 0], F)
 
     def moved(self) -> list[float]:
         """Return by how much each parameter moves A, beside its size."""
-        count = int(math.log2(len(self.A) - 1))
+        count = len(self.domain.sizes)
         signs = np.array(list(product((-1, 1), repeat=count)))
         scale = np.abs(self.A[0]).max(axis=0) + 1e-300
         return [
@@ -182,37 +185,51 @@ class _Floats:
             for k in range(count)
         ]
 
-    def followed(self, degree: int) -> tuple[Evidence, Following] | None:
-        """Return a norm and a series of so high a degree; None where errors do not fade."""
-        d = balancing(self.A)
-        balanced = self.A / d[:, None] * d
-        every = np.linalg.eigvals(balanced)
-        slow = -every.real.max()
-        if slow <= 0:
-            return None
-        rate = RATE * slow
-        Q = _norm(balanced, rate)
-        falling = np.swapaxes(balanced, 1, 2) @ Q + Q @ balanced + 2 * rate * Q
-        if np.linalg.eigvalsh(falling).max() >= 0:
-            return None
-        Q = Q / d[:, None] / d
-        squares = np.einsum("ki,ij,kj->k", self.C, np.linalg.inv(Q), self.C)
-        reach = REACH * float(np.sqrt(squares.max()))
+    def fading(self) -> Iterator[tuple[Evidence, float, float]]:
+        """Yield norms in which errors fade everywhere, with beta and kappa."""
+        domain = self.domain
+        at = domain.nodes(CHECKED)
+        A, C = (_values(P, domain, domain.coordinates(at)) for P in (self.run.A, self.run.C))
+        d = balancing(np.concatenate([self.A, A]))
+        middle, A, C = self.A[:1] / d[:, None] * d, A / d[:, None] * d, C[:, 0] * d
+        rate = -RATE * np.linalg.eigvals(np.concatenate([middle, A])).real.max()
+        if rate <= 0:
+            return
+        weight = _weight(middle[0], A, rate)
+        for degree, elevation in NORMS:
+            nodes = domain.nodes(degree)
+            own = _values(self.run.A, domain, domain.coordinates(nodes)) / d[:, None] * d
+            eye = rate * np.eye(len(d))
+            Q = np.array([solve_continuous_lyapunov((M + eye).T, -weight) for M in own])
+            coefficients = domain.interpolated((Q + np.swapaxes(Q, 1, 2)) / 2, degree)
+            Q = np.tensordot(domain.basis(at, degree), coefficients, 1)
+            falling = np.swapaxes(A, 1, 2) @ Q + Q @ A + 2 * rate * Q
+            if np.linalg.eigvalsh(falling).max() >= 0 or np.linalg.eigvalsh(Q).min() <= 0:
+                continue
+            squares = np.einsum("ki,kij,kj->k", C, np.linalg.inv(Q), C)
+            X = [_rationals(M / d[:, None] / d) for M in coefficients]
+            evidence = Evidence(X, degree, elevation, dual=True)
+            yield evidence, rate, REACH * float(np.sqrt(squares.max()))
+
+    def followed(
+        self, evidence: Evidence, rate: float, reach: float, degree: int
+    ) -> Following | None:
+        """Return a series of so high a degree; None where too little is allowed, or none ends."""
         ends = -np.linalg.solve(self.A, self.b[..., None])[..., 0]
         final = np.einsum("ki,ki->k", self.C, ends) + self.F
         allowed = self._allowed(final)
         if allowed <= 0:
             return None
-        fast = float(np.abs(every).max())
-        planned = self._planned(fast, np.asarray(ends), Q, reach, allowed)
+        fast = float(np.abs(np.linalg.eigvals(self.A)).max())
+        weights = np.array([float(x) for x in norms(evidence.X)])
+        planned = self._planned(fast, np.asarray(ends), weights, reach, allowed)
         if planned is None:
             return None
         unit, lengths = planned
-        norm, steps = np.sqrt(np.diag(Q)).sum(), sum(count for _, count in lengths)
-        size = reach * norm * TERMS * (degree + 1) * steps * MORE / allowed
+        steps = sum(count for _, count in lengths)
+        size = reach * weights.sum() * TERMS * (degree + 1) * steps * MORE / allowed
         bits = max(BITS, math.ceil(math.log2(size)))
-        own = unit, lengths, TERMS, degree, bits, _short(rate), _short(reach)
-        return Evidence([_rationals(Q)], dual=True), Following(*own)
+        return Following(unit, lengths, TERMS, degree, bits, _short(rate), _short(reach))
 
     def _allowed(self, final: Array) -> float:
         """Return how far the signal may be from its final value after the last step."""
@@ -230,10 +247,10 @@ class _Floats:
                 return float(size.min())
 
     def _planned(
-        self, fast: float, ends: Array, Q: Array, reach: float, allowed: float
+        self, fast: float, ends: Array, weights: Array, reach: float, allowed: float
     ) -> tuple[Fraction, tuple[tuple[int, int], ...]] | None:
         """Return a unit, and steps as long as the tau method bears, until little is left."""
-        claim, weights = self.claim, np.sqrt(np.diag(Q))
+        claim = self.claim
         level = claim.level if claim.measure in TIMES else Fraction(0)
         unit = _power(BEGIN / fast)
         if level:
@@ -301,27 +318,31 @@ def _power(value: float) -> Fraction:
     return Fraction(2) ** math.floor(math.log2(value))
 
 
-def _norm(A: Array, rate: float) -> Array:
-    """Return Q of the modes in the middle, weighed so that what moves them at corners is even."""
-    poles, V = np.linalg.eig(A[0])
+def _weight(middle: Array, A: Array, rate: float) -> Array:
+    """Return what Q is to fall by: modes in the middle, weighed so that what moves them is even."""
+    poles, V = np.linalg.eig(middle)
     left = np.linalg.inv(V)
-    moved = np.abs(left @ (A[1:] - A[0]) @ V).max(axis=0)
-    room = np.sqrt(np.maximum(-poles.real - rate, 1e-3 * np.abs(poles)))
-    moved = moved / room[:, None] / room
+    moved = np.abs(left @ (A - middle) @ V).max(axis=0)
+    room = np.maximum(-poles.real - rate, 1e-3 * np.abs(poles))
+    moved = moved / np.sqrt(room)[:, None] / np.sqrt(room)
     pairs = np.abs(poles[:, None] - poles.conj()).argmin(axis=1)
     moved = np.maximum(moved, moved[pairs][:, pairs])  # alike for both of a pair
     moved = moved + 1e-9 * max(float(moved.max()), 1e-300)
-    d = balancing(moved[None]) * room
-    left = left / d[:, None]
-    Q = (left.conj().T @ left).real
-    return np.asarray((Q + Q.T) / 2)
+    left = left / balancing(moved[None])[:, None]
+    return np.asarray((left.conj().T @ left).real)
 
 
-def _value(P: Centred, g: Sequence[float] | Array) -> Array:
+def _values(P: Centred, domain: Domain, coordinates: Array) -> Array:
+    """Return the values of a polynomial in g at coordinates (count, sum of corners)."""
+    g, first = list[Array](), 0
+    for size in domain.sizes:
+        g += [coordinates[:, first + j] - 1 / size for j in range(1, size)]
+        first += size
     total: Array = np.zeros(())
     for e, M in P.terms.items():
-        scale = float(np.prod(np.power(g, e))) if len(e) else 1.0
-        total = total + scale * np.array([[float(Fraction(x, P.whole)) for x in row] for row in M])
+        scale = np.prod([x**power for x, power in zip(g, e, strict=True)], axis=0)
+        exact = np.array([[float(Fraction(x, P.whole)) for x in row] for row in M])
+        total = total + np.broadcast_to(scale, len(coordinates))[:, None, None] * exact
     return np.asarray(total)
 
 

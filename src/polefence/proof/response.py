@@ -363,9 +363,12 @@ def _inverted(A: tuple[tuple[float, ...], ...], half: float, m: int) -> list[lis
     return [row[size:] for row in rows]
 
 
-def norms(Q: Rationals) -> tuple[Fraction, ...]:
-    """Return sqrt(Q_ii), rounded up: |e|_Q is at most the sum of these times |e_i|."""
-    return tuple(root_above(Q[i][i]) for i in range(len(Q)))
+def norms(Q: Sequence[Rationals]) -> tuple[Fraction, ...]:
+    """Return the largest sqrt(Q_ii) of all coefficients, rounded up.
+
+    |e|_Q is at most the sum of these times |e_i|, at all values of the parameters.
+    """
+    return tuple(root_above(max(M[i][i] for M in Q)) for i in range(len(Q[0])))
 
 
 # --- polynomials of numbers, over s and g --------------------------------------------------------

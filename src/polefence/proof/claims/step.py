@@ -160,8 +160,8 @@ class StepResponse(SignalClaim):
             raise FormatError("step: of a plant in continuous time")
         if self.subject.remainder is not None or self.subject.law.W is not None:
             raise FormatError("step: of a plant that is known exactly, and a law that is no Z W^-1")
-        if not evidence.dual or evidence.degree:
-            raise FormatError("step: its evidence is one Q in each part of the box")
+        if not evidence.dual:
+            raise FormatError("step: its evidence is a Q in each part of the box")
         if len(self.following) != 1:
             raise FormatError("following: there must be one for each part of the box")
         if self.measure in ("settling", "rise") and not 0 < self.band < 1:
@@ -206,7 +206,7 @@ class StepResponse(SignalClaim):
 
     def decided(self) -> Verdict:
         """Prove that errors fade, and then the measure, in each part of the box."""
-        verdict = super().decided()
+        verdict = self.fades()
         if not verdict.proved:
             return verdict
         cells, steps = self.subject.evidence.cells, 0
@@ -217,6 +217,10 @@ class StepResponse(SignalClaim):
                 return undecided(place + fault)
             steps += one.following[0].steps
         return verdict.noted(f"followed over {steps} steps")
+
+    def fades(self) -> Verdict:
+        """Prove that errors fade, and how far they reach."""
+        return super().decided()
 
     def _missed(self) -> str:
         """Say what is not proved; "" where all is."""
@@ -239,7 +243,7 @@ class Run(Short):
     b: Centred
     C: Centred
     F: Centred | None
-    Q: Rationals
+    Q: list[Rationals]
 
     @classmethod
     def of(cls, claim: StepResponse) -> Run:
@@ -250,7 +254,7 @@ class Run(Short):
         b = subject.driving(claim.scales, subject.sizes) * every
         passing = subject.through(claim.outputs, claim.scales)
         F = None if passing is None else Centred.of(passing * every)
-        Q = subject.evidence.X[0]
+        Q = subject.evidence.X
         return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
 
     @property

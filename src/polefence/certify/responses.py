@@ -262,7 +262,7 @@ class _Floats:
         while len(lengths) < MOST_STEPS:
             left = SPREAD * reach * (np.abs(x - ends) @ weights).max()
             if at >= goal and (left < SHARE * allowed or self._short_of_it(at)):
-                return unit, _runs(lengths)
+                return unit, _runs(lengths or [1])
             if at < goal:
                 length = min(length, 1 << (goal - at).bit_length() - 1)
             while True:

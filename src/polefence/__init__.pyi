@@ -123,6 +123,7 @@ from polefence.requirements.text import (
     parse_specification as parse_specification,
 )
 from polefence.requirements.sector import SectorBound as SectorBound
+from polefence.requirements.step import StepMeasure as StepMeasure
 from polefence.requirements.worst_gain import WorstCaseGain as WorstCaseGain
 from polefence.response.control import closed_loops as closed_loops
 from polefence.response.samples import at_sample_time as at_sample_time

@@ -25,6 +25,7 @@ from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.sector import SectorBound
+from polefence.requirements.step import StepMeasure
 from polefence.requirements.worst_gain import WorstCaseGain
 from support.specs import CROSSED
 
@@ -256,6 +257,8 @@ MARGINS = (
     "--limit", "sector of x with disturbance [w] with sector [-1, 2]",
     "--limit", "sector of x with disturbance [w] with sector [-2, 2] with time_invariant true",
     "--limit", "sector of x with disturbance [w] with sector [-2, 1] with slope_restricted true",
+    "--limit", "step of x with measure settling with band 0.05",
+    "--limit", "step of v with measure peak",
 )  # fmt: skip
 
 APART = [
@@ -361,6 +364,7 @@ def _write_passing(made: Path) -> None:
         WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
         SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
         SectorBound("v", disturbance="w", sector=(-0.2, 0.5), slope_restricted=True),
+        StepMeasure("v", measure="peak"),
         WorstCaseGain(
             "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
         ),

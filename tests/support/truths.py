@@ -291,7 +291,7 @@ def false_signal(plant, law, claim):
         K = law.gain(alpha)
         y, kind, P = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], law.passing(alpha)
         through = (mix(alpha, F) + mix(alpha, D) @ P) * scales
-        if kind != "gain" and np.any(through) and not filters:
+        if kind not in ("gain", "step") and np.any(through) and not filters:
             return True
         if "held" in claim:
             rows = mix(alpha, C), mix(alpha, D)
@@ -533,6 +533,8 @@ def _reached(kind, claim, loop, passive, T):
     if kind == "gain":
         w = np.array([0.0, *np.geomspace(1e-3, 1e3, 60)])
         return max(float(np.linalg.norm(F, 2)), _largest(A, E, C, F, 1j * w))
+    if kind == "step":
+        return _stepped(claim, A, E, C, F)
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
     sizes = map(number, claim.get("impulses", []))
     starts += [s * E[:, k] for k, s in enumerate(sizes)]
@@ -547,6 +549,33 @@ def _reached(kind, claim, loop, passive, T):
 def in_band(claim):
     """Frequencies of a claim's band [rad/s]."""
     return 2 * np.pi * np.linspace(*map(number, claim["band"]), 60)
+
+
+def _stepped(claim, A, E, C, F, apart=0.01, count=2000):
+    """The measure of a step response, of its values at times."""
+    n, measure, band = len(A), claim["measure"], number(claim.get("band", 0))
+    whole = np.block([[A, E.sum(axis=1, keepdims=True)], [np.zeros((1, n + 1))]])
+    step, x, y = expm(whole * apart), np.eye(n + 1)[:, -1], []
+    for _ in range(count):
+        y.append(float((C @ x[:n])[0] + F.sum()))
+        x = step @ x
+    final = float((F.sum(axis=1) - C @ np.linalg.solve(A, E.sum(axis=1)))[0])
+    y, t, s = np.array(y), apart * np.arange(count), np.sign(final)
+    size = abs(final) or np.nan
+    match measure:
+        case "peak":
+            return max(float(np.abs(y).max()), abs(final))
+        case "final":
+            return abs(final)
+        case "overshoot":
+            return float((s * y).max() / size - 1)
+        case "undershoot":
+            return float(-(s * y).min() / size)
+        case "settling":
+            out = np.flatnonzero(np.abs(y - final) > (band + SLACK) * size)
+            return float(t[out[-1]]) if len(out) else 0.0
+    reached = np.flatnonzero(s * y >= (1 - band - SLACK) * size)
+    return float(t[max(reached[0] - 1, 0)]) if len(reached) else np.inf
 
 
 def _largest(A, E, C, F, points):
@@ -1282,6 +1311,7 @@ FALSE = {
     "delay margin": false_delay_margin,
     "worst-case gain": false_worst_case,
     "sector": false_sector,
+    "step": false_signal,
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

@@ -39,6 +39,7 @@ ALONE = {
     "gain margin": "gain margin of u >= 1.5",
     "phase margin": "phase margin of u >= 20",
     "delay margin": "delay margin of u >= 0.05",
+    "step": "step of x1 <= 5 with measure peak",
 }
 COUPLED = (
     "disk margin of [u, h] >= 0.5",

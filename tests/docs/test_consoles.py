@@ -35,6 +35,7 @@ MOVING = (
     spec_text("quarter-car-ride").replace('"1/m1"\n', '"1/m1"\nrate = [-50, 50]\n'),
 )
 STOP = re.search(r"```toml\n(.*?)```", (DOCS / "elements.md").read_text(), re.DOTALL)[1]
+MASS = re.search(r"```toml\n(.*?)```", (DOCS / "steps.md").read_text(), re.DOTALL)[1]
 LATE = ("late.toml", docs_script("dead_time").SPEC)
 MEASURED = list(docs_script("from_data").files().items())
 PAGES = {  # with what a reader has before the first command
@@ -54,6 +55,7 @@ PAGES = {  # with what a reader has before the first command
     "sample-time": [CAR],
     "semi-active": [],
     "service": [CAR],
+    "steps": [("mass.toml", MASS)],
     "tutorial": [STAGE],
     "verify": [INTEGRATORS.groups()],
 }

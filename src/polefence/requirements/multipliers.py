@@ -31,10 +31,8 @@ from polefence.response.peaks import peaks, response
 from polefence.response.stationary import growth
 
 ROUNDS, HASTY = 12, 5  # of peaks that are found anew; while a law is tuned
-EXCHANGES, MORE = (
-    12,
-    8,
-)  # of known frequencies, how many are looked at more closely, in each of so many
+# Exchanges of known frequencies, and how many more are looked at closely in each.
+EXCHANGES, MORE = 12, 8
 AT_ONCE = 24  # of them to begin with
 MOST_STEPS = 80  # of one search
 ENOUGH, NEARLY = 1e-6, 1e-4  # how near the least that known peaks allow; while a law is tuned

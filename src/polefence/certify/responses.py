@@ -23,7 +23,7 @@ from polefence.proof.claims.step import RELATIVE, Following, Run, StepResponse
 from polefence.proof.laws import Evidence, Piece, Point
 from polefence.proof.matrices import Rationals, identity
 from polefence.proof.response import Centred, norms
-from polefence.proof.work import FormatError, counted
+from polefence.proof.work import MAX_WORK, Count, FormatError, counted
 from polefence.requirements.specification import claim_of
 from polefence.requirements.step import TIMES, StepMeasure
 from polefence.response.discrete import balancing
@@ -45,6 +45,9 @@ FEW = 24  # bits of a level
 SHARE = 0.3  # of what is allowed after the last step
 MOST_STEPS, MOST_PARTS = 4000, 256
 SMALLEST = Fraction(1, 64)  # of a parameter's range
+# Of all parts that are tried for a limit, or for the least level: about a minute. Random families
+# of up to six states and three parameters take a tenth of it at most.
+SOUGHT = 5 * MAX_WORK
 
 Proved = tuple[StepResponse, Verdict]
 
@@ -54,7 +57,7 @@ def kept(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
     if asked.at_most is None or not _sampled(plant, law, asked) <= asked.at_most:
         return None
     with stage(f"limit on {asked.title}"):
-        return _proved(plant, law, asked, asked.at_most)
+        return _proved(plant, law, asked, asked.at_most, Count(SOUGHT))
 
 
 def least(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
@@ -62,12 +65,13 @@ def least(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
     worst = _sampled(plant, law, asked)
     if not np.isfinite(worst):
         return None
+    work = Count(SOUGHT)
     with stage(f"bound on {asked.title}"):
         for share in STEPS:
             level = max(worst, NOTHING if asked.measure in RELATIVE else 0.0) * (1 + share)
             if asked.measure in ("overshoot", "undershoot"):
                 level = max(level, share)
-            found = _proved(plant, law, asked, _above(level))
+            found = _proved(plant, law, asked, _above(level), work)
             if found is not None:
                 return found
     return None
@@ -78,24 +82,21 @@ def _sampled(plant: UncertainPlant, law: Law, asked: StepMeasure) -> float:
     return float(asked.values(plant, law, alpha).max())
 
 
-def _proved(plant: UncertainPlant, law: Law, asked: StepMeasure, level: float) -> Proved | None:
+def _proved(
+    plant: UncertainPlant, law: Law, asked: StepMeasure, level: float, work: Count
+) -> Proved | None:
+    """Return the claim of a level, and its proof; parts are looked for with what work is left."""
     on = law.domain_of(plant).on
     evidence = Evidence([identity(plant.shape[0])])
     blank = claim_of(plant, law.exact, on, asked, evidence, Fraction(level))
     if not isinstance(blank, StepResponse):
         return None
-    sizes = blank.subject.sizes
-    box = set(sizes) == {2}
-    parts, waiting = list[tuple[Piece, Following]](), [_corners(len(sizes) if box else 0)]
-    while waiting:
-        low, high = waiting.pop()
-        found = _part(blank, low, high)
-        if found is not None:
-            parts.append(found)
-            continue
-        if not box or len(parts) + len(waiting) + 2 > MOST_PARTS or _small(low, high):
-            return None
-        waiting += _halves(blank, low, high)
+    parts = list[tuple[Piece, Following]]()
+    with suppress(FormatError), counted(work.most - work.spent) as own:
+        parts = _in_parts(blank, own)
+    work.spent += own.spent
+    if not parts:
+        return None
     evidence = parts[0][0].evidence
     if len(parts) > 1:
         evidence = Evidence([], cells=tuple(piece for piece, _ in parts), dual=True)
@@ -105,6 +106,24 @@ def _proved(plant: UncertainPlant, law: Law, asked: StepMeasure, level: float) -
         verdict = prove(claim)
         return (claim, verdict) if verdict.proved else None
     return None
+
+
+def _in_parts(blank: StepResponse, work: Count) -> list[tuple[Piece, Following]]:
+    """Return what proves every part of the box; nothing where that was not found."""
+    sizes = blank.subject.sizes
+    box = set(sizes) == {2}
+    parts, waiting = list[tuple[Piece, Following]](), [_corners(len(sizes) if box else 0)]
+    while waiting:
+        low, high = waiting.pop()
+        found = _part(blank, low, high)
+        if found is not None:
+            parts.append(found)
+            continue
+        many = len(parts) + len(waiting) + 2 > MOST_PARTS
+        if not box or many or _small(low, high) or work.most - work.spent < MAX_WORK:
+            return []
+        waiting += _halves(blank, low, high)
+    return parts
 
 
 def _corners(count: int) -> tuple[Point, Point]:

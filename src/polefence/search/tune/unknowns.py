@@ -210,7 +210,8 @@ class At:
 
     def of(self, law: Law, alpha: Array) -> Array:
         """Return the gain that a law has of what is measured, (count, m, r)."""
-        if isinstance(law, PolynomialGain):
+        own = [signal.name for signal in self.unknowns.blank.measured]
+        if isinstance(law, PolynomialGain) and [y.name for y in law.measured] == own:
             return np.asarray(np.tensordot(law.terms(alpha), law.gains, 1))
         K = np.asarray(law.gain(alpha)) * self.unknowns.states
         pairs = zip(self.C, K, strict=True)

@@ -21,7 +21,7 @@ using Int = std::int64_t;
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double residual = 1e-9;  // of an equation, as response/modes.py takes it
-constexpr int refined = 3;         // times at most
+constexpr int most_refined = 3;    // times that what is left of it is solved for
 constexpr double close = 1e-8;     // of a trace, as search/tune/smooth.py takes it
 
 template <int D>
@@ -177,34 +177,34 @@ class Laws {
         const Complex *poles = plain.poles + at * plain.n;
         const bool decays = decay(poles, plain.n);
         if (q.needs_decay && !decays && q.slopes) return impossible;
-        for (Covariance &own : covariances) own.solved = false;
+        this->law = law;
+        place = at;
+        for (Covariance &known : covariances) known.solved = false;
         turn(at);
-        for (const Measure &own : q.measures) {
-            now = &own;
-            this->law = law;
-            place = at;
-            number = &own - q.measures.data();
+        for (const Measure &measure : q.measures) {
+            now = &measure;
+            const auto number = &measure - q.measures.data();
             peak = -infinity;
-            if (!q.slopes && q.needs_decay && !decays && (own.group == 0 || own.kind == of_noise)) {
+            if (!q.slopes && q.needs_decay && !decays && (measure.group == 0 || measure.kind == of_noise)) {
                 peak = infinity;  // what is minimised, and requirements
-            } else if (own.kind == of_side) {
+            } else if (measure.kind == of_side) {
                 of_poles(poles, plain.n, [&](Complex z, double *dx, double *dy) {
-                    return growth(q.sides[static_cast<std::size_t>(own.number)], z, dx, dy);
+                    return growth(q.sides[static_cast<std::size_t>(measure.number)], z, dx, dy);
                 });
-            } else if (own.kind == of_speed) {
+            } else if (measure.kind == of_speed) {
                 of_poles(poles, plain.n, [&](Complex z, double *dx, double *dy) {
                     const double size = std::max(std::sqrt(square(z)), std::numeric_limits<double>::min());
                     *dx = z.real() / size / q.fastest;
                     *dy = z.imag() / size / q.fastest;
                     return size / q.fastest;
                 });
-            } else if (own.kind == of_entries) {
+            } else if (measure.kind == of_entries) {
                 entries();
-            } else if (own.kind == of_size) {
+            } else if (measure.kind == of_size) {
                 size();
-            } else if (own.kind == of_curve) {
-                smooth(q.curves[static_cast<std::size_t>(own.number)], poles);
-            } else if (!noise(q.noises[static_cast<std::size_t>(own.number)])) {
+            } else if (measure.kind == of_curve) {
+                smooth(q.curves[static_cast<std::size_t>(measure.number)], poles);
+            } else if (!noise(q.noises[static_cast<std::size_t>(measure.number)])) {
                 return hard;
             }
             if (!q.slopes) worst[static_cast<std::size_t>(number * q.laws * q.count + at)] = peak;
@@ -230,22 +230,22 @@ class Laws {
 
     // K C, each left eigenvector times B, and C times each right one.
     void turn(Int at) {
-        const Modes &own = q.modes[0];
-        const Complex *right = own.right + at * own.n * own.n, *left = own.left + at * own.n * own.n;
-        const double *B = own.B + at * own.n * q.m, *C = q.C + at * q.r * own.n, *K = q.K + at * q.m * q.r;
+        const Modes &modes = q.modes[0];
+        const Complex *right = modes.right + at * modes.n * modes.n, *left = modes.left + at * modes.n * modes.n;
+        const double *B = modes.B + at * modes.n * q.m, *C = q.C + at * q.r * modes.n, *K = q.K + at * q.m * q.r;
         for (Int i = 0; i < q.m; ++i)
-            for (Int j = 0; j < own.n; ++j) {
+            for (Int j = 0; j < modes.n; ++j) {
                 double sum = 0;
-                for (Int k = 0; k < q.r; ++k) sum += K[i * q.r + k] * C[k * own.n + j];
-                states_gain[cell(i, j, own.n)] = sum;
+                for (Int k = 0; k < q.r; ++k) sum += K[i * q.r + k] * C[k * modes.n + j];
+                states_gain[cell(i, j, modes.n)] = sum;
             }
         if (!q.slopes) return;
         std::fill(ahead.begin(), ahead.end(), Complex(0));
         std::fill(behind.begin(), behind.end(), Complex(0));
-        for (Int i = 0; i < own.n; ++i)
-            for (Int k = 0; k < own.n; ++k) {
-                for (Int j = 0; j < q.m; ++j) ahead[cell(i, j, q.m)] += left[i * own.n + k] * B[k * q.m + j];
-                for (Int j = 0; j < q.r; ++j) behind[cell(i, j, q.r)] += C[j * own.n + k] * right[k * own.n + i];
+        for (Int i = 0; i < modes.n; ++i)
+            for (Int k = 0; k < modes.n; ++k) {
+                for (Int j = 0; j < q.m; ++j) ahead[cell(i, j, q.m)] += left[i * modes.n + k] * B[k * q.m + j];
+                for (Int j = 0; j < q.r; ++j) behind[cell(i, j, q.r)] += C[j * modes.n + k] * right[k * modes.n + i];
             }
     }
 
@@ -266,12 +266,12 @@ class Laws {
     }
 
     // The least r of a pole, and its slopes along both axes.
-    static double growth(const Side &own, Complex z, double *dx, double *dy) {
+    static double growth(const Side &side, Complex z, double *dx, double *dy) {
         const double x = z.real(), y = z.imag();
-        if (own.p == 1) {
-            const double H1 = own.L1[0] + 2 * own.M1[0] * x;
-            const double r = (own.L0[0] + 2 * own.M0[0] * x) / -H1;
-            *dx = 2 * (own.M0[0] + r * own.M1[0]) / -H1;
+        if (side.p == 1) {
+            const double H1 = side.L1[0] + 2 * side.M1[0] * x;
+            const double r = (side.L0[0] + 2 * side.M0[0] * x) / -H1;
+            *dx = 2 * (side.M0[0] + r * side.M1[0]) / -H1;
             *dy = 0;
             return r;
         }
@@ -279,10 +279,10 @@ class Laws {
         const auto corner = [&](const double *L, const double *M) {
             return Complex(L[1] + (M[1] + M[2]) * x, (M[1] - M[2]) * y);
         };
-        const double a1 = -(own.L1[0] + 2 * own.M1[0] * x), d1 = -(own.L1[3] + 2 * own.M1[3] * x);
-        const Complex b1 = -corner(own.L1, own.M1);
-        const double a0 = own.L0[0] + 2 * own.M0[0] * x, d0 = own.L0[3] + 2 * own.M0[3] * x;
-        const Complex b0 = corner(own.L0, own.M0);
+        const double a1 = -(side.L1[0] + 2 * side.M1[0] * x), d1 = -(side.L1[3] + 2 * side.M1[3] * x);
+        const Complex b1 = -corner(side.L1, side.M1);
+        const double a0 = side.L0[0] + 2 * side.M0[0] * x, d0 = side.L0[3] + 2 * side.M0[3] * x;
+        const Complex b0 = corner(side.L0, side.M0);
         const double t = std::sqrt(a1);
         const Complex s = std::conj(b1) / t;
         const double u = std::sqrt(d1 - square(s));
@@ -308,7 +308,7 @@ class Laws {
         }
         const Complex v0 = e0 / t + times(w, e1), v1 = v * e1;
         double M[4];
-        for (int i = 0; i < 4; ++i) M[i] = own.M0[i] + r * own.M1[i];
+        for (int i = 0; i < 4; ++i) M[i] = side.M0[i] + r * side.M1[i];
         // v* M v: its real part twice along the real axis, less its imaginary part along the other
         const Complex along = M[0] * square(v0) + M[3] * square(v1) + M[1] * against(v1, v0) + M[2] * against(v0, v1);
         *dx = 2 * along.real();
@@ -356,7 +356,7 @@ class Laws {
         return above;
     }
 
-    void smooth(const Curve &own, const Complex *z) {
+    void smooth(const Curve &curve, const Complex *z) {
         const Modes &modes = q.modes[0];
         const Int n = modes.n;
         const Complex *V = modes.right + place * n * n, *U = modes.left + place * n * n;
@@ -370,32 +370,32 @@ class Laws {
                 const std::size_t at = cell(i, j, n);
                 P[at] = left;
                 G[at] = right;
-                S[at] = own.s * against(left, right);
+                S[at] = curve.s * against(left, right);
                 const Complex both = against(z[i], z[j]);
                 for (std::size_t k = 0; k < 3; ++k) {
-                    powers[k][at] = own.a[k];
-                    if (k < 2) powers[k][at] += times(own.b[k], z[i]) + std::conj(times(own.b[k], z[j]));
+                    powers[k][at] = curve.a[k];
+                    if (k < 2) powers[k][at] += times(curve.b[k], z[i]) + std::conj(times(curve.b[k], z[j]));
                 }
-                powers[0][at] += own.e * both;
+                powers[0][at] += curve.e * both;
             }
         double low = -infinity, dx = 0, dy = 0;
         for (Int i = 0; i < n; ++i) {
             const Complex upper(z[i].real(), std::fabs(z[i].imag()));
-            low = std::max(low, growth(q.sides[static_cast<std::size_t>(own.side)], upper, &dx, &dy));
+            low = std::max(low, growth(q.sides[static_cast<std::size_t>(curve.side)], upper, &dx, &dy));
         }
-        const double r = least(low, own.most);
-        if (q.slopes) turn_smooth(own, modes, V, U, r);
+        const double r = least(low, curve.most);
+        if (q.slopes) turn_smooth(curve, modes, V, U, r);
         row(r);
     }
 
-    void turn_smooth(const Curve &own, const Modes &modes, const Complex *V, const Complex *U, double r) {
+    void turn_smooth(const Curve &curve, const Modes &modes, const Complex *V, const Complex *U, double r) {
         const Int n = modes.n;
         const double *A = modes.A + place * n * n;
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
                 const std::size_t at = cell(i, j, n);
                 const Complex D = powers[0][at] + r * (powers[1][at] + r * powers[2][at]);
-                S[at] = own.s * P[at] / -D;
+                S[at] = curve.s * P[at] / -D;
                 P[at] = G[at] / -std::conj(D);  // D' is its conjugate
             }
         // X = V (..) V*, Q = U* (..) U
@@ -403,8 +403,8 @@ class Laws {
         multiply(n, [&](Int i, Int k) { return half[cell(i, k, n)]; }, [&](Int k, Int j) { return std::conj(V[j * n + k]); }, X);
         multiply(n, [&](Int i, Int k) { return std::conj(U[k * n + i]); }, [&](Int k, Int j) { return P[cell(k, j, n)]; }, half);
         multiply(n, [&](Int i, Int k) { return half[cell(i, k, n)]; }, [&](Int k, Int j) { return U[k * n + j]; }, Q);
-        const Complex b = own.b[0] + r * own.b[1], db = own.b[1];
-        const double da = own.a[1] + 2 * r * own.a[2];
+        const Complex b = curve.b[0] + r * curve.b[1], db = curve.b[1];
+        const double da = curve.a[1] + 2 * r * curve.a[2];
         // fall: of the trace of Q (da X + 2 db A X)
         double fall = 0;
         for (Int i = 0; i < n; ++i)
@@ -421,8 +421,8 @@ class Laws {
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
                 Complex sum = times(b, X[cell(i, j, n)]);
-                if (own.e != 0)
-                    for (Int k = 0; k < n; ++k) sum += own.e * A[j * n + k] * X[cell(i, k, n)];
+                if (curve.e != 0)
+                    for (Int k = 0; k < n; ++k) sum += curve.e * A[j * n + k] * X[cell(i, k, n)];
                 half[cell(i, j, n)] = sum;
             }
         const double *B = modes.B + place * n * q.m, *C = q.C + place * q.r * n;
@@ -485,23 +485,23 @@ class Laws {
 
     // --- noise ---
 
-    // X of A X + X A' + step A X A' + W = 0, W in `weights`; of A' X + ... where turned. What
-    // ill-conditioned eigenvectors leave over is solved for in turn.
-    bool lyapunov(const Modes &own, Int at, bool turned, double *X) {
-        const Int size = own.n * own.n;
-        const double *A = own.A + at * size;
-        by_modes(own, at, turned, weights, X);
-        for (int k = 0; k < refined; ++k) {
-            if (solves(A, own.n, turned, X)) return true;
-            by_modes(own, at, turned, left_over, correction.data());
+    // Whether X solves A X + X A' + step A X A' + W = 0, W in `weights`, or A' X + ... where turned.
+    // Ill-conditioned eigenvectors leave a residual, which is solved for in the same way.
+    bool refine(const Modes &modes, bool turned, double *X) {
+        const Int size = modes.n * modes.n;
+        const double *A = modes.A + place * size;
+        for (int k = 0; !solves(A, modes.n, turned, X); ++k) {
+            if (k == most_refined) return false;
+            by_modes(modes, turned, left_over, correction.data());
             for (Int i = 0; i < size; ++i) X[i] += correction[static_cast<std::size_t>(i)];
         }
-        return solves(A, own.n, turned, X);
+        return true;
     }
 
-    void by_modes(const Modes &own, Int at, bool turned, const std::vector<double> &W, double *X) {
-        const Int n = own.n;
-        const Complex *p = own.poles + at * n, *V = own.right + at * n * n, *U = own.left + at * n * n;
+    void by_modes(const Modes &modes, bool turned, const std::vector<double> &W, double *X) {
+        const Int n = modes.n;
+        const Complex *p = modes.poles + place * n, *V = modes.right + place * n * n;
+        const Complex *U = modes.left + place * n * n;
         // V (U W U* / -t) V*, or U* (V* W V / -t*) U
         for (Int i = 0; i < n; ++i)
             for (Int j = 0; j < n; ++j) {
@@ -561,15 +561,15 @@ class Laws {
         return rest <= residual * (largest + size);
     }
 
-    bool noise(const Noise &own) {
-        const Source &source = q.sources[static_cast<std::size_t>(own.source)];
+    bool noise(const Noise &signal) {
+        const Source &source = q.sources[static_cast<std::size_t>(signal.source)];
         const Modes &modes = q.modes[static_cast<std::size_t>(source.modes)];
-        const Int n = modes.n, p = own.p;
-        Covariance &known = covariances[static_cast<std::size_t>(own.source)];
+        const Int n = modes.n, p = signal.p;
+        Covariance &known = covariances[static_cast<std::size_t>(signal.source)];
         if (!known.solved && !covariance(source, modes, known)) return false;
         const double *X = known.X.data();
         const Int plain = q.modes[0].n;
-        const double *open = own.C + place * p * n, *D = own.D + place * p * q.m, *C = closed.data();
+        const double *open = signal.C + place * p * n, *D = signal.D + place * p * q.m, *C = closed.data();
         for (Int i = 0; i < p; ++i)
             for (Int j = 0; j < n; ++j) {
                 double along = open[i * n + j];
@@ -577,7 +577,7 @@ class Laws {
                     along += D[i * q.m + k] * states_gain[cell(k, j, plain)];
                 closed[cell(i, j, n)] = along;
             }
-        double sum = own.more[place];
+        double sum = signal.more[place];
         for (Int i = 0; i < p; ++i)
             for (Int j = 0; j < n; ++j) {
                 double along = 0;
@@ -586,7 +586,7 @@ class Laws {
                 sum += along * C[i * n + j];
             }
         const double value = std::sqrt(std::max(sum, 0.0));
-        if (q.slopes && !turn_noise(own, modes, known, value > 0 ? value : 1)) return false;
+        if (q.slopes && !turn_noise(signal, modes, known, value > 0 ? value : 1)) return false;
         row(value);
         return true;
     }
@@ -637,7 +637,7 @@ class Laws {
                 weights[cell(i, j, n)] = sum;
             }
         known.refined = !solves(A, n, false, X.data());
-        if (known.refined && !lyapunov(modes, place, false, X.data())) return false;
+        if (known.refined && !refine(modes, false, X.data())) return false;
         known.moved = X;
         if (q.step != 0)
             for (Int i = 0; i < n; ++i)
@@ -665,7 +665,7 @@ class Laws {
         return left + std::conj(right) + q.step * against(left, right);
     }
 
-    // B' Q of A' Q + Q A + C' C = 0 and so on, (m, n), into `full`: by B' U* Y U, Y = V* C' C V / -t*.
+    // B' Q of A' Q + Q A + C' C = 0 and so on, (m, n), into `pushed`: by B' U* Y U, Y = V* C' C V / -t*.
     bool observed_inputs(const Modes &modes, Int p, bool refined) {
         const Int n = modes.n, m = q.m;
         const double *B = modes.B + place * n * m, *C = closed.data();
@@ -676,7 +676,8 @@ class Laws {
                     for (Int k = 0; k < p; ++k) sum += C[k * n + i] * C[k * n + j];
                     weights[cell(i, j, n)] = sum;
                 }
-            if (!lyapunov(modes, place, true, observed.data())) return false;
+            by_modes(modes, true, weights, observed.data());
+            if (!refine(modes, true, observed.data())) return false;
             for (Int k = 0; k < m; ++k)
                 for (Int j = 0; j < n; ++j) {
                     double sum = 0;
@@ -728,11 +729,11 @@ class Laws {
     }
 
     // Slopes: Q X over the value with respect to A, times B'; C X over it, times D'.
-    bool turn_noise(const Noise &own, const Modes &modes, const Covariance &known, double value) {
-        const Int n = modes.n, p = own.p, plain = q.modes[0].n;
+    bool turn_noise(const Noise &signal, const Modes &modes, const Covariance &known, double value) {
+        const Int n = modes.n, p = signal.p, plain = q.modes[0].n;
         if (!observed_inputs(modes, p, known.refined)) return false;
         // no gain is of the states of filters
-        const double *D = own.D + place * p * q.m;
+        const double *D = signal.D + place * p * q.m;
         std::fill(full.begin(), full.end(), 0.0);
         for (Int k = 0; k < q.m; ++k) {
             double *to = full.data() + k * plain;
@@ -785,7 +786,6 @@ class Laws {
     const Question &q;
     const Measure *now = nullptr;
     Int law = 0, place = 0;
-    std::ptrdiff_t number = 0;
     double peak = 0;
     std::vector<Complex> half, whole, ahead, behind, P, G, S, X, Q, powers[3];
     std::vector<double> product, weights, observed, dA, closed, shown, left_over, correction, full, states_gain, gain, flat;

@@ -1,7 +1,7 @@
-"""What the compiled kernel measures of laws at points: poles, the law itself, answers to noise.
+"""Rows of laws by the compiled kernel: poles, the size of the law, rms values.
 
-`polefence.search.tune.measures` is the reference: it measures what the kernel does not know, and
-laws with a point at which eigenvectors are too ill-conditioned for equations in their coordinates.
+`polefence.search.tune.measures` is the reference. It does what the kernel cannot: other measures,
+and laws with a loop whose eigenvectors are too ill-conditioned for its Lyapunov equations.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ def knows(wanted: Wanted) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Measures at points, as the kernel takes them.
+    """The measures of one phase at some points, and the arrays that the kernel takes.
 
     Attributes
     ----------
     every, rest : tuple of Wanted
-        What the kernel measures, and what it does not know.
+        Those that the kernel evaluates, and the others.
     channel : Channel
         The plant alone.
     at : At
     largest, weight : (m, r) arrays
-        What the magnitudes of the law's entries may be, and what makes its size of them.
+        Limits on the magnitudes of the gain's entries; and their weights in its norm.
     step, fastest : float
     stable : bool
-        Whether loops must be stable for what is asked.
+        Whether unstable loops have no rows.
     first : bool
-        Whether what is in units is the objective; else all is.
+        Whether measures in units are the objective; otherwise all measures are.
     trace : float
-        What that of smooth measures may be.
+        Bound on the trace that defines a smooth measure.
     """
 
     every: tuple[Wanted, ...]
@@ -68,7 +68,7 @@ class Plan:
     def rows(
         self, laws: int, K: Array, modes: Modes, unit: Array, most: Array
     ) -> tuple[list[Rows | None], list[int]]:
-        """Return rows of laws that follow one another, and the numbers of those for the reference.
+        """Return the rows of several laws, and the numbers of laws left to the reference.
 
         Parameters
         ----------
@@ -81,14 +81,14 @@ class Plan:
         values, slopes, groups, objective, ends, status, _ = self._asked(laws, K, modes, unit, most)
         objective, begin, rows = objective.view(bool), 0, list[Rows | None]()
         for end, how in zip(ends.tolist(), status.tolist(), strict=True):
-            some = slice(begin, end)
-            own = Rows(values[some], slopes[some], groups[some], objective[some])
-            rows.append(own if how == FINE else None)
+            law = slice(begin, end)
+            found = Rows(values[law], slopes[law], groups[law], objective[law])
+            rows.append(found if how == FINE else None)
             begin = end
         return rows, np.flatnonzero(status == HARD).tolist()
 
     def worst(self, K: Array, modes: Modes) -> Array | None:
-        """Return the largest of each group at each point; None where the reference is to say."""
+        """Return the largest of each group at each point; None where the reference is needed."""
         one = np.ones(1)
         *_, status, worst = self._asked(1, K, modes, one, one, slopes=False)
         if status[0] != FINE:
@@ -101,24 +101,24 @@ class Plan:
     def _asked(
         self, laws: int, K: Array, modes: Modes, *of_laws: Array, slopes: bool = True
     ) -> Any:
-        own = self._arrays
+        arrays = self._arrays
         loops = [_loops(self.channel, modes)]
-        for channel in own.filtered:
+        for channel in arrays.filtered:
             wide = np.pad(K @ self.at.C, ((0, 0), (0, 0), (0, channel.filters)))
             loops.append(_loops(channel, Modes(channel.A + channel.B @ wide, modes.step)))
         asked = (self.step, self.fastest, self.stable, self.first, slopes)
-        law = (np.ascontiguousarray(K), *own.law, *of_laws)
+        law = (np.ascontiguousarray(K), *arrays.law, *of_laws)
         return kernel().rows(
             laws,
             *asked,
             *law,
             loops,
-            own.sources,
-            own.noises,
-            own.sides,
-            own.curves,
-            own.measures,
-            own.bends,
+            arrays.sources,
+            arrays.noises,
+            arrays.sides,
+            arrays.curves,
+            arrays.measures,
+            arrays.bends,
         )
 
     @cached_property
@@ -128,7 +128,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class _Arrays:
-    """What the kernel takes, whatever the law."""
+    """The arguments of the kernel that do not depend on the law."""
 
     law: tuple[Array, ...]
     filtered: list[Channel]
@@ -182,13 +182,13 @@ def _numbers(curve: Curve) -> tuple[float, ...]:
 def _noise(
     channel: Channel, filtered: list[Channel], sources: list[tuple[int, Array]]
 ) -> tuple[int, Array, Array, Array]:
-    """Return a signal with the number of what drives it, which several may share."""
+    """Return a signal with the number of its source; signals with one E share it."""
     loops = 0
     if channel.filters:
         filtered.append(channel)
         loops = len(filtered)
     E = _plain(channel.E)
-    same = [k for k, own in enumerate(sources) if own[0] == loops and np.array_equal(own[1], E)]
+    same = [k for k, (n, M) in enumerate(sources) if n == loops and np.array_equal(M, E)]
     if not same:
         sources.append((loops, E))
     more = np.zeros(len(E)) + channel.more
@@ -197,9 +197,12 @@ def _noise(
 
 
 def _loops(channel: Channel, modes: Modes) -> tuple[Array, ...]:
-    own = (modes.A, channel.B)
     parts = (modes.poles, modes.right, modes.left)
-    return (*map(_plain, own), *(np.ascontiguousarray(part, dtype=complex) for part in parts))
+    return (
+        _plain(modes.A),
+        _plain(channel.B),
+        *(np.ascontiguousarray(part, dtype=complex) for part in parts),
+    )
 
 
 def _plain(M: Array) -> Array:

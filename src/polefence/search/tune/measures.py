@@ -294,7 +294,7 @@ class Points:
         return Found(values, np.arange(len(K)), lambda: dK, inner=True)
 
     def wanted(self, phase: str, kappa: float | None = None) -> list[Wanted]:
-        """Return what a phase measures, with ``kappa`` smoothly: regions in their own phase."""
+        """Return the measures of a phase; with ``kappa`` regions and the objective are smooth."""
         margin, groups = 0.0 if phase == WORST else MARGIN, count()
         wanted = list[Wanted]()
         if phase == SMALL:
@@ -392,7 +392,7 @@ class Points:
         return rows
 
     def _of_finite(self, asks: Sequence[Ask], K: Array, inner: Array) -> list[Rows | None]:
-        """Return rows of laws whose loops are finite: the kernel's, with those of the reference."""
+        """Return rows of laws whose loops are finite, by the kernel as far as it can."""
         wide, each = self.times(len(asks)), len(self.alpha)
         modes, plan = wide.modes(K), wide.plan(asks[0])
         if plan is None:
@@ -441,7 +441,7 @@ class Points:
         modes: Modes,
         every: Sequence[Wanted],
     ) -> list[Rows | None]:
-        """Return rows of some measures of laws, of which each has as many of these points."""
+        """Return rows of some measures; these points are those of the first law, then the next."""
         phase, count = asks[0].phase, len(self.alpha) // len(asks)
         units, most = (np.array([getattr(ask, key) for ask in asks]) for key in ("unit", "most"))
         first, parts = phase in (LEVEL, SMALL), []
@@ -470,7 +470,7 @@ class Points:
         return slope if measure.mixed is None else measure.mixed @ slope
 
     def plan(self, ask: Ask) -> Plan | None:
-        """Return what the kernel does of a phase; None where there is none, or it does nothing."""
+        """Return the kernel's plan of a phase; None without a kernel."""
         if kernel() is None:
             return None
         key = ask.phase, ask.kappa

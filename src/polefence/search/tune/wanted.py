@@ -1,4 +1,4 @@
-"""What one phase of a search measures: of poles, of the law itself, of each requirement."""
+"""The measures of one phase of a search: poles, the law itself, requirements."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from polefence.lmi.conditions.target import Side
 from polefence.requirements.slopes import Channel
 from polefence.search.tune.smooth import Curve
 
-# What is measured. The kernel knows all but the last; see src/kernel/laws.cpp.
+# Kinds, numbered as in src/kernel/laws.cpp, which has all but the last.
 SIDE, SPEED, ENTRIES, NOISE, SIZE, SMOOTH_SIDE, OTHER = range(7)
-# How: value / limit + shift, which is kept at zero or less; value / unit; value / most - 1.
+# How a value becomes that of a row: value / limit + shift, to be zero or less; value / unit;
+# value / most - 1.
 KEPT, IN_UNITS, AT_MOST = range(3)
 
 
@@ -21,19 +22,21 @@ class Wanted:
     Attributes
     ----------
     kind : int
+        SIDE to OTHER.
     group : int
-        Of its rows; sides of a region that grows share one.
+        Number of its rows' group; the sides of a region that grows share one.
     bend : int
+        KEPT, IN_UNITS or AT_MOST.
     limit, shift : float
-        Of one that is kept.
+        For KEPT.
     side : Side, optional
-        Of poles.
+        For SIDE and SMOOTH_SIDE: what poles are to be inside of.
     curve : Curve, optional
-        What it is smoothly.
+        For SMOOTH_SIDE: the same as a half-plane or a disk.
     requirement : int
-        Its number.
+        For NOISE and OTHER: its number in the task.
     channel : Channel, optional
-        Of answers to noise.
+        For NOISE and OTHER.
     """
 
     kind: int

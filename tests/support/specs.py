@@ -96,3 +96,19 @@ E = [[0, "2 + p"], ["2 - p", 0]]
 "v1" = {C = [1, 0]}
 "v2" = {C = [0, 1]}
 """
+
+# Two inputs, two disturbances, two parameters.
+TWO_MASSES = """
+name = "two masses"
+states = ["x1", "x2", "v1", "v2"]
+inputs = ["u", "h"]
+disturbances = ["w", "r"]
+[parameter.k]
+range = [0.8, 1.2]
+[parameter.m]
+range = [0.9, 1.1]
+[matrices]
+A = [[0, 0, 1, 0], [0, 0, 0, 1], ["-k", "0.5*k", "-0.4*m", 0.1], ["0.5*k", "-k", 0.1, -0.4]]
+B = [[0, 0], [0, 0], [1, 0], [0, "m"]]
+E = [[0, 0], [0, 0], [1, 0], [0, 0.5]]
+"""

@@ -16,26 +16,18 @@ from polefence.requirements.text import parse_specification
 from polefence.search.tune import compiled, measures
 from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WORST, Ask
 from polefence.search.tune.tuner import _of_region, _Search, _task
+from support.specs import TWO_MASSES
 
 kernel = engine.kernel()
 pytestmark = pytest.mark.skipif(kernel is None, reason="installed without a compiler: no kernel")
 
-PLANT = """
-name = "two masses"
-states = ["x1", "x2", "v1", "v2"]
-inputs = ["u", "h"]
-disturbances = ["w", "r"]
-[parameter.k]
-range = [0.8, 1.2]
-[parameter.m]
-range = [0.9, 1.1]
-[matrices]
-A = [[0, 0, 1, 0], [0, 0, 0, 1], ["-k", "0.5*k", "-0.4*m", 0.1], ["0.5*k", "-k", 0.1, -0.4]]
-B = [[0, 0], [0, 0], [1, 0], [0, "m"]]
-E = [[0, 0], [0, 0], [1, 0], [0, 0.5]]
+PLANT = (
+    TWO_MASSES
+    + """
 [outputs]
 push = {C = [0, 1, 0, 0], D = [2, 0]}
 """
+)
 LINES = (
     "rms of [x1, u, h] <= 2 with density 1",
     "rms of push <= 3 with density 1",
@@ -180,7 +172,7 @@ def test_a_point_without_modes_is_left_to_the_reference(monkeypatch):
     assert ours.level > 0
 
 
-def test_no_bit_depends_on_what_is_asked_beside():
+def test_rows_do_not_depend_on_the_laws_beside():
     own = search(LINES)
     questions = asks(own, LEVEL)
     together = own.first.answers(questions)

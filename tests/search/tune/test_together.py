@@ -11,21 +11,8 @@ from polefence.plant.spec import loads
 from polefence.requirements.text import KINDS, parse_specification
 from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WORST, Ask
 from polefence.search.tune.tuner import _Search, _task, together
+from support.specs import TWO_MASSES
 
-PLANT = """
-name = "two masses"
-states = ["x1", "x2", "v1", "v2"]
-inputs = ["u", "h"]
-disturbances = ["w", "r"]
-[parameter.k]
-range = [0.8, 1.2]
-[parameter.m]
-range = [0.9, 1.1]
-[matrices]
-A = [[0, 0, 1, 0], [0, 0, 0, 1], ["-k", "0.5*k", "-0.4*m", 0.1], ["0.5*k", "-k", 0.1, -0.4]]
-B = [[0, 0], [0, 0], [1, 0], [0, "m"]]
-E = [[0, 0], [0, 0], [1, 0], [0, 0.5]]
-"""
 # Of which one point says nothing of the others; several loops, and sectors, are weighed.
 ALONE = {
     "rms": "rms of [x1, u, h] <= 2 with density 1",
@@ -50,7 +37,7 @@ COUPLED = (
 
 def searched(line, structure=None):
     """A search for the least of a requirement within a limit on it, with random laws."""
-    plant, limit = loads(PLANT), parse_specification(line)
+    plant, limit = loads(TWO_MASSES), parse_specification(line)
     if limit.kind in ("gain margin", "phase margin"):  # tuned by the disks that imply them
         limit = next(iter(limit.tuned(1.0)))
     least = replace(limit, at_most=None) if limit.of_signal else parse_specification(ALONE["rms"])

@@ -9,6 +9,7 @@ from scipy.linalg import expm
 
 import polefence as pf
 from polefence.base.errors import InputError, SpecError
+from polefence.certify import responses
 from polefence.certify.bounds import best_bound, kept_bound
 from polefence.cli.main import main
 from polefence.plant.outputs import Output
@@ -90,6 +91,18 @@ def test_a_proved_measure_is_that_of_the_worst_plant(measure, seed):
         worst = max(worst, measured(measure, t, simulated(A, E, C, t), final, band))
     assert bound.level >= worst * (1 - 1e-9) - 1e-3 * (measure in ("settling", "rise"))
     assert bound.level <= max(1.005 * worst, 1.1e-3) + 1e-3 * (measure in ("settling", "rise"))
+
+
+def test_work_on_parts_is_bounded(monkeypatch):
+    vertices, E, C, _ = family(0)
+    plant = pf.UncertainPlant.from_vertices(vertices, [np.ones((4, 1))] * 2, [E] * 2)
+    law, y = pf.FixedGain(np.zeros((1, 4))), Output("y", "", C=C[0])
+    assert kept_bound(plant, law, StepMeasure(y, 1.7, measure="peak")) is not None
+    tried, search = [], responses._part
+    monkeypatch.setattr(responses, "_part", lambda *part: tried.append(part) or search(*part))
+    monkeypatch.setattr(responses, "SOUGHT", 10**6)
+    assert kept_bound(plant, law, StepMeasure(y, 1.7, measure="peak")) is None
+    assert len(tried) == 1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar
 
 from polefence.proof.claims.base import Verdict, undecided
@@ -48,6 +49,7 @@ from polefence.proof.work import FormatError
 
 MEASURES = ("peak", "overshoot", "undershoot", "settling", "rise", "final")
 RELATIVE = ("overshoot", "undershoot", "settling", "rise")
+Sums = dict[Any, int]  # coefficients over 2^bits, of monomials of g or of s and g
 FEW = 60  # bits of about the inverse of A
 MAX_STEPS, MAX_TERMS, MAX_FORM, MAX_BITS = 20_000, 40, 16, 400
 
@@ -269,7 +271,7 @@ class Run(Short):
         series = Series(own.terms, own.degree, own.bits)
         return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
 
-    def output(self, x: Form, *, direct: bool = True) -> tuple[dict[Any, int], Fraction]:
+    def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
         """Return C x + F over 2^bits, and what that is rounded by."""
         bits = self.claim.following[0].bits
         total = {e: v[0] // self.C.whole for e, v in self.C.times(x).items()}
@@ -310,122 +312,180 @@ class Run(Short):
 
     def fault(self) -> str:
         """Say what is not proved; "" where all is."""
-        claim, follower = self.claim, self.follower
-        own, ends = claim.following[0], self.final(follower)
-        if ends is None:
+        follower = self.follower
+        end = self.final(follower)
+        if end is None:
             return "where the signal tends to is not known"
-        x_end, off = ends
-        y_end, rounding = self.output(x_end)
-        slack_end = own.reach * off + rounding
-        bits, most = own.bits, follower.variables
-        zero = (0,) * len(most)
+        return _Compared.of(self, follower, *end).fault()
 
-        def holds(q: dict[Any, int], slack: Fraction) -> bool:
-            """Whether a polynomial of s and g, over 2^bits, is more than its slack everywhere."""
-            taken = dict(q)
-            key = (0, *zero)
-            taken[key] = taken.get(key, 0) - -(-(slack * 2**bits).__floor__() - 1)
-            return positive(taken, most)
-
-        def lifted(q: dict[Any, int], factor: Fraction = ONE) -> dict[Any, int]:
-            return {(0, *e): (factor * v).__floor__() for e, v in q.items()}
-
-        def plus(*forms: dict[Any, int]) -> dict[Any, int]:
-            total: dict[Any, int] = {}
-            for one in forms:
-                for e, v in one.items():
-                    total[e] = total.get(e, 0) + v
-            return total
-
-        def times(q: dict[Any, int], sign: int) -> dict[Any, int]:
-            return {e: sign * v for e, v in q.items()}
-
-        level = {(0, *zero): (claim.level * 2**bits).__floor__()}
-        ulp = Fraction(len(y_end) + 4, 2**bits)
-        if claim.measure == "final":
-            return next(
-                (
-                    "the final value is not proved to be so small"
-                    for sign in (1, -1)
-                    if not holds(plus(level, times(lifted(y_end), sign)), slack_end + ulp)
-                ),
-                "",
-            )
-        sign = 0
-        if claim.measure in RELATIVE:
-            sign = next((s for s in (1, -1) if holds(times(lifted(y_end), s), slack_end)), 0)
-            if not sign:
-                return "the final value is not proved to be away from zero"
-
-        def share(factor: Fraction) -> dict[Any, int]:
-            return lifted(times(y_end, sign), factor)
-
-        last: Form = {}
-        error = ZERO
-        for step in follower.steps({}, own.every):
-            begin, end = step.begin, step.end
-            y, rounded = self.along(step.forms)
-            slack = own.reach * step.error + rounded + ulp
-            last, error = step.last, step.error
-            if claim.measure == "peak":
-                asked = [(plus(level, times(y, s)), slack) for s in (1, -1)]
-            elif claim.measure == "overshoot":
-                asked = [
-                    (
-                        plus(share(1 + claim.level), times(y, -sign)),
-                        slack + (1 + claim.level) * slack_end,
-                    )
-                ]
-            elif claim.measure == "undershoot":
-                asked = [
-                    (plus(share(claim.level), times(y, sign)), slack + claim.level * slack_end)
-                ]
-            elif claim.measure == "settling":
-                if end <= claim.level:
-                    continue
-                if begin < claim.level:
-                    return "the steps have no end at the settling time"
-                gap = plus(y, times(lifted(y_end), -1))
-                both = slack + (1 + claim.band) * slack_end
-                asked = [(plus(share(claim.band), times(gap, s)), both) for s in (1, -1)]
-            else:  # a rise
-                if end != claim.level:
-                    continue
-                y_now, off_now = self.output(last)
-                q = plus(lifted(times(y_now, sign)), times(share(1 - claim.band), -1))
-                both = own.reach * error + off_now + ulp + (1 - claim.band) * slack_end
-                return "" if holds(q, both) else f"the signal has not risen at {float(end):g} s"
-            for q, room in asked:
-                if not holds(q, room):
-                    return f"it is not proved from {float(begin):g} to {float(end):g} s"
-        if claim.measure == "rise":
-            return "the steps have no end at the rise time"
-        n = claim.subject.n
-        gap_x = {
-            e: [p - q for p, q in zip(last.get(e, [0] * n), x_end.get(e, [0] * n), strict=True)]
-            for e in {**last, **x_end}
-        }
-        tail = own.reach * (follower.size(gap_x) / 2**bits + error + off) + rounding
-        if claim.measure == "peak":
-            after = [(plus(level, times(lifted(y_end), s)), tail + slack_end) for s in (1, -1)]
-        elif claim.measure == "undershoot":
-            after = [(share(1 + claim.level), tail + (1 + claim.level) * slack_end)]
-        else:
-            of = claim.level if claim.measure == "overshoot" else claim.band
-            after = [(share(of), tail + of * slack_end)]
-        if claim.measure == "settling" and sum(own.every) < claim.level:
-            return "the steps end before the settling time"
-        for q, room in after:
-            if not holds(q, room + ulp):
-                return "it is not proved after the last step"
-        return ""
-
-    def along(self, forms: tuple[Form, ...]) -> tuple[dict[Any, int], Fraction]:
+    def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
         """Return y over a step, over 2^bits, in powers of s and of g, and its rounding."""
-        total: dict[Any, int] = {}
+        total = Sums()
         off = ZERO
         for i, form in enumerate(forms):
             y, rounded = self.output(form, direct=i == 0)
             off += rounded
             total |= {(i, *e): v for e, v in y.items()}
         return total, off
+
+
+Compared = tuple[Sums, Fraction]  # a polynomial that is to be more than a number everywhere
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """The measure of one part of the box, as inequalities between polynomials of s and g.
+
+    Attributes
+    ----------
+    run : Run
+    follower : Follower
+    x_end : Form
+        Where x tends to.
+    off : Fraction
+        How far that is off, in the norm.
+    y_end : polynomial
+        The signal there.
+    rounding, slack : Fraction
+        How far that is rounded, and off in all.
+    """
+
+    run: Run
+    follower: Follower
+    x_end: Form
+    off: Fraction
+    y_end: Sums
+    rounding: Fraction
+    slack: Fraction
+
+    @classmethod
+    def of(cls, run: Run, follower: Follower, x_end: Form, off: Fraction) -> _Compared:
+        """Return it."""
+        y_end, rounding = run.output(x_end)
+        slack = run.claim.following[0].reach * off + rounding
+        return cls(run, follower, x_end, off, _lifted(y_end), rounding, slack)
+
+    @property
+    def claim(self) -> StepResponse:
+        """What is claimed."""
+        return self.run.claim
+
+    @property
+    def following(self) -> Following:
+        """How the response is followed."""
+        return self.claim.following[0]
+
+    @property
+    def ulp(self) -> Fraction:
+        """How far products with a number are rounded, of all coefficients together."""
+        return Fraction(len(self.y_end) + 4, 1 << self.following.bits)
+
+    @property
+    def level(self) -> Sums:
+        """The claim's level."""
+        zero = (0,) * (1 + len(self.follower.variables))
+        return {zero: (self.claim.level * 2**self.following.bits).__floor__()}
+
+    @cached_property
+    def sign(self) -> int:
+        """The sign of the final value; zero where it is not proved to have one."""
+        return next((s for s in (1, -1) if self.holds((_times(self.y_end, s), self.slack))), 0)
+
+    def size(self, factor: Fraction) -> Sums:
+        """Return so many times the size of the final value."""
+        return _times(self.y_end, self.sign * factor)
+
+    def holds(self, compared: Compared) -> bool:
+        """Whether a polynomial is more than a number everywhere."""
+        q, slack = compared
+        zero = (0,) * (1 + len(self.follower.variables))
+        less = (slack * 2**self.following.bits).__floor__() + 1
+        return positive(_sum(q, {zero: -less}), self.follower.variables)
+
+    def fault(self) -> str:
+        """Say what is not proved; "" where all is."""
+        measure, level = self.claim.measure, self.claim.level
+        if measure == "final":
+            both = self._within(self.level, self.y_end, self.slack + self.ulp)
+            return "" if both else "the final value is not proved to be so small"
+        if measure in RELATIVE and not self.sign:
+            return "the final value is not proved to be away from zero"
+        last, error = Form(), ZERO
+        for step in self.follower.steps({}, self.following.every):
+            last, error = step.last, step.error
+            if measure == "rise" and step.end == level:
+                risen = self.holds(self._risen(last, error))
+                return "" if risen else f"the signal has not risen at {float(level):g} s"
+            if measure == "rise" or (measure == "settling" and step.end <= level):
+                continue
+            if measure == "settling" and step.begin < level:
+                return "the steps have no end at the settling time"
+            y, rounded = self.run.along(step.forms)
+            if not self._kept(y, self.following.reach * error + rounded + self.ulp):
+                return f"it is not proved from {float(step.begin):g} to {float(step.end):g} s"
+        if measure == "rise":
+            return "the steps have no end at the rise time"
+        if measure == "settling" and sum(self.following.every) < level:
+            return "the steps end before the settling time"
+        return "" if self._kept_after(last, error) else "it is not proved after the last step"
+
+    def _within(self, limit: Sums, q: Sums, slack: Fraction) -> bool:
+        """Whether |q| is less than a limit by more than a number."""
+        return all(self.holds((_sum(limit, _times(q, sign)), slack)) for sign in (1, -1))
+
+    def _kept(self, y: Sums, slack: Fraction) -> bool:
+        """Whether the signal keeps what is claimed, where y is as far off as the slack."""
+        level, band = self.claim.level, self.claim.band
+        match self.claim.measure:
+            case "peak":
+                return self._within(self.level, y, slack)
+            case "overshoot":
+                above = _sum(self.size(1 + level), _times(y, -self.sign))
+                return self.holds((above, slack + (1 + level) * self.slack))
+            case "undershoot":
+                below = _sum(self.size(level), _times(y, self.sign))
+                return self.holds((below, slack + level * self.slack))
+        gap = _sum(y, _times(self.y_end, -1))
+        return self._within(self.size(band), gap, slack + (1 + band) * self.slack)
+
+    def _risen(self, x: Form, error: Fraction) -> Compared:
+        """Return that the signal has come within the band of its final value, where x is."""
+        share = 1 - self.claim.band
+        y, rounded = self.run.output(x)
+        risen = _sum(_times(_lifted(y), self.sign), _times(self.size(share), -1))
+        off = self.following.reach * error + rounded + self.ulp
+        return risen, off + share * self.slack
+
+    def _kept_after(self, x: Form, error: Fraction) -> bool:
+        """Whether what is claimed is kept after the last step, which ends where x is."""
+        zero, level = [0] * self.claim.subject.n, self.claim.level
+        gap = {
+            e: [p - q for p, q in zip(x.get(e, zero), self.x_end.get(e, zero), strict=True)]
+            for e in {**x, **self.x_end}
+        }
+        far = self.follower.size(gap) / 2**self.following.bits + error + self.off
+        tail = self.following.reach * far + self.rounding + self.ulp
+        if self.claim.measure == "peak":
+            return self._within(self.level, self.y_end, tail + self.slack)
+        share = {"undershoot": 1 + level, "overshoot": level}.get(
+            self.claim.measure, self.claim.band
+        )
+        return self.holds((self.size(share), tail + share * self.slack))
+
+
+def _lifted(q: Sums) -> Sums:
+    """Return a polynomial of g as one of s and g."""
+    return {(0, *e): v for e, v in q.items()}
+
+
+def _sum(*forms: Sums) -> Sums:
+    total = Sums()
+    for form in forms:
+        for e, v in form.items():
+            total[e] = total.get(e, 0) + v
+    return total
+
+
+def _times(q: Sums, factor: Fraction | int) -> Sums:
+    """Return the product with a number, its coefficients rounded down."""
+    return {e: (factor * v).__floor__() for e, v in q.items()}

@@ -37,9 +37,9 @@ def balance():
 
 
 def designed(kind, plant=None):
-    """The least rms of the angle, caught from 1 rad: Saturation, or InitialPeak without cutting."""
+    """The least rms of the angle, caught from 0.75 rad: Saturation, or InitialPeak without it."""
     plant = balance() if plant is None else plant
-    limit = kind("torque", LIMIT, points=[(1.0, 0.0)])
+    limit = kind("torque", LIMIT, points=[(0.75, 0.0)])
     return pf.optimise(plant, pf.Rms("angle", density=2.0), [limit], REGION)
 
 

@@ -14,6 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from polefence.base.effort import MOST_WORK, bounded, ended
+from polefence.certify.bounds import sampled
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.solve.smallest import typical_rate
@@ -40,8 +41,10 @@ FOR_CLOCKS = 3
 # lost sample one had no proof in 64 parts with the same share, with the next it takes 7.
 LONG = 2
 LEAST_WIDER = 1 / 16  # of a clock's jitter, what a law that bears less of it is asked to bear next
-# How many times its limit an input that is cut off would go to, and in laws to start from.
-BEYOND, BEGINNING = (np.inf, 4.0, 2.0, 1.0), 4.0
+SHARES = (*TIGHTER, *FARTHER)
+# Of what an input that is cut off would go to, in the search after one whose law has no proof.
+LESS = 0.75
+BEGINNING = 4.0  # times its limit, in laws to start from
 MOST = 3  # laws of one search that proofs are looked for
 # Of the work of a search, that on laws with states to start from: they took two thirds of it for a
 # full car with eight sensors, of which no order beyond the first was then searched.
@@ -70,10 +73,11 @@ def tuned_candidates(
     """
     asked_for = (*task.limits, *([task.minimise] if task.minimise else ()))
     cut_off = any(specification.cut_off(task.plant) for specification in asked_for)
-    some, shares = False, (*TIGHTER, *FARTHER)
-    for times in BEYOND if cut_off else (1.0,):
+    some, times = False, np.inf if cut_off else 1.0
+    while times:
+        best: Tuned | None = None
         room, lost, fragile = Room.first(task.plant), 0, list[tuple[Tuned, float]]()
-        while room.region < len(shares) and room.limits < len(shares):
+        while room.region < len(SHARES) and room.limits < len(SHARES):
             if ended() and not known:  # what is found is looked at whatever it took to find
                 break
             if max(room.region, room.limits) >= len(TIGHTER) and some and not task.plant.moving:
@@ -81,6 +85,7 @@ def tuned_candidates(
             candidates = [] if cut_off else list(known)
             candidates = candidates or _searched(task, structure, room, times, starts)
             known = ()
+            best = best or next((tuned for tuned in candidates if tuned.kept), None)
             lost += not any(tuned.kept for tuned in candidates)
             if lost > 1:  # what is tighter is no easier, and the second began where the first ended
                 break
@@ -103,13 +108,44 @@ def tuned_candidates(
                     continue
                 some = True
                 yield law, tuned, candidates[0].level
-            room = room.after(missing, task.plant)
             starts = (*starts, *(tuned.law for tuned in candidates[:1]))
+            after = room.after(missing, task.plant)
+            if after.region == room.region and not _asked(task, room, times)[1]:
+                break  # the same again: what no limit that is asked for stands for is not proved
+            room = after
         for tuned, level in () if some else fragile:
             law = candidate(task, tuned.law)
             if not isinstance(law, Missing):
                 some = True
                 yield law, tuned, level
+        times = _less_far(task, times, best)
+
+
+def _less_far(task: Task, times: float, best: Tuned | None) -> float:
+    """Return how far beyond its limit an input that is cut off may go in the next search.
+
+    Parameters
+    ----------
+    times : float
+        Of its limit, in the last search.
+    best : Tuned, optional
+        The law that it found; without one there is no next, and zero is returned.
+    """
+    if best is None or times <= 1:
+        return 0.0
+    if times == np.inf:
+        asked = [limit for limit in task.limits if limit.cut_off(task.plant)]
+        alpha = np.eye(len(task.plant.vertices))
+        times = max(
+            (
+                float(sampled(task.plant, best.law, peak, alpha).worst / peak.at_most)
+                for limit in asked
+                for peak in limit.tuned(1.0)
+                if peak.at_most
+            ),
+            default=0.0,
+        )
+    return max(1.0, LESS * times) if times > 1 else 0.0
 
 
 @dataclass(frozen=True)
@@ -412,14 +448,13 @@ def _asked(
 
     Where that is stability, poles decay by the same share of a rate.
     """
-    shares = (*TIGHTER, *FARTHER)
     least = None if task.minimise is None else next(iter(task.minimise.tuned(1.0)))
     limits = tuple(
         specification
         if specification.at_most is None
-        else replace(specification, at_most=specification.at_most * (1 - shares[room.limits]))
+        else replace(specification, at_most=specification.at_most * (1 - SHARES[room.limits]))
         for limit in (*task.limits, *(least.presumed if least else ()))
         for specification in limit.tuned(times)
     )
     edge = stable(float(task.plant.step))
-    return least, limits, task.region.tighter(shares[room.region], edge, rate)
+    return least, limits, task.region.tighter(SHARES[room.region], edge, rate)

@@ -84,3 +84,28 @@ def test_the_norm_of_a_matrix_by_its_largest_singular_vectors_alone():
 
     _, found = descend(evaluate, np.array([2.0, -1.0, 3.0]), effort=FULL)
     assert 1 <= found.level + 1e-12 <= 1.002
+
+
+def test_poles_that_meet_at_the_edge_do_not_end_a_descent():
+    # z^2 + a z + b within the unit circle is a triangle; at two corners both poles are one, and the
+    # larger has no slope. Rows that are remembered from there say that no step leads further.
+    random = np.random.default_rng(0)
+    for cost in random.normal(size=(60, 2)):
+
+        def evaluate(theta, cost=cost):
+            a, b = theta
+            poles = np.roots([1, a, b])
+            poles = poles[poles.imag >= 0]
+            if np.any(np.abs(2 * poles + a) < 1e-13):
+                return None
+            size = np.abs(poles)
+            turns = -np.stack([poles, np.ones_like(poles)], axis=1) / (2 * poles + a)[:, None]
+            slopes = (poles.conj()[:, None] * turns).real / size[:, None]
+            first = (cost @ theta, cost)
+            limits = zip(size - 1, slopes, strict=True)
+            return rows([first, *limits], [True] + [False] * len(poles))
+
+        _, found = descend(evaluate, random.uniform(-0.5, 0.5, 2), effort=FULL)
+        least = min(cost @ corner for corner in ((-2, 1), (2, 1), (0, -1)))
+        assert found.excess <= 1e-6
+        assert found.level == pytest.approx(least, abs=2e-3 * np.linalg.norm(cost))

@@ -175,8 +175,8 @@ def descent(
             H, fresh, cuts, merits, measured = anew, False, [], [merit], merit
         known = _with(here, theta, cuts)
         d, z, rho, foreseen = _direction(known, known.values, H, rho, reach)
-        ended = not foreseen > ENOUGH
-        if ended:
+        if not foreseen > ENOUGH:  # beside rows from afar; a shorter step may not meet them
+            ended, cuts = not cuts, []
             continue
         length = float(np.abs(d).max())
         there, lower, share = yield from _tried(theta, here, d, (H, rho, reach, foreseen))

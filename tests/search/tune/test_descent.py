@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from polefence.search.tune import descent
 from polefence.search.tune.descent import FULL, Rows, descend
 
 
@@ -109,3 +110,71 @@ def test_poles_that_meet_at_the_edge_do_not_end_a_descent():
         least = min(cost @ corner for corner in ((-2, 1), (2, 1), (0, -1)))
         assert found.excess <= 1e-6
         assert found.level == pytest.approx(least, abs=2e-3 * np.linalg.norm(cost))
+
+
+def curved(random=None):
+    """Return the lowest point of a ball as a question, the ball among other limits of one group.
+
+    With a source of random numbers rows come in another order each time, some that do not matter
+    left out, as poles do that meet and part.
+    """
+    many = np.random.default_rng(3).normal(size=(8, 5))
+
+    def evaluate(theta):
+        first = (theta[0] + 0.1 * theta[1], np.array([1.0, 0.1, 0, 0, 0]))
+        limits = [(theta @ theta - 1, 2 * theta)]
+        limits += [(row @ theta - 9, row) for row in many]
+        count = len(limits)
+        if random is not None:
+            count = random.integers(4, 1 + count)
+            limits = [limits[k] for k in random.permutation(count)]
+        values, slopes = zip(first, *limits, strict=True)
+        groups = np.array([0, *[1] * count])
+        return Rows(np.array(values), np.array(slopes), groups, groups == 0)
+
+    return evaluate
+
+
+def counted(evaluate, theta):
+    calls = 0
+
+    def counting(point):
+        nonlocal calls
+        calls += 1
+        return evaluate(point)
+
+    return descend(counting, theta, effort=FULL)[1], calls
+
+
+def test_rows_of_a_group_are_found_again_in_any_order_and_number():
+    # along a curved limit a step is bent as its rows are, each with itself
+    start = np.array([0.1, -0.6, 0.5, -0.3, 0.4])
+    known, calls = counted(curved(), start)
+    assert known.level == pytest.approx(-np.hypot(1, 0.1), abs=1e-5)
+    found, others = counted(curved(np.random.default_rng(0)), start)
+    assert found.level == pytest.approx(known.level, abs=1e-6)
+    assert others <= 1.2 * calls
+
+
+@pytest.mark.parametrize("reach", [1e-3, 0.05, 0.4, 3.0])
+def test_rows_out_of_reach_change_no_step(reach, monkeypatch):
+    random, left_out = np.random.default_rng(1), 0
+    for _ in range(20):
+        objective = np.arange(40) < 6
+        values = np.where(objective, random.uniform(0.9, 1, 40), random.uniform(-2, 0.02, 40))
+        some = Rows(values, random.normal(size=(40, 7)), np.arange(40), objective)
+        H = np.diag(random.uniform(0.01, 1, 7))
+
+        def step(some=some, H=H):
+            asking = descent._direction(some, some.values, H, 10.0, reach)
+            return descent.answered(asking, lambda program: program.minimum())
+
+        left_out += 40 - len(descent._within_reach(some, some.values, reach))
+        d, z, rho, foreseen = step()
+        with monkeypatch.context() as patch:
+            patch.setattr(descent, "_within_reach", lambda rows, *_: np.arange(len(rows.values)))
+            whole = step()
+        assert d == pytest.approx(whole[0], abs=1e-3 * reach)
+        assert z == pytest.approx(whole[1], abs=1e-4)
+        assert (rho, foreseen) == (whole[2], pytest.approx(whole[3], rel=1e-6))
+    assert (left_out > 0) == (reach < 1)

@@ -1,14 +1,17 @@
 """Laws that are evaluated together: as each alone, whatever is asked and whichever cannot be."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from polefence.base.effort import bounded
+from polefence.base.team import Team
 from polefence.law.structure import Structure
 from polefence.plant.spec import loads
 from polefence.requirements.text import KINDS, parse_specification
+from polefence.search.tune import measures, tuner
 from polefence.search.tune.measures import LEVEL, LIMITS, REGION, SMALL, WORST, Ask
 from polefence.search.tune.tuner import _Search, _task, together
 from support.specs import TWO_MASSES
@@ -118,3 +121,24 @@ def test_searches_together_end_where_each_does_alone(structure):
     each = [search._improved([theta], search.first)[0] for theta in starts]
     assert [end.level for end in whole] == pytest.approx([end.level for end in each], rel=1e-6)
     assert together([], search.first) == []
+
+
+def test_threads_change_nothing(monkeypatch):
+    search, laws = searched(ALONE["rms"])
+    starts = [laws[0], laws[2], laws[4]]
+    monkeypatch.setattr(tuner, "SHARED", 0)
+    monkeypatch.setattr(measures, "SHARED", 1.0)
+    ends = []
+    for count in (1, 3):
+        monkeypatch.setattr(tuner, "Team", partial(Team, count))
+        ends.append([end.theta for end in search._improved(starts, search.first)])
+    assert all(map(np.array_equal, *ends))
+
+
+def test_a_team_answers_in_order_and_hands_on_what_is_raised():
+    items = list(range(40))
+    with Team(4) as team:
+        assert team.each(lambda item: item * item, items) == [item * item for item in items]
+        with pytest.raises(ZeroDivisionError):
+            team.each(lambda item: 1 / item, items)
+    assert team.each(str, [1, 2]) == ["1", "2"]  # alone, once the threads are gone

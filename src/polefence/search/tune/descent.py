@@ -23,7 +23,7 @@ import numpy as np
 from polefence.base.effort import ended as effort_ended
 from polefence.base.progress import note, stage
 from polefence.plant.system import Array
-from polefence.search.tune.quadratic import minimum
+from polefence.search.tune.quadratic import Program
 
 T = TypeVar("T")
 
@@ -105,8 +105,9 @@ class Rows:
 
 
 Evaluate = Callable[[Array], Rows | None]
-# Asks for the rows at a point, and is sent them; returns the minimum with its rows.
-Descent = Generator[Array, Rows | None, tuple[Array, Rows] | None]
+# Asks for the rows at a point or for the minimum of a program, and is sent them.
+Asking = Generator[Array | Program, Any, T]
+Descent = Asking[tuple[Array, Rows] | None]  # returns the minimum with its rows
 Cut = tuple[Array, Rows]  # where, and what is high there
 
 
@@ -119,7 +120,11 @@ def descend(
     penalty: float = PENALTY,
 ) -> tuple[Array, Rows] | None:
     """Return what `descent` finds."""
-    return answered(descent(theta, target, effort, penalty), evaluate)
+
+    def answer(question: Array | Program) -> Any:
+        return question.minimum() if isinstance(question, Program) else evaluate(question)
+
+    return answered(descent(theta, target, effort, penalty), answer)
 
 
 def answered(asking: Generator[Any, Any, T], answer: Callable[[Any], Any]) -> T:
@@ -141,8 +146,8 @@ def descent(
 ) -> Descent:
     """Return a local minimum and the rows there; None where nothing can be evaluated at first.
 
-    A generator: it yields points whose rows it asks for, so that several descents may be evaluated
-    together.
+    A generator: it yields points whose rows it asks for, and programs that it has solved, so that
+    several descents may be answered together.
 
     Parameters
     ----------
@@ -169,12 +174,16 @@ def descent(
                 continue
             if not (np.isfinite(effort.rest) and measured - merit > effort.worth):
                 break
-            anew = yield from _measured(theta, here, _multipliers(here, H, rho, reach))
-            if anew is None or not _foreseen(here, anew, rho, reach) > effort.rest:
+            _, z, _, _ = yield from _direction(here, here.values, H, rho, reach)
+            anew = yield from _measured(theta, here, z)
+            if anew is None:
+                break
+            _, _, _, foreseen = yield from _direction(here, here.values, anew, rho, reach)
+            if not foreseen > effort.rest:
                 break
             H, fresh, cuts, merits, measured = anew, False, [], [merit], merit
         known = _with(here, theta, cuts)
-        d, z, rho, foreseen = _direction(known, known.values, H, rho, reach)
+        d, z, rho, foreseen = yield from _direction(known, known.values, H, rho, reach)
         if not foreseen > ENOUGH:  # beside rows from afar; a shorter step may not meet them
             ended, cuts = not cuts, []
             continue
@@ -255,20 +264,21 @@ def _first(rows: Rows, theta: Array) -> Array:
 
 def _direction(
     rows: Rows, values: Array, H: Array, rho: float, reach: float
-) -> tuple[Array, Array, float, float]:
+) -> Asking[tuple[Array, Array, float, float]]:
     """Return the quadratic program's step within reach, multipliers, rho and the decrease."""
-    n, m = len(H), len(values)
+    some = _within_reach(rows, values, reach)
+    n, m = len(H), len(some)
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = H
     G = np.zeros((m + 1, n + 2))
-    G[:m, :n] = rows.slopes
-    G[:m, n], G[:m, n + 1] = -1.0 * rows.objective, -1.0 * ~rows.objective
+    G[:m, :n] = rows.slopes[some]
+    G[:m, n], G[:m, n + 1] = -1.0 * rows.objective[some], -1.0 * ~rows.objective[some]
     G[m, n + 1] = -1.0
-    h = np.append(-values, 0.0)
+    h = np.append(-values[some], 0.0)
     while True:
         q = np.zeros(n + 2)
         q[n], q[n + 1] = 1.0, rho
-        x, z = minimum(P, q, G, h, reach, n)
+        x, z = yield Program(P, q, G, h, reach, n)
         if rows.objective.all() or rho >= MOST_PENALTY:
             break
         if x[n + 1] <= max(1e-7, 0.5 * rows.excess):  # kept, or under way
@@ -276,12 +286,22 @@ def _direction(
         if rows.excess > 0 and x[n + 1] >= 0.99 * rows.excess:
             break  # out of reach
         rho *= 10
-    return x[:n], z[:m], rho, _merit(rows, rho) - float(x[n] + rho * max(0.0, x[n + 1]))
+    multipliers = np.zeros(len(values))
+    multipliers[some] = z[:m]
+    lower = float(x[n] + rho * max(0.0, x[n + 1]))
+    return x[:n], multipliers, rho, _merit(rows, rho) - lower
+
+
+def _within_reach(rows: Rows, values: Array, reach: float) -> Any:
+    """Return the rows that may be active within reach: of a law of 96 numbers a tenth of them."""
+    change = reach * np.abs(rows.slopes).sum(axis=1)
+    lowest = (values - change)[rows.objective].max()
+    return np.flatnonzero(values + change >= np.where(rows.objective, lowest, 0.0))
 
 
 def _tried(
     theta: Array, here: Rows, d: Array, model: tuple[Array, float, float, float]
-) -> Generator[Array, Rows | None, tuple[Rows | None, tuple[Array, Rows] | None, float]]:
+) -> Asking[tuple[Rows | None, tuple[Array, Rows] | None, float]]:
     """Return what a step leads to, the point if it is lower, and its share of what was foreseen.
 
     Where the step itself falls short it is bent once, as the rows are.
@@ -291,8 +311,9 @@ def _tried(
     there = yield theta + d
     share = -np.inf if there is None else (merit - _merit(there, rho)) / foreseen
     lower = None if there is None else (theta + d, there)
-    if there is not None and share < BAD and len(there.values) == len(here.values):
-        bent, _, _, _ = _direction(here, there.values - here.slopes @ d, H, rho, reach)
+    if there is not None and share < BAD:
+        values = there.values[_again(here, there, d)] - here.slopes @ d
+        bent, _, _, _ = yield from _direction(here, values, H, rho, reach)
         again = yield theta + bent
         if again is not None and (merit - _merit(again, rho)) / foreseen > share:
             share = (merit - _merit(again, rho)) / foreseen
@@ -300,15 +321,7 @@ def _tried(
     return there, (lower if share > LEAST else None), share
 
 
-def _multipliers(here: Rows, H: Array, rho: float, reach: float) -> Array:
-    return _direction(here, here.values, H, rho, reach)[1]
-
-
-def _foreseen(here: Rows, H: Array, rho: float, reach: float) -> float:
-    return _direction(here, here.values, H, rho, reach)[3]
-
-
-def _measured(theta: Array, here: Rows, z: Array) -> Generator[Array, Rows | None, Array | None]:
+def _measured(theta: Array, here: Rows, z: Array) -> Asking[Array | None]:
     """Return the curvature of the active rows, of saddles its magnitude; None where it has none."""
     turns = []
     for step in np.diag(DIFFERENCE * np.maximum(np.abs(theta), 1.0)):
@@ -332,6 +345,13 @@ def _turn(here: Rows, there: Rows, s: Array, z: Array) -> Array | None:
     miss = np.abs(there.values[None, :] - here.values[active, None] - mean)
     again = np.where(both, miss, np.inf).argmin(axis=1)
     return np.asarray(z[active] @ (there.slopes[again] - here.slopes[active]))
+
+
+def _again(here: Rows, there: Rows, d: Array) -> Any:
+    """Return which row after a step is each of those before it, of those of its group."""
+    other = here.groups[:, None] != there.groups[None, :]
+    foreseen = (here.values + here.slopes @ d)[:, None]
+    return np.where(other, np.inf, np.abs(there.values[None, :] - foreseen)).argmin(axis=1)
 
 
 def _updated(H: Array, s: Array, y: Array | None, fresh: bool) -> Array:

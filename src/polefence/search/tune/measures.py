@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.effort import spend
+from polefence.base.team import ALONE, Team
 from polefence.lmi.conditions.target import Side
 from polefence.lmi.solve.engine import kernel
 from polefence.plant.family import UncertainPlant
@@ -54,9 +55,14 @@ MARGIN = 1e-5  # by which what must be kept is kept: 1e-4 costs the shown car as
 WIDE = 1.00005
 # Operations of one point, and times n^3: 0.1 ms for n = 4, measured with three signals.
 ONE, EACH = 8e4, 300.0
+# The same of what the kernel knows, times n^3 of a point, of a law at all, and times the cube of
+# its numbers: of a full car with 26 states and 96 numbers 3 to 5 ms, 1.6 of them in its modes.
+LAW, EACH_KNOWN, EACH_NUMBER = 6e5, 90.0, 1.0
 # The same of a bound for periods in any order, times n^4 of each: a quarter of 14 ms for n = 9 and
 # two, so that such a search may take four times as long as others.
 IN_ANY_ORDER = 200.0
+# Points times n^3 that are worth a thread: 0.5 ms in the kernel.
+SHARED = 2e4
 AT_ONCE = 3e5  # entries of the loops that are evaluated together: beyond it takes as long
 
 
@@ -360,7 +366,7 @@ class Points:
             return self.size(inner)
         return self.requirement(wanted.requirement, K, inner, modes)
 
-    def answers(self, asks: Sequence[Ask]) -> list[Any]:
+    def answers(self, asks: Sequence[Ask], team: Team = ALONE) -> list[Any]:
         """Return rows, or the worst, of several laws: those of one phase are evaluated together."""
         found = dict[int, Any]()
         most = max(1, int(AT_ONCE / self.channels[0].A.size))
@@ -370,29 +376,53 @@ class Points:
             size = 1 if self.task.coupled else most
             for first in range(0, len(alike), size):
                 some = alike[first : first + size]
-                found |= zip(some, self._answers([asks[k] for k in some]), strict=True)
+                found |= zip(some, self._answers([asks[k] for k in some], team), strict=True)
         return [found[k] for k in range(len(asks))]
 
-    def _answers(self, asks: Sequence[Ask]) -> Sequence[Any]:
+    def _answers(self, asks: Sequence[Ask], team: Team) -> Sequence[Any]:
         inner = self.unknowns.gains_of([ask.theta for ask in asks])
         wide, each = self.times(len(asks)), (len(asks), len(self.alpha))
         K = inner @ wide.unknowns.C
         if asks[0].phase == WORST:
             worst = wide.worst(K, inner)
             return list(np.moveaxis(worst.reshape(-1, *each), 0, 1))
-        spend(len(K) * (ONE + EACH * K.shape[-1] ** 3), len(asks))
+        spend(self._work(asks, K), len(asks))
         good = wide.finite(K).reshape(each).all(axis=1)
         rows = list[Rows | None]([None] * len(asks))
         if good.any():
             some = np.flatnonzero(good).tolist()
             kept = np.repeat(good, each[1])
-            pairs = self._of_finite([asks[k] for k in some], K[kept], inner[kept])
+            pairs = self._of_finite([asks[k] for k in some], K[kept], inner[kept], team)
             for k, own in zip(some, pairs, strict=True):
                 rows[k] = own
         return rows
 
-    def _of_finite(self, asks: Sequence[Ask], K: Array, inner: Array) -> list[Rows | None]:
+    def _work(self, asks: Sequence[Ask], K: Array) -> float:
+        """Return about what one evaluation of laws takes: the same with a kernel or without."""
+        n3 = float(K.shape[-1]) ** 3
+        if not all(map(knows, self.wanted(asks[0].phase, asks[0].kappa))):
+            return len(K) * (ONE + EACH * n3)
+        of_law = LAW + EACH_NUMBER * float(len(asks[0].theta)) ** 3
+        return len(K) * EACH_KNOWN * n3 + len(asks) * of_law
+
+    def _of_finite(
+        self, asks: Sequence[Ask], K: Array, inner: Array, team: Team
+    ) -> list[Rows | None]:
         """Return rows of laws whose loops are finite, by the kernel as far as it can."""
+        plan, each = self.plan(asks[0]), len(self.alpha)
+        count = min(team.count, len(asks), int(len(K) * K.shape[-1] ** 3 / SHARED))
+        if plan is None or plan.rest:  # Python shares no threads
+            count = 1
+        parts = np.array_split(np.arange(len(asks)), max(count, 1))
+
+        def of(laws: Any) -> list[Rows | None]:
+            points = slice(laws[0] * each, (laws[-1] + 1) * each)
+            return self._of_some([asks[k] for k in laws], K[points], inner[points])
+
+        return [rows for some in team.each(of, parts) for rows in some]
+
+    def _of_some(self, asks: Sequence[Ask], K: Array, inner: Array) -> list[Rows | None]:
+        """Return rows of some of the laws."""
         wide, each = self.times(len(asks)), len(self.alpha)
         modes, plan = wide.modes(K), wide.plan(asks[0])
         if plan is None:

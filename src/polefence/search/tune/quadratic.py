@@ -17,6 +17,22 @@ CLOSE = 1e-10
 BACK = 0.995  # of the way to the boundary
 
 
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The arguments of `minimum`."""
+
+    P: Array
+    q: Array
+    G: Array
+    h: Array
+    reach: float = np.inf
+    bounded: int = 0
+
+    def minimum(self) -> tuple[Array, Array]:
+        """Return x and the multipliers, as the function of this name does."""
+        return minimum(self.P, self.q, self.G, self.h, self.reach, self.bounded)
+
+
 def minimum(
     P: Array, q: Array, G: Array, h: Array, reach: float = np.inf, bounded: int = 0
 ) -> tuple[Array, Array]:

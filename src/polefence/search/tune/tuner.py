@@ -18,6 +18,7 @@ import numpy as np
 
 from polefence.base.errors import InputError
 from polefence.base.progress import counted, stage
+from polefence.base.team import ALONE, Team
 from polefence.law.laws import Law
 from polefence.law.structure import Structure
 from polefence.lmi.conditions.target import Goal, Side
@@ -52,6 +53,7 @@ from polefence.search.tune.measures import (
     Task,
 )
 from polefence.search.tune.meeting import met
+from polefence.search.tune.quadratic import Program
 from polefence.search.tune.starts import regulators, typical
 from polefence.search.tune.unknowns import Unknowns
 from polefence.search.tune.worth import SMALLER, taken
@@ -67,6 +69,7 @@ RANDOM, SEED = 4, 20261122
 # The same beside laws that are given: those of an order start near one another. Three masses, one
 # velocity, order 2: 0.530 without, 0.387 with eight; half of a direct search's starts come there.
 BESIDE = 8
+SHARED = 30  # numbers of a program that are worth a thread: 0.15 ms in the kernel
 STRICT = 1e5  # of what is not quite kept at the end
 # The same while a law is made small: the level rises so steeply that it is left with less. Of four
 # laws of a car the searches take 290 evaluations in place of 460, and lead to sizes as small.
@@ -284,20 +287,36 @@ class _Reached:
         return max(self.excess - FEASIBLE, 0.0), self.level
 
 
-Asking = Generator[Ask, Any, T]  # asks for what `Points.answers` answers
+Asking = Generator[Ask | Program, Any, T]  # asks for what `Points.answers` answers, or a minimum
 
 
 def together(searches: Sequence[Asking[T]], points: Points) -> list[T]:
     """Return what comes of searches that are answered together, at points."""
     ends, answers = dict[int, T](), dict[int, Any](dict.fromkeys(range(len(searches))))
-    while answers:
-        asks = dict[int, Ask]()
-        for k, answer in answers.items():
-            try:
-                asks[k] = searches[k].send(answer)
-            except StopIteration as done:
-                ends[k] = done.value
-        answers = dict(zip(asks, points.answers(list(asks.values())), strict=True))
+    asks = dict[int, Ask]()
+    with Team() as team:
+        while answers:
+            programs = dict[int, Program]()
+            for k, answer in answers.items():
+                try:
+                    asked = searches[k].send(answer)
+                except StopIteration as done:
+                    ends[k] = done.value
+                    continue
+                if isinstance(asked, Program):
+                    programs[k] = asked
+                else:
+                    asks[k] = asked
+            # all descents come to their next point before these are looked at
+            if programs:
+                every = list(programs.values())
+                each = team.each if len(every[0].q) >= SHARED else ALONE.each
+                minima = each(Program.minimum, every)
+                answers = dict(zip(programs, minima, strict=True))
+            else:
+                asks = dict(sorted(asks.items()))
+                rows = points.answers(list(asks.values()), team)
+                answers, asks = dict(zip(asks, rows, strict=True)), {}
     return [ends[k] for k in range(len(searches))]
 
 
@@ -305,9 +324,10 @@ def _asking(ask: Ask, **how: Any) -> Asking[tuple[Array, Rows] | None]:
     """Return the minimum that a descent finds which asks so from its own points."""
     descending = descent(ask.theta, **how)
     try:
-        theta = next(descending)
+        asked = next(descending)
         while True:
-            theta = descending.send((yield replace(ask, theta=theta)))
+            question = asked if isinstance(asked, Program) else replace(ask, theta=asked)
+            asked = descending.send((yield question))
     except StopIteration as done:
         found: tuple[Array, Rows] | None = done.value
         return found
@@ -357,7 +377,8 @@ class _Search:
         # beside these, none of which makes way: what is best at the corners need not be elsewhere
         ends += [] if alone else self._farther(ends[:1])
         results = [self._tuned(self._finished(end)) for end in counted(ends, "best start")]
-        given = [self._given(law) for law in laws if self._of_structure(law)]
+        own = self._of_structure(laws)
+        given = [self._given(law) for law, fits in zip(laws, own, strict=True) if fits]
         results += [tuned for tuned in given if tuned.kept]
         results.sort(key=lambda tuned: (not tuned.kept, tuned.level))
         kept = [tuned for tuned in results if tuned.kept]
@@ -437,7 +458,7 @@ class _Search:
     def _given_starts(self, laws: Sequence[Law]) -> list[Array]:
         unknowns, alpha = self.task.unknowns, self._few
         few, root = unknowns.at(alpha), _root(self.task.sizes.covariance)
-        return [few.nearest(np.asarray(law.gain(alpha)) * unknowns.states, root) for law in laws]
+        return few.nearest([np.asarray(law.gain(alpha)) * unknowns.states for law in laws], root)
 
     @property
     def _few(self) -> Array:
@@ -452,7 +473,7 @@ class _Search:
         task, unknowns, alpha = self.task, self.task.unknowns, self._few
         few, root = unknowns.at(alpha), _root(task.sizes.covariance)
         some = regulators(task.plant, task.sizes, task.region, task.requirements)
-        starts += [few.nearest(np.broadcast_to(K, (len(alpha), *K.shape)), root) for K in some]
+        starts += few.nearest([np.broadcast_to(K, (len(alpha), *K.shape)) for K in some], root)
         starts.append(np.zeros(unknowns.size))
         starts += [random.normal(size=unknowns.size) for _ in range(RANDOM)]
         # none is exactly where poles coincide
@@ -641,17 +662,19 @@ class _Search:
         K = np.asarray(law.gain(self._few)) * unknowns.states / unknowns.inputs[:, None]
         return float(np.linalg.norm(K, axis=(1, 2)).max())
 
-    def _of_structure(self, law: Law) -> bool:
-        """Whether a law is one of the structure."""
-        unknowns = self.task.unknowns
-        if law.W is not None:
-            free = self.task.unknowns.structure
-            return free.measured is None and free.schedule is None and free.pattern is None
-        K = np.asarray(law.gain(self.cloud.alpha)) * unknowns.states
-        at = unknowns.at(self.cloud.alpha)
-        theta = at.nearest(K, np.eye(len(unknowns.states)))
-        rest = np.abs(at.gains(theta) @ at.C - K).max()
-        return bool(rest <= 1e-6 * np.abs(K).max())
+    def _of_structure(self, laws: Sequence[Law]) -> list[bool]:
+        """Return of each law whether it is one of the structure."""
+        unknowns, at = self.task.unknowns, self.cloud.unknowns
+        free = unknowns.structure
+        free_of_all = free.measured is None and free.schedule is None and free.pattern is None
+        plain = [law for law in laws if law.W is None]
+        K = [np.asarray(law.gain(self.cloud.alpha)) * unknowns.states for law in plain]
+        nearest = at.nearest(K, np.eye(len(unknowns.states)))
+        own = (
+            np.abs(at.gains(theta) @ at.C - k).max() <= 1e-6 * np.abs(k).max()
+            for theta, k in zip(nearest, K, strict=True)
+        )
+        return [bool(next(own)) if law.W is None else free_of_all for law in laws]
 
 
 def _has_own_states(plant: UncertainPlant) -> bool:

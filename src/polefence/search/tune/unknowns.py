@@ -222,18 +222,21 @@ class At:
         flat = dK.reshape(len(dK), -1) @ self.unknowns.pattern
         return np.asarray((self.terms[points][:, :, None] * flat[:, None, :]).reshape(len(dK), -1))
 
-    def nearest(self, K: Array, weights: Array) -> Array:
-        """Return theta whose gains are nearest to gains of all states.
+    def nearest(self, laws: Sequence[Array], weights: Array) -> list[Array]:
+        """Return of laws the theta whose gains are nearest to their gains of all states.
 
         Parameters
         ----------
-        K : (count, m, n) array
+        laws : sequence of (count, m, n) array
             Of states in their sizes.
         weights : (n, n) array
             The distance is that of the rows of K times this.
         """
+        if not laws:
+            return []
         size = self.unknowns.size
         gains = [self.gains(row) @ self.C @ weights for row in np.eye(size)]
         rows = np.stack(gains, axis=-1) / self.unknowns.inputs[:, None, None]
-        right = K @ weights / self.unknowns.inputs[:, None]
-        return np.asarray(np.linalg.lstsq(rows.reshape(-1, size), right.ravel(), rcond=1e-9)[0])
+        right = [(K @ weights / self.unknowns.inputs[:, None]).ravel() for K in laws]
+        rows = rows.reshape(-1, size)
+        return list(np.linalg.lstsq(rows, np.stack(right, axis=1), rcond=1e-9)[0].T.copy())

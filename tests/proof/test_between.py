@@ -12,7 +12,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 import polefence as pf
-from polefence.certify.bounds import best_bound, kept_bound
+from polefence.certify.bounds import best_bound, each_at_samples, each_sampled, kept_bound
 from polefence.plant.spec import loads
 from polefence.proof.document import check, from_plain
 from polefence.proof.work import FormatError, counted
@@ -131,6 +131,24 @@ def test_a_bound_is_at_all_times_and_close(spring, delay):
     assert bound.level <= max(found) * 1.01
     law, below = pf.FixedGain(gain), max(found) * (1 - 1e-3)
     assert kept_bound(seen, law, replace(asked, at_most=below)) is None
+
+
+@pytest.mark.parametrize("clock", ["perfect", "jitter 20 %"])
+def test_signals_of_one_noise_share_what_they_can(spring, clock):
+    """Each as if it were alone: of all states, of one, behind filters, under another noise."""
+    jitter = {} if clock == "perfect" else {"jitter": Fraction(1, 5)}
+    seen, law = pf.at_sample_time(spring, T, 1, **jitter), pf.FixedGain(LAW[1])
+    alpha = np.vstack([np.eye(len(seen.vertices)), np.full(len(seen.vertices), 0.25)[None]])
+    signals = [pf.Rms("x", density=1.0), pf.Rms("v", density=1.0), pf.Rms("f", density=1.0)]
+    signals += [pf.Rms("x", density=2.0), pf.EnergyPeak("x", norm=1.0)]
+    found = each_sampled(seen, law, signals, alpha)
+    for one, together in zip(signals, found, strict=True):
+        assert together.values == pytest.approx(one.values(seen, law, alpha), rel=1e-9)
+    for one, values in zip(signals, each_at_samples(seen, law, signals, alpha), strict=True):
+        alone = one.at_samples(seen, law, alpha)
+        assert (values is None) == (alone is None)
+        assert alone is None or values == pytest.approx(alone, rel=1e-9)
+    assert found[3].values == pytest.approx(2**0.5 * found[0].values, rel=1e-9)
 
 
 def test_as_the_sample_time_falls_it_is_that_of_continuous_time(spring):

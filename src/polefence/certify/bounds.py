@@ -72,7 +72,12 @@ from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
-from polefence.requirements.rms import Rms, in_any_order, of_one_noise
+from polefence.requirements.rms import (
+    Rms,
+    in_any_order,
+    of_one_noise,
+    of_one_noise_at_samples,
+)
 from polefence.requirements.specification import Specification, claim_of
 from polefence.requirements.step import StepMeasure
 from polefence.requirements.weights import behind
@@ -980,16 +985,47 @@ def each_sampled(
     """
     for signal in specifications:
         require_passing(plant, law, signal)
-    noises, values = dict[Any, dict[int, Rms]](), dict[int, Array]()
+    values = dict[int, Array]()
+    for alike in _of_one_noise(plant, specifications):
+        rms = of_one_noise(plant, law, list(alike.values()), alpha)
+        values |= dict(zip(alike, rms, strict=True))
+    return [
+        Sampled(signal, alpha, values[k] if k in values else signal.values(plant, law, alpha))
+        for k, signal in enumerate(specifications)
+    ]
+
+
+def each_at_samples(
+    plant: UncertainPlant, law: Any, specifications: Sequence[Specification], alpha: Array
+) -> list[Array | None]:
+    """Return what `at_samples` of each does; rms values of one noise from one covariance.
+
+    Raises
+    ------
+    InputError
+        As `sampled` of one of them.
+    """
+    values = dict[int, Array]()
+    for alike in _of_one_noise(plant, specifications):
+        held = {k: rms for k, rms in alike.items() if rms.held(plant) is not None}
+        if held:
+            rms = of_one_noise_at_samples(plant, law, list(held.values()), alpha)
+            values |= dict(zip(held, rms, strict=True))
+    return [
+        values.get(k) if type(signal) is Rms else signal.at_samples(plant, law, alpha)
+        for k, signal in enumerate(specifications)
+    ]
+
+
+def _of_one_noise(
+    plant: UncertainPlant, specifications: Sequence[Specification]
+) -> list[dict[int, Rms]]:
+    """Return the rms values under each noise, by their numbers."""
+    noises = dict[Any, dict[int, Rms]]()
     for k, signal in enumerate(specifications):
         if type(signal) is Rms:
             noises.setdefault((signal.density, str(signal.squares(plant))), {})[k] = signal
-        else:
-            values[k] = signal.values(plant, law, alpha)
-    for alike in noises.values():
-        rms = of_one_noise(plant, law, list(alike.values()), alpha)
-        values |= dict(zip(alike, rms, strict=True))
-    return [Sampled(signal, alpha, values[k]) for k, signal in enumerate(specifications)]
+    return list(noises.values())
 
 
 def agreed_bound(plant: UncertainPlant, law: Any, bound: Bound) -> Bound | None:

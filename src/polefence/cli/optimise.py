@@ -17,6 +17,7 @@ from polefence.certify.bounds import (
     AGREED,
     Bound,
     Sampled,
+    each_at_samples,
     each_sampled,
     is_loose,
     sampled,
@@ -327,7 +328,7 @@ def rows_of(done: Optimised) -> list[Row]:
     passive: Sequence[Sampled | None] = [None] * len(asked)
     if plant.vehicle is not None:
         passive = [_passive(plant, one, alpha) for one in asked]
-    at_samples = (one.at_samples(plant, done.law, alpha) for one in asked)
+    at_samples = each_at_samples(plant, done.law, asked, alpha)
     worst = [None if values is None else float(values.max()) for values in at_samples]
     units = [one.unit(plant) for one in asked]
     return list(map(Row, done.bounds, units, with_law, passive, worst))

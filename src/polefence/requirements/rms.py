@@ -31,6 +31,7 @@ from polefence.requirements.weights import (
     with_weights,
 )
 from polefence.response.between import factor, held_of, means
+from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import lyapunov, needed, stationary, unstable
@@ -192,7 +193,9 @@ class Rms(Specification):
 
     def at_samples(self, plant: UncertainPlant, law: Any, alpha: Array) -> Array | None:
         """Return the rms at samples alone, where what is bounded is that at all times."""
-        return None if self.held(plant) is None else _at_samples(plant, law, self, alpha)
+        if self.held(plant) is None:
+            return None
+        return of_one_noise_at_samples(plant, law, [self], alpha)[0]
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return it with disturbances of unit intensity, and with its filters."""
@@ -289,30 +292,6 @@ def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...]
     return None if set(weight) == {PLAIN} else weight
 
 
-def _at_samples(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array) -> Array:
-    """Return the rms of a signal at samples."""
-    psd = limit.density * limit.squares(plant)
-    plain, (bare,) = with_weights(plant, (limit,))
-    rms = stationary(plain, wider(law, plant, plain), alpha, psd, bare.outputs(plain)).rms
-    return np.asarray(np.linalg.norm(rms, axis=1))
-
-
-def _at_all_times(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array) -> Array:
-    """Return the rms of a signal between samples too, or that of a weighted one at them.
-
-    Raises
-    ------
-    InputError
-        As `stationary` raises.
-    """
-    at_samples = _at_samples(plant, law, limit, alpha)  # refuses what has none
-    if limit.held(plant) is None:
-        return at_samples
-    lengths = dict.fromkeys((1.0, *limit.lengths(plant)))
-    every = [_of_periods(plant, law, limit, alpha, length) for length in lengths]
-    return np.asarray(np.max(every, axis=0))
-
-
 def in_any_order(limit: Specification, plant: UncertainPlant, law: Any, alpha: Array) -> Array:
     """Return what one Q proves of an rms at points, for periods of a clock in any order, in floats.
 
@@ -322,18 +301,6 @@ def in_any_order(limit: Specification, plant: UncertainPlant, law: Any, alpha: A
     channel, loops = limit.channel(plant, alpha), close(plant, law, alpha)
     closed = channel.closed(loops.K, Modes(channel.A + channel.B @ loops.K, loops.step))
     return limit.slopes(closed).values
-
-
-def _of_periods(plant: UncertainPlant, law: Any, limit: Rms, alpha: Array, length: float) -> Array:
-    """Return the rms at all times where every period is so many sample times; inf if unstable."""
-    loops, channel = close(plant, law, alpha), limit.over(delta_form(plant), alpha, length)
-    closed, shown = channel.A + channel.B @ loops.K, channel.C + channel.D @ loops.K
-    if len(unstable(closed, loops.step)) and length != 1:
-        return np.full(len(alpha), np.inf)
-    kept = needed(shown, closed)
-    A, E, C = closed[:, kept][:, :, kept], channel.E[:, kept], shown[:, :, kept]
-    X = lyapunov(A, E @ np.swapaxes(E, 1, 2), loops.step)
-    return np.asarray(np.sqrt(np.maximum(((C @ X) * C).sum(axis=(1, 2)) + channel.more, 0.0)))
 
 
 def of_one_noise(
@@ -346,8 +313,25 @@ def of_one_noise(
     InputError
         As `stationary` raises, of all of them together.
     """
-    if any(limit.held(plant) is not None for limit in limits):
-        return [_at_all_times(plant, law, limit, alpha) for limit in limits]
+    values = of_one_noise_at_samples(plant, law, limits, alpha)  # refuses what has none
+    held = [k for k, limit in enumerate(limits) if limit.held(plant) is not None]
+    if held:
+        between = _Between(plant, close(plant, law, alpha), alpha)
+        for k in held:
+            values[k] = between.rms(limits[k])
+    return values
+
+
+def of_one_noise_at_samples(
+    plant: UncertainPlant, law: Any, limits: Sequence[Rms], alpha: Array
+) -> list[Array]:
+    """Return the same at samples alone, of a plant that has some.
+
+    Raises
+    ------
+    InputError
+        As `stationary` raises, of all of them together.
+    """
     psd, bare = limits[0].density * limits[0].squares(plant), plant
     plant, plain = with_weights(plant, limits)
     law = wider(law, bare, plant)
@@ -356,3 +340,35 @@ def of_one_noise(
     rms = stationary(plant, law, alpha, psd, signals).rms
     columns = [[signals.index(signal) for signal in entries] for entries in outputs]
     return [np.asarray(np.linalg.norm(rms[:, those], axis=1)) for those in columns]
+
+
+class _Between:
+    """Rms values at all times, of signals under one noise, of loops at points of the family."""
+
+    def __init__(self, plant: UncertainPlant, loops: Closed, alpha: Array) -> None:
+        self.plant, self.loops, self.alpha = plant, loops, alpha
+        # by the length of a period: whether no loop is stable then; and states that matter
+        self._unstable = dict[float, bool]()
+        self._covariances = dict[tuple[float, bytes], Array]()
+
+    def rms(self, limit: Rms) -> Array:
+        """Return the largest rms of a signal for periods that a clock may have."""
+        lengths = dict.fromkeys((1.0, *limit.lengths(self.plant)))
+        return np.asarray(np.max([self._of(limit, length) for length in lengths], axis=0))
+
+    def _of(self, limit: Rms, length: float) -> Array:
+        """Return it where every period is so many sample times; infinite if some is unstable."""
+        channel, K = limit.over(delta_form(self.plant), self.alpha, length), self.loops.K
+        closed, shown = channel.A + channel.B @ K, channel.C + channel.D @ K
+        if length not in self._unstable:
+            self._unstable[length] = bool(len(unstable(closed, self.loops.step)))
+        if self._unstable[length] and length != 1:
+            return np.full(len(self.alpha), np.inf)
+        kept = needed(shown, closed)
+        key = length, np.asarray(kept).tobytes()
+        if key not in self._covariances:
+            E = channel.E[:, kept]
+            W = E @ np.swapaxes(E, 1, 2)
+            self._covariances[key] = lyapunov(closed[:, kept][:, :, kept], W, self.loops.step)
+        C, X = shown[:, :, kept], self._covariances[key]
+        return np.asarray(np.sqrt(np.maximum(((C @ X) * C).sum(axis=(1, 2)) + channel.more, 0.0)))

@@ -362,8 +362,9 @@ def render(figure: Figure, kind: str) -> bytes:
     _as_written(figure)
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with rc_context(_STYLE):
-        if figure.get_layout_engine() is not None:  # laid out once, for files of all kinds
-            figure.draw_without_rendering()
+        layout = figure.get_layout_engine()
+        if layout is not None:  # laid out once, for files of all kinds
+            layout.execute(figure)
             figure.set_layout_engine(None)  # "none" would lay it out, and draw it, every time
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, dpi=160, metadata=dates.get(kind))

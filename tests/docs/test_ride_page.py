@@ -62,7 +62,7 @@ def test_the_commands_print_what_the_page_shows(said, command, shown):
     lines = text.splitlines()
     assert len(lines) == len(shown.splitlines())
     for wanted, line in zip(shown.splitlines(), lines, strict=True):
-        if wanted.endswith(" = ..."):
+        if wanted.endswith((" = ...", ": ...")):  # what an optimum leaves free
             assert line.startswith(wanted.removesuffix("..."))
             continue
         assert NUMBER.sub("#", wanted).split() == NUMBER.sub("#", line).split()

@@ -8,22 +8,15 @@ import numpy as np
 import pytest
 
 from polefence.search.tune import tuner
-from polefence.search.tune.descent import FULL, PENALTY, Effort, descend, descent
+from polefence.search.tune.descent import FULL, PENALTY, Effort, descend
 
 STARTS = 4  # of a search
 SHORT = Effort(10, 1e-2)
 
 
-def _most(target, effort):
-    return effort if np.isfinite(target) else SHORT
-
-
-def _descend(evaluate, theta, target=-np.inf, effort=FULL, penalty=PENALTY):
-    return descend(evaluate, theta, target, _most(target, effort), penalty)
-
-
-def _descent(theta, target=-np.inf, effort=FULL, penalty=PENALTY):
-    return descent(theta, target, _most(target, effort), penalty)
+def _short(evaluate, theta, target=-np.inf, effort=FULL, penalty=PENALTY):
+    most = effort if np.isfinite(target) else SHORT
+    return descend(evaluate, theta, target, most, penalty)
 
 
 @contextmanager
@@ -36,8 +29,7 @@ def hasty():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuner._Search, "_starts", lambda own, laws: starts(own, laws)[:STARTS])
-        patch.setattr(tuner, "descend", _descend)
-        patch.setattr(tuner, "descent", _descent)
+        patch.setattr(tuner, "descend", _short)
         patch.setattr(tuner, "BEST", 1)
         patch.setattr(tuner, "LAST", 1)
         yield

@@ -647,7 +647,7 @@ def _best_tuned(
             done = replace(done, structure=structure, bounded_by=tuned.bounded_by)
             every.append(replace(done, closer=_closer(done, tuned)))
         # where a better law of the search has no proof, one within tighter limits may have one
-        # a law proved so close to its worst sample needs no other
+        # a law proved so close to its worst sample needs no other: bounds are proved to within NEAR
         if every and (task.minimise is None or proved() <= lowest * (1 + 2 * NEAR)):
             break
     return _least(*every, most=most) if every else None

@@ -399,11 +399,17 @@ class Points:
 
     def _work(self, asks: Sequence[Ask], K: Array) -> float:
         """Return about what one evaluation of laws takes: the same with a kernel or without."""
-        n3 = float(K.shape[-1]) ** 3
-        if not all(map(knows, self.wanted(asks[0].phase, asks[0].kappa))):
+        n3, key = float(K.shape[-1]) ** 3, (asks[0].phase, asks[0].kappa)
+        if key not in self._known:
+            self._known[key] = all(map(knows, self.wanted(*key)))
+        if not self._known[key]:
             return len(K) * (ONE + EACH * n3)
         of_law = LAW + EACH_NUMBER * float(len(asks[0].theta)) ** 3
         return len(K) * EACH_KNOWN * n3 + len(asks) * of_law
+
+    @cached_property
+    def _known(self) -> dict[tuple[str, float | None], bool]:
+        return {}
 
     def _of_finite(
         self, asks: Sequence[Ask], K: Array, inner: Array, team: Team
@@ -411,7 +417,7 @@ class Points:
         """Return rows of laws whose loops are finite, by the kernel as far as it can."""
         plan, each = self.plan(asks[0]), len(self.alpha)
         count = min(team.count, len(asks), int(len(K) * K.shape[-1] ** 3 / SHARED))
-        if plan is None or plan.rest:  # Python shares no threads
+        if plan is None or plan.rest:  # what Python measures takes turns, and counts its work
             count = 1
         parts = np.array_split(np.arange(len(asks)), max(count, 1))
 

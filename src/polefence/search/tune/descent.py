@@ -64,7 +64,9 @@ class Effort:
     rest: float = np.inf
 
 
-FULL, EARLY, QUICK = Effort(300, 1e-6, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
+# With 300 steps searches of the van's law of order 2 ended at levels from 0.77545 to 0.77618, on
+# three kinds of processors; with 600 at 0.77538 to 0.77540.
+FULL, EARLY, QUICK = Effort(600, 1e-6, 1e-5), Effort(60, 1e-4), Effort(15, 1e-3)
 ROUGH = Effort(100, 1e-2, 1e-2)  # for what is only to be small
 PATIENT = Effort(200, 1e-6)  # for smooth functions of which the very end matters
 

@@ -494,6 +494,7 @@ class _Search:
         self, theta: Array, points: Points, effort: Effort, smooth: Sequence[float]
     ) -> Asking[_Reached]:
         """Return where the phases lead to: into the region, the limits, down."""
+        theta = self.task.unknowns.balanced(theta)
         rows = yield Ask(theta, REGION)
         outside = rows is None or rows.level > FEASIBLE
         regions = (SMOOTH[0], SMOOTH[-1], None) if outside else ()
@@ -521,6 +522,7 @@ class _Search:
         """Return where the level is least, of numbers that keep everything."""
         of_poles = isinstance(self.task.minimise, tuple)
         for kappa in (*smooth, None) if of_poles else (None,):
+            theta = self.task.unknowns.balanced(theta)
             unit = self.task.unit((yield from _level(theta)))
             early = of_poles and kappa != smooth[-1] and effort is FULL
             most = EARLY if early else effort

@@ -13,10 +13,15 @@ from polefence.base.errors import InputError, suggest
 from polefence.law.laws import FixedGain, Law, PolynomialGain
 from polefence.law.structure import Structure
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import as_read
+from polefence.plant.larger import as_read, law_states, own_states
+from polefence.plant.points import inside
+from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.plant import WITHOUT
 from polefence.requirements.slopes import Acting, Channel
+from polefence.search.tune.coordinates import coordinates
+
+FEW = 40  # points at which laws are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +107,34 @@ class Unknowns:
     def terms(self) -> int:
         """Number of the law's terms."""
         return len(self.structure.powers(self.plant))
+
+    @cached_property
+    def own(self) -> int:
+        """Number of the law's own states: the last of what is measured, their rates last inputs."""
+        count = own_states(self.plant)
+        if not count or self.structure.measured is None:
+            return count
+        return count if self.structure.measured[-count:] == law_states(count) else 0
+
+    def balanced(self, theta: Array) -> Array:
+        """Return the same law with its own states in coordinates in which its gain is least.
+
+        There numbers of a law are of one size, and so are the steps that a search may take.
+        """
+        k, count = self.own, len(self.plant.vertices)
+        if not k:
+            return theta
+        domain = Domain.of("box" if self.plant.parameters else "simplex", count)
+        terms = self.blank.terms(domain.alpha(inside(domain, FEW)))
+        sizes = self.inputs.copy()  # rates of its states of one size for all: they turn together
+        sizes[-k:] = self.signals[-k:] * np.exp(np.log(sizes[-k:] / self.signals[-k:]).mean())
+        weight = self.signals / sizes[:, None]
+        coefficients = self.coefficients(theta) * weight
+        T = coordinates(np.tensordot(terms, coefficients, 1), k)
+        right, left = np.eye(len(self.signals)), np.eye(len(self.inputs))
+        right[-k:, -k:], left[-k:, -k:] = T, np.linalg.inv(T)
+        other = (left @ coefficients @ right / weight).reshape(self.terms, -1)
+        return np.asarray(np.linalg.lstsq(self.pattern, other.T, rcond=None)[0].T.ravel())
 
     @property
     def size(self) -> int:

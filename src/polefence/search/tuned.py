@@ -25,7 +25,7 @@ from polefence.requirements.specification import Specification
 from polefence.search.task import Candidate, Missing, Task, candidate, withstands_rounding
 from polefence.search.tune.dynamic import beside_filters, filtered, observers
 from polefence.search.tune.tuner import Tuned, rough, tune
-from polefence.search.tune.worth import NEAR
+from polefence.search.tune.worth import NEAR, promising
 
 # How much tighter limits and region are asked for than they are to be proved, one after the other.
 # The shown car loses 1.4 times the share: 1.02079 with 2e-5, 1.02147 with 5e-4.
@@ -270,7 +270,7 @@ def _faster(plant: UncertainPlant, region: Region) -> Region | None:
 def _promising(candidates: Sequence[Tuned]) -> Iterator[Tuned]:
     kept = [tuned for tuned in candidates if tuned.kept]
     for tuned in kept[:MOST]:
-        if tuned.level <= kept[0].level * 1.02:
+        if tuned.level <= promising(kept[0].level):
             yield tuned
 
 

@@ -56,7 +56,7 @@ from polefence.search.tune.meeting import met
 from polefence.search.tune.quadratic import Program
 from polefence.search.tune.starts import regulators, typical
 from polefence.search.tune.unknowns import Unknowns
-from polefence.search.tune.worth import SMALLER, taken
+from polefence.search.tune.worth import SMALLER, promising, taken
 
 T = TypeVar("T")
 
@@ -377,8 +377,9 @@ class _Search:
         # beside these, none of which makes way: what is best at the corners need not be elsewhere
         ends += [] if alone else self._farther(ends[:1])
         results = [self._tuned(self._finished(end)) for end in counted(ends, "best start")]
-        own = self._of_structure(laws)
-        given = [self._given(law) for law, fits in zip(laws, own, strict=True) if fits]
+        least = min((tuned.level for tuned in results if tuned.kept), default=np.inf)
+        own = [law for law, fits in zip(laws, self._of_structure(laws), strict=True) if fits]
+        given = [self._given(law) for law in own if self._promises(law, least)]
         results += [tuned for tuned in given if tuned.kept]
         results.sort(key=lambda tuned: (not tuned.kept, tuned.level))
         kept = [tuned for tuned in results if tuned.kept]
@@ -638,12 +639,17 @@ class _Search:
         theta, level = reached.larger
         return replace(tuned, larger=(self.task.unknowns.law(theta), level))
 
-    def _given(self, law: Law) -> Tuned:
-        def worst(points: Points) -> Array:
-            K = np.asarray(law.gain(points.alpha)) * self.task.unknowns.states
-            return points.worst(K, points.unknowns.of(law, points.alpha))
+    def _promises(self, law: Law, least: float) -> bool:
+        """Return whether a law is worth a proof beside one of a level, by what it is at corners."""
+        level = float(self._worst_of(law, self.first)[0].max())
+        return level <= promising(least) if np.isfinite(least) else True
 
-        values, alpha = self._looked(worst)
+    def _worst_of(self, law: Law, points: Points) -> Array:
+        K = np.asarray(law.gain(points.alpha)) * self.task.unknowns.states
+        return points.worst(K, points.unknowns.of(law, points.alpha))
+
+    def _given(self, law: Law) -> Tuned:
+        values, alpha = self._looked(partial(self._worst_of, law))
         return self._answer(law, values, alpha, values[:, None], alpha[:1])
 
     def _answer(self, law: Law, worst: Array, alpha: Array, there: Array, where: Array) -> Tuned:

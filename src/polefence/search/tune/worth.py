@@ -13,6 +13,7 @@ import numpy as np
 
 NEAR = 1e-3  # above the best level, laws that are as good, as a share of it
 SMALLER = 0.8  # of the gain: a law whose gain falls by less is worth neither a proof nor its level
+PROMISING = 0.02  # above the best level, laws that are proved where the best has no proof
 HALVINGS = 3, 6  # of the gain, from which on each is worth half of that, and up to which
 
 
@@ -22,6 +23,11 @@ def near(level: float, gain: float, smaller: float) -> float:
     fewest, most = HALVINGS
     times = min(halvings, most) / 2 if halvings >= fewest else 1.0
     return float(level + times * NEAR * abs(level))
+
+
+def promising(level: float) -> float:
+    """Return the level up to which a law is worth a proof where the best one, of this, has none."""
+    return level + PROMISING * abs(level)
 
 
 def up_to(level: float, gain: float, other: float) -> float:

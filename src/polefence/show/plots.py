@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 from textwrap import wrap
@@ -30,8 +30,10 @@ from polefence.region.regions import POINTS, Region, View, Wedge
 from polefence.region.text import digits_down, digits_up, short_text
 
 if TYPE_CHECKING:  # imported where used, or for signatures only
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     from polefence.certify.margins import Margins
     from polefence.response.linear import Frequency, Response
@@ -373,14 +375,23 @@ def render(figure: Figure, kind: str) -> bytes:
 
 def _as_written(figure: Figure) -> None:
     """Show texts as they are: names are no formulas, and have no control characters."""
-    from matplotlib.axis import Tick
+    for text in _texts(figure):
+        text.set_parse_math(False)
+        text.set_text(typeset("\n".join(map(visible, text.get_text().split("\n")))))
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    """Yield all texts but those of ticks: powers of ten are formulas, and take long to make."""
+    from matplotlib.axis import Axis
     from matplotlib.text import Text
 
-    ticks = {id(text) for tick in figure.findobj(Tick) for text in (tick.label1, tick.label2)}
-    for text in figure.findobj(Text):
-        if id(text) not in ticks:  # powers of ten are formulas
-            text.set_parse_math(False)
-            text.set_text(typeset("\n".join(map(visible, text.get_text().split("\n")))))
+    if isinstance(artist, Text):
+        yield artist
+    if isinstance(artist, Axis):
+        yield from (artist.label, artist.offsetText)
+    else:
+        for child in artist.get_children():
+            yield from _texts(child)
 
 
 def typeset(text: str) -> str:

@@ -19,7 +19,8 @@ from polefence.plant.points import seeded
 from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Verdict, prove
-from polefence.proof.claims.step import RELATIVE, Following, Run, StepResponse
+from polefence.proof.claims.followed import Following
+from polefence.proof.claims.step import RELATIVE, Run, StepResponse
 from polefence.proof.laws import Evidence, Piece, Point
 from polefence.proof.matrices import Rationals, identity
 from polefence.proof.response import Centred, norms

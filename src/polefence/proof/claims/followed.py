@@ -15,12 +15,16 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Verdict, undecided
 from polefence.proof.claims.signal import Rows, SignalClaim, Subject
+from polefence.proof.matrices import ONE, ZERO, Rationals, inverse
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import number
+from polefence.proof.polynomials import constant, number
 from polefence.proof.reading import Table, plain
+from polefence.proof.response import Centred, Follower, Form, Series, norms, variables
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
+Sums = dict[Any, int]  # coefficients over 2^bits, of monomials of g or of s and g
+FEW = 60  # bits of about the inverse of A
 MAX_STEPS, MAX_TERMS, MAX_FORM, MAX_BITS = 20_000, 40, 16, 400
 
 
@@ -131,6 +135,11 @@ class Followed(SignalClaim):
             raise FormatError("following: there must be one for each part of the box")
         self.following[0].require()
 
+    @property
+    def run(self) -> Run:
+        """The motion that is followed."""
+        return Run.of(self)
+
     def inside(self, piece: Any) -> Self:
         """Return the claim about a part of the box, with its own series."""
         if len(self.following) != len(self.subject.evidence.cells):
@@ -164,7 +173,7 @@ class Followed(SignalClaim):
             return verdict
         cells, steps = self.subject.evidence.cells, 0
         for k, one in enumerate(map(self.inside, cells) if cells else [self]):
-            fault = one._missed()
+            fault = one.missed()
             if fault:
                 place = f"cell {k + 1}: " if cells else ""
                 return undecided(place + fault)
@@ -175,6 +184,91 @@ class Followed(SignalClaim):
         """Prove that errors fade, and how far they reach."""
         return super().decided()
 
-    def _missed(self) -> str:
+    def missed(self) -> str:
         """Say what is not proved; "" where all is."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Run(Short):
+    """The motion of one part of the box."""
+
+    claim: Followed
+    A: Centred
+    b: Centred
+    C: Centred
+    F: Centred | None
+    Q: list[Rationals]
+
+    @classmethod
+    def of(cls, claim: Followed) -> Run:
+        """Return the motion."""
+        subject = claim.subject
+        loop = subject.dual_loop(claim.outputs)
+        every = constant([[ONE] for _ in range(subject.q)], subject.sizes)
+        b = subject.driving(claim.scales, subject.sizes) * every
+        passing = subject.through(claim.outputs, claim.scales)
+        F = None if passing is None else Centred.of(passing * every)
+        Q = subject.evidence.X
+        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
+
+    @property
+    def follower_variables(self) -> tuple[Fraction, ...]:
+        """The largest size of each variable."""
+        return variables(self.claim.subject.sizes)
+
+    @property
+    def follower(self) -> Follower:
+        """What is followed."""
+        own = self.claim.following[0]
+        series = Series(own.terms, own.degree, own.bits)
+        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
+
+    def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
+        """Return C x + F over 2^bits, and what that is rounded by."""
+        bits = self.claim.following[0].bits
+        total = {e: v[0] // self.C.whole for e, v in self.C.times(x).items()}
+        off = len(total)
+        if self.F is not None and direct:
+            for e, M in self.F.terms.items():
+                total[e] = total.get(e, 0) + (M[0][0] << bits) // self.F.whole
+                off += 1
+        return total, Fraction(off, 1 << bits)
+
+    def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
+        """Return where x tends to, and how far that is off in the norm."""
+        own, n = self.claim.following[0], self.claim.subject.n
+        middle = self.A.terms.get((0,) * len(follower.variables))
+        if middle is None:
+            return None
+        exact = inverse([[Fraction(v, self.A.whole) for v in row] for row in middle], "A")
+        M = [[Fraction((x * 2**FEW).__floor__(), 2**FEW) for x in row] for row in exact]
+        x: Form = {}
+        best: tuple[Form, Fraction] | None = None
+        for _ in range(own.degree + 3):
+            left = follower.rate_of(x)
+            rounded = 2 * len(left) * sum(follower.norm)
+            size = (follower.size(left) + rounded) / 2**own.bits / own.rate
+            if best is None or size < best[1]:
+                best = x, size
+            moved: Form = {}
+            for e, v in left.items():
+                if sum(e) <= own.degree:
+                    moved[e] = [
+                        round(sum((a * y for a, y in zip(row, v, strict=True)), ZERO)) for row in M
+                    ]
+            x = {
+                e: [p - q for p, q in zip(x.get(e, [0] * n), moved.get(e, [0] * n), strict=True)]
+                for e in {**x, **moved}
+            }
+        return best
+
+    def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
+        """Return y over a step, over 2^bits, in powers of s and of g, and its rounding."""
+        total = Sums()
+        off = ZERO
+        for i, form in enumerate(forms):
+            y, rounded = self.output(form, direct=i == 0)
+            off += rounded
+            total |= {(i, *e): v for e, v in y.items()}
+        return total, off

@@ -28,29 +28,17 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
-from polefence.proof.claims.followed import Followed, Following
+from polefence.proof.claims.followed import Followed, Following, Run, Sums
 from polefence.proof.claims.signal import Subject
-from polefence.proof.matrices import ONE, ZERO, Rationals, inverse
+from polefence.proof.matrices import ZERO
 from polefence.proof.plant import Output, Plant
-from polefence.proof.polynomials import constant
 from polefence.proof.reading import Table, plain
-from polefence.proof.response import (
-    Centred,
-    Follower,
-    Form,
-    Series,
-    norms,
-    positive,
-    variables,
-)
-from polefence.proof.short import Short
+from polefence.proof.response import Follower, Form, positive
 from polefence.proof.text import digits_up
 from polefence.proof.work import FormatError
 
 MEASURES = ("peak", "overshoot", "undershoot", "settling", "rise", "final")
 RELATIVE = ("overshoot", "undershoot", "settling", "rise")
-Sums = dict[Any, int]  # coefficients over 2^bits, of monomials of g or of s and g
-FEW = 60  # bits of about the inverse of A
 
 
 @dataclass(frozen=True)
@@ -86,18 +74,18 @@ class StepResponse(Followed):
             raise FormatError("band must be above zero and below one")
 
     @property
-    def run(self) -> Run:
-        """The motion that is followed."""
-        return Run.of(self)
-
-    @property
     def under(self) -> str:
         """After a step."""
         return " after a step"
 
-    def _missed(self) -> str:
+    def missed(self) -> str:
         """Say what is not proved; "" where all is."""
-        return self.run.fault()
+        run = self.run
+        follower = run.follower
+        end = run.final(follower)
+        if end is None:
+            return "where the signal tends to is not known"
+        return _Compared.of(self, run, follower, *end).fault()
 
     def statement(self, plant: Plant) -> str:
         """Say what is proved."""
@@ -105,99 +93,6 @@ class StepResponse(Followed):
         said = {"settling": "settling time", "rise": "rise time"}.get(self.measure, self.measure)
         within = f" to within {digits_up(self.band)} of its final value" if self.band else ""
         return text.replace(f"{self.kind} of ", f"{said}{within} of ", 1)
-
-
-@dataclass(frozen=True)
-class Run(Short):
-    """The motion of one part of the box."""
-
-    claim: StepResponse
-    A: Centred
-    b: Centred
-    C: Centred
-    F: Centred | None
-    Q: list[Rationals]
-
-    @classmethod
-    def of(cls, claim: StepResponse) -> Run:
-        """Return the motion."""
-        subject = claim.subject
-        loop = subject.dual_loop(claim.outputs)
-        every = constant([[ONE] for _ in range(subject.q)], subject.sizes)
-        b = subject.driving(claim.scales, subject.sizes) * every
-        passing = subject.through(claim.outputs, claim.scales)
-        F = None if passing is None else Centred.of(passing * every)
-        Q = subject.evidence.X
-        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
-
-    @property
-    def follower_variables(self) -> tuple[Fraction, ...]:
-        """The largest size of each variable."""
-        return variables(self.claim.subject.sizes)
-
-    @property
-    def follower(self) -> Follower:
-        """What is followed."""
-        own = self.claim.following[0]
-        series = Series(own.terms, own.degree, own.bits)
-        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
-
-    def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
-        """Return C x + F over 2^bits, and what that is rounded by."""
-        bits = self.claim.following[0].bits
-        total = {e: v[0] // self.C.whole for e, v in self.C.times(x).items()}
-        off = len(total)
-        if self.F is not None and direct:
-            for e, M in self.F.terms.items():
-                total[e] = total.get(e, 0) + (M[0][0] << bits) // self.F.whole
-                off += 1
-        return total, Fraction(off, 1 << bits)
-
-    def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
-        """Return where x tends to, and how far that is off in the norm."""
-        own, n = self.claim.following[0], self.claim.subject.n
-        middle = self.A.terms.get((0,) * len(follower.variables))
-        if middle is None:
-            return None
-        exact = inverse([[Fraction(v, self.A.whole) for v in row] for row in middle], "A")
-        M = [[Fraction((x * 2**FEW).__floor__(), 2**FEW) for x in row] for row in exact]
-        x: Form = {}
-        best: tuple[Form, Fraction] | None = None
-        for _ in range(own.degree + 3):
-            left = follower.rate_of(x)
-            rounded = 2 * len(left) * sum(follower.norm)
-            size = (follower.size(left) + rounded) / 2**own.bits / own.rate
-            if best is None or size < best[1]:
-                best = x, size
-            moved: Form = {}
-            for e, v in left.items():
-                if sum(e) <= own.degree:
-                    moved[e] = [
-                        round(sum((a * y for a, y in zip(row, v, strict=True)), ZERO)) for row in M
-                    ]
-            x = {
-                e: [p - q for p, q in zip(x.get(e, [0] * n), moved.get(e, [0] * n), strict=True)]
-                for e in {**x, **moved}
-            }
-        return best
-
-    def fault(self) -> str:
-        """Say what is not proved; "" where all is."""
-        follower = self.follower
-        end = self.final(follower)
-        if end is None:
-            return "where the signal tends to is not known"
-        return _Compared.of(self, follower, *end).fault()
-
-    def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
-        """Return y over a step, over 2^bits, in powers of s and of g, and its rounding."""
-        total = Sums()
-        off = ZERO
-        for i, form in enumerate(forms):
-            y, rounded = self.output(form, direct=i == 0)
-            off += rounded
-            total |= {(i, *e): v for e, v in y.items()}
-        return total, off
 
 
 Compared = tuple[Sums, Fraction]  # a polynomial that is to be more than a number everywhere
@@ -209,6 +104,7 @@ class _Compared:
 
     Attributes
     ----------
+    claim : StepResponse
     run : Run
     follower : Follower
     x_end : Form
@@ -221,6 +117,7 @@ class _Compared:
         How far that is rounded, and off in all.
     """
 
+    claim: StepResponse
     run: Run
     follower: Follower
     x_end: Form
@@ -230,16 +127,13 @@ class _Compared:
     slack: Fraction
 
     @classmethod
-    def of(cls, run: Run, follower: Follower, x_end: Form, off: Fraction) -> _Compared:
+    def of(
+        cls, claim: StepResponse, run: Run, follower: Follower, x_end: Form, off: Fraction
+    ) -> _Compared:
         """Return it."""
         y_end, rounding = run.output(x_end)
-        slack = run.claim.following[0].reach * off + rounding
-        return cls(run, follower, x_end, off, _lifted(y_end), rounding, slack)
-
-    @property
-    def claim(self) -> StepResponse:
-        """What is claimed."""
-        return self.run.claim
+        slack = claim.following[0].reach * off + rounding
+        return cls(claim, run, follower, x_end, off, _lifted(y_end), rounding, slack)
 
     @property
     def following(self) -> Following:

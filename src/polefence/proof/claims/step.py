@@ -23,210 +23,69 @@ With the sign s of y(oo), the same for all parameters, a ``measure`` is at most 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
-from polefence.proof.claims.base import Verdict, undecided
-from polefence.proof.claims.signal import Rows, SignalClaim, Subject
-from polefence.proof.matrices import ONE, ZERO, Rationals, inverse
+from polefence.proof.claims.followed import Followed, Following, Run, Sums
+from polefence.proof.claims.signal import Subject
+from polefence.proof.matrices import ZERO
 from polefence.proof.plant import Output, Plant
-from polefence.proof.polynomials import constant, number
 from polefence.proof.reading import Table, plain
-from polefence.proof.response import (
-    Centred,
-    Follower,
-    Form,
-    Series,
-    norms,
-    positive,
-    variables,
-)
-from polefence.proof.short import Short
+from polefence.proof.response import Follower, Form, positive
 from polefence.proof.text import digits_up
 from polefence.proof.work import FormatError
 
 MEASURES = ("peak", "overshoot", "undershoot", "settling", "rise", "final")
 RELATIVE = ("overshoot", "undershoot", "settling", "rise")
-Sums = dict[Any, int]  # coefficients over 2^bits, of monomials of g or of s and g
-FEW = 60  # bits of about the inverse of A
-MAX_STEPS, MAX_TERMS, MAX_FORM, MAX_BITS = 20_000, 40, 16, 400
-
-
-def _whole_pairs(table: Table) -> tuple[tuple[int, int], ...]:
-    pairs = table.matrix("lengths", None, 2)
-    if any(x.denominator != 1 for pair in pairs for x in pair):
-        raise FormatError("lengths must be pairs of whole numbers")
-    return tuple((int(a), int(b)) for a, b in pairs)
 
 
 @dataclass(frozen=True)
-class Following(Short):
-    """How the response is followed in one part of the box.
-
-    Attributes
-    ----------
-    unit : Fraction
-        Of lengths [s].
-    lengths : tuple of (int, int)
-        Of how many units a step is, and how many steps of that length follow one another.
-    terms, degree, bits : int
-    rate, reach : Fraction
-        beta [1/s] and kappa.
-    """
-
-    unit: Fraction
-    lengths: tuple[tuple[int, int], ...]
-    terms: int
-    degree: int
-    bits: int
-    rate: Fraction
-    reach: Fraction
-
-    @classmethod
-    def read(cls, table: Table) -> Following:
-        """Read it."""
-        return cls(
-            table.number("unit"),
-            _whole_pairs(table),
-            table.whole("terms", None, MAX_TERMS, 1),
-            table.whole("degree", None, MAX_FORM),
-            table.whole("bits", None, MAX_BITS, 1),
-            table.number("rate"),
-            table.number("reach"),
-        )
-
-    def write(self) -> dict[str, Any]:
-        """Return what `read` reads."""
-        whole = {key: getattr(self, key) for key in ("terms", "degree", "bits")}
-        whole |= {"lengths": [list(pair) for pair in self.lengths]}
-        return whole | {key: plain(getattr(self, key)) for key in ("unit", "rate", "reach")}
-
-    def require(self) -> None:
-        """Refuse numbers that are not positive."""
-        if min(self.unit, self.rate, self.reach) <= 0:
-            raise FormatError("following: unit, rate and reach must be positive")
-        if any(min(pair) < 1 for pair in self.lengths) or not 1 <= self.steps <= MAX_STEPS:
-            raise FormatError(f"lengths must be whole numbers, of 1 to {MAX_STEPS} steps")
-
-    @property
-    def steps(self) -> int:
-        """How many steps there are."""
-        return sum(count for _, count in self.lengths)
-
-    @property
-    def every(self) -> list[Fraction]:
-        """The length of each step [s]."""
-        return [units * self.unit for units, count in self.lengths for _ in range(count)]
-
-
-@dataclass(frozen=True)
-class StepResponse(SignalClaim):
+class StepResponse(Followed):
     """A measure of y after a step of the disturbances, each of its scale, is at most ``level``."""
 
     kind: ClassVar[str] = "step"
-    direct: ClassVar[bool] = True
-    has_dual: ClassVar[bool] = True
-    has_motion: ClassVar[bool] = False
-    has_passing: ClassVar[bool] = True
 
     measure: str = field(default="peak", kw_only=True)
     band: Fraction = field(default=ZERO, kw_only=True)
-    following: tuple[Following, ...] = field(default=(), kw_only=True)
 
     @classmethod
     def read_extra(
         cls,
         table: Table,
-        subject: Subject,  # noqa: ARG003
-        outputs: tuple[Output, ...],  # noqa: ARG003
+        subject: Subject,
+        outputs: tuple[Output, ...],
     ) -> dict[str, Any]:
         """Read the measure, its band, and how it is followed in each part."""
-        return {
-            "measure": table.word("measure", MEASURES),
-            "band": table.number("band", 0),
-            "following": tuple(map(Following.read, table.tables("following", 20_000))),
-        }
+        own = {"measure": table.word("measure", MEASURES), "band": table.number("band", 0)}
+        return own | super().read_extra(table, subject, outputs)
 
     def write_extra(self) -> dict[str, Any]:
         """Return what `read_extra` reads."""
         table: dict[str, Any] = {"measure": self.measure}
         table |= {"band": plain(self.band)} if self.band else {}
-        return table | {"following": [own.write() for own in self.following]}
+        return table | super().write_extra()
 
     def require_extra(self) -> None:
         """Refuse a measure or a series that does not fit."""
-        evidence = self.subject.evidence
-        if self.subject.step:
-            raise FormatError("step: of a plant in continuous time")
-        if self.subject.remainder is not None or self.subject.law.W is not None:
-            raise FormatError("step: of a plant that is known exactly, and a law that is no Z W^-1")
-        if not evidence.dual:
-            raise FormatError("step: its evidence is a Q in each part of the box")
-        if len(self.following) != 1:
-            raise FormatError("following: there must be one for each part of the box")
+        super().require_extra()
         if self.measure in ("settling", "rise") and not 0 < self.band < 1:
             raise FormatError("band must be above zero and below one")
-        self.following[0].require()
-
-    def inside(self, piece: Any) -> StepResponse:
-        """Return the claim about a part of the box, with its own series."""
-        if len(self.following) != len(self.subject.evidence.cells):
-            raise FormatError("following: there must be one for each part of the box")
-        return self.part(piece, self.following[self.subject.evidence.cells.index(piece)])
-
-    def part(self, piece: Any, following: Following | None) -> StepResponse:
-        """Return the claim about a part of the box that is followed so."""
-        own = () if following is None else (following,)
-        return replace(super().inside(piece), following=own)
-
-    @property
-    def run(self) -> Run:
-        """The motion that is followed."""
-        return Run.of(self)
-
-    def _with(self, piece: Any) -> StepResponse:
-        return replace(super()._with(piece), following=self.following[:1])
-
-    def dual_rows(self) -> Rows:
-        """Return that errors fade, and how far they reach."""
-        own, loop = self.following[0], self.subject.dual_loop(self.outputs)
-        falling = (loop.QM + loop.QM.T + loop.Q.times(2 * own.rate)).times(-1)
-        reach = [[number(own.reach**2, loop.Q.sizes), loop.Y], [loop.Q]]
-        return {"of the decrease": [[falling]], "of the output": reach}
-
-    @property
-    def largest(self) -> int:
-        """Rows of the largest inequality."""
-        return self.subject.n + 1
 
     @property
     def under(self) -> str:
         """After a step."""
         return " after a step"
 
-    def decided(self) -> Verdict:
-        """Prove that errors fade, and then the measure, in each part of the box."""
-        verdict = self.fades()
-        if not verdict.proved:
-            return verdict
-        cells, steps = self.subject.evidence.cells, 0
-        for k, one in enumerate(map(self.inside, cells) if cells else [self]):
-            fault = one._missed()
-            if fault:
-                place = f"cell {k + 1}: " if cells else ""
-                return undecided(place + fault)
-            steps += one.following[0].steps
-        return verdict.noted(f"followed over {steps} steps")
-
-    def fades(self) -> Verdict:
-        """Prove that errors fade, and how far they reach."""
-        return super().decided()
-
-    def _missed(self) -> str:
+    def missed(self) -> str:
         """Say what is not proved; "" where all is."""
-        return self.run.fault()
+        run = self.run
+        follower = run.follower
+        end = run.final(follower)
+        if end is None:
+            return "where the signal tends to is not known"
+        return _Compared.of(self, run, follower, *end).fault()
 
     def statement(self, plant: Plant) -> str:
         """Say what is proved."""
@@ -234,99 +93,6 @@ class StepResponse(SignalClaim):
         said = {"settling": "settling time", "rise": "rise time"}.get(self.measure, self.measure)
         within = f" to within {digits_up(self.band)} of its final value" if self.band else ""
         return text.replace(f"{self.kind} of ", f"{said}{within} of ", 1)
-
-
-@dataclass(frozen=True)
-class Run(Short):
-    """The motion of one part of the box."""
-
-    claim: StepResponse
-    A: Centred
-    b: Centred
-    C: Centred
-    F: Centred | None
-    Q: list[Rationals]
-
-    @classmethod
-    def of(cls, claim: StepResponse) -> Run:
-        """Return the motion."""
-        subject = claim.subject
-        loop = subject.dual_loop(claim.outputs)
-        every = constant([[ONE] for _ in range(subject.q)], subject.sizes)
-        b = subject.driving(claim.scales, subject.sizes) * every
-        passing = subject.through(claim.outputs, claim.scales)
-        F = None if passing is None else Centred.of(passing * every)
-        Q = subject.evidence.X
-        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
-
-    @property
-    def follower_variables(self) -> tuple[Fraction, ...]:
-        """The largest size of each variable."""
-        return variables(self.claim.subject.sizes)
-
-    @property
-    def follower(self) -> Follower:
-        """What is followed."""
-        own = self.claim.following[0]
-        series = Series(own.terms, own.degree, own.bits)
-        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
-
-    def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
-        """Return C x + F over 2^bits, and what that is rounded by."""
-        bits = self.claim.following[0].bits
-        total = {e: v[0] // self.C.whole for e, v in self.C.times(x).items()}
-        off = len(total)
-        if self.F is not None and direct:
-            for e, M in self.F.terms.items():
-                total[e] = total.get(e, 0) + (M[0][0] << bits) // self.F.whole
-                off += 1
-        return total, Fraction(off, 1 << bits)
-
-    def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
-        """Return where x tends to, and how far that is off in the norm."""
-        own, n = self.claim.following[0], self.claim.subject.n
-        middle = self.A.terms.get((0,) * len(follower.variables))
-        if middle is None:
-            return None
-        exact = inverse([[Fraction(v, self.A.whole) for v in row] for row in middle], "A")
-        M = [[Fraction((x * 2**FEW).__floor__(), 2**FEW) for x in row] for row in exact]
-        x: Form = {}
-        best: tuple[Form, Fraction] | None = None
-        for _ in range(own.degree + 3):
-            left = follower.rate_of(x)
-            rounded = 2 * len(left) * sum(follower.norm)
-            size = (follower.size(left) + rounded) / 2**own.bits / own.rate
-            if best is None or size < best[1]:
-                best = x, size
-            moved: Form = {}
-            for e, v in left.items():
-                if sum(e) <= own.degree:
-                    moved[e] = [
-                        round(sum((a * y for a, y in zip(row, v, strict=True)), ZERO)) for row in M
-                    ]
-            x = {
-                e: [p - q for p, q in zip(x.get(e, [0] * n), moved.get(e, [0] * n), strict=True)]
-                for e in {**x, **moved}
-            }
-        return best
-
-    def fault(self) -> str:
-        """Say what is not proved; "" where all is."""
-        follower = self.follower
-        end = self.final(follower)
-        if end is None:
-            return "where the signal tends to is not known"
-        return _Compared.of(self, follower, *end).fault()
-
-    def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
-        """Return y over a step, over 2^bits, in powers of s and of g, and its rounding."""
-        total = Sums()
-        off = ZERO
-        for i, form in enumerate(forms):
-            y, rounded = self.output(form, direct=i == 0)
-            off += rounded
-            total |= {(i, *e): v for e, v in y.items()}
-        return total, off
 
 
 Compared = tuple[Sums, Fraction]  # a polynomial that is to be more than a number everywhere
@@ -338,6 +104,7 @@ class _Compared:
 
     Attributes
     ----------
+    claim : StepResponse
     run : Run
     follower : Follower
     x_end : Form
@@ -350,6 +117,7 @@ class _Compared:
         How far that is rounded, and off in all.
     """
 
+    claim: StepResponse
     run: Run
     follower: Follower
     x_end: Form
@@ -359,16 +127,13 @@ class _Compared:
     slack: Fraction
 
     @classmethod
-    def of(cls, run: Run, follower: Follower, x_end: Form, off: Fraction) -> _Compared:
+    def of(
+        cls, claim: StepResponse, run: Run, follower: Follower, x_end: Form, off: Fraction
+    ) -> _Compared:
         """Return it."""
         y_end, rounding = run.output(x_end)
-        slack = run.claim.following[0].reach * off + rounding
-        return cls(run, follower, x_end, off, _lifted(y_end), rounding, slack)
-
-    @property
-    def claim(self) -> StepResponse:
-        """What is claimed."""
-        return self.run.claim
+        slack = claim.following[0].reach * off + rounding
+        return cls(claim, run, follower, x_end, off, _lifted(y_end), rounding, slack)
 
     @property
     def following(self) -> Following:

@@ -25,6 +25,7 @@ void add_exact(nb::module_ &);  // exact.cpp
 void add_bound(nb::module_ &);  // bound.cpp
 void add_drive(nb::module_ &);  // drive.cpp
 void add_laws(nb::module_ &);  // laws.cpp
+void add_peaks(nb::module_ &);  // peaks.cpp
 
 namespace polefence {
 
@@ -380,4 +381,5 @@ NB_MODULE(_kernel, module) {
     add_bound(module);
     add_drive(module);
     add_laws(module);
+    add_peaks(module);
 }

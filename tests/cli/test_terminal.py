@@ -103,7 +103,7 @@ def test_searches_and_proofs_say_how_far_they_are_and_answer_the_same():
 
 
 def test_the_reference_counts_its_iterations(monkeypatch):
-    monkeypatch.setattr("polefence.lmi.solve.engine._kernel", None)
+    monkeypatch.setattr("polefence.base.kernel._kernel", None)
     lines = []
     with progress(lines.append):
         tightest(spring(), -3, "quadratic")

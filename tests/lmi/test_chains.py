@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from polefence import tightest
+from polefence.base.kernel import kernel
 from polefence.lmi.conditions.target import Disks
 from polefence.lmi.solve import interior_point, smallest
-from polefence.lmi.solve.engine import kernel
 from polefence.lmi.solve.smallest import smallest as search
 from support.paths import FAMILIES
 

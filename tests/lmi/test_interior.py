@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from polefence import HalfPlane, Scheduled
+from polefence.base.kernel import kernel
 from polefence.examples import family
 from polefence.lmi.conditions.pencil import Variable
 from polefence.lmi.conditions.target import Around
-from polefence.lmi.solve import engine, inside, search
+from polefence.lmi.solve import inside, search
 from polefence.lmi.solve.performance import Problem
 from polefence.lmi.solve.scaling import balanced
 from polefence.lmi.solve.search import coefficients
@@ -56,7 +57,7 @@ def test_where_there_is_no_point_few_are_tried(monkeypatch):
     tried = []
     positive = inside._positive
     monkeypatch.setattr(inside, "_positive", lambda own: tried.append(1) or positive(own))
-    monkeypatch.setattr(engine, "_kernel", None)
+    monkeypatch.setattr("polefence.base.kernel._kernel", None)
     assert search.interior(Line(), Line(), {}, {}) == (None, 0.0)
     assert len(tried) < inside.HALVINGS * 12
 
@@ -93,13 +94,13 @@ def holds(stacked, x, r):
     return all(np.linalg.eigvalsh(r * D - M).min() > 0 for D, M in stacked.at(x))
 
 
-@pytest.mark.skipif(engine._kernel is None, reason="installed without a compiler: no kernel")
+@pytest.mark.skipif(kernel() is None, reason="installed without a compiler: no kernel")
 @pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize("degree", [0, 1])
 @pytest.mark.parametrize("seed", range(8))
 def test_the_kernel_begins_where_the_reference_does(seed, degree, plain):
     stacked, x, most = ride(seed, degree)
-    ask = partial(engine._kernel.inside, stacked.unknowns, stacked.entries, stacked.arrays)
+    ask = partial(kernel().inside, stacked.unknowns, stacked.entries, stacked.arrays)
     found = ask(x, most, plain)
     assert found == inside.inside(stacked, x, most)
     assert ask(x, None, plain) == inside.inside(stacked, x)
@@ -116,11 +117,11 @@ def test_those_problems_are_of_every_kind():
     assert len({r for _, r in filter(None, found)}) > 2
 
 
-@pytest.mark.skipif(engine._kernel is None, reason="installed without a compiler: no kernel")
+@pytest.mark.skipif(kernel() is None, reason="installed without a compiler: no kernel")
 def test_vectors_that_do_not_fit_are_refused():
     rides = (ride(seed, 0) for seed in range(8))
     stacked, x, most = next(drawn for drawn in rides if inside.inside(*drawn))
-    ask = partial(engine._kernel.inside, stacked.unknowns, stacked.entries)
+    ask = partial(kernel().inside, stacked.unknowns, stacked.entries)
     assert ask(stacked.arrays, x, most)
     for few in ((x[:-1], most), (x, most[:-1]), (x[:0], None)):
         with pytest.raises(ValueError, match="does not fit"):

@@ -12,8 +12,8 @@ import pytest
 
 import polefence
 from polefence import Scheduled
+from polefence.base.kernel import kernel as built
 from polefence.lmi.conditions.target import Disks
-from polefence.lmi.solve import engine as module
 from polefence.lmi.solve.engine import run
 from polefence.lmi.solve.interior_point import least_radius
 from polefence.lmi.solve.smallest import smallest
@@ -23,7 +23,7 @@ from support.pencils import start
 
 RIGHT = Scheduled(right_hand_sides=True)
 METHODS = ["quadratic", "slack", "scheduled", RIGHT]
-kernel = module._kernel
+kernel = built()
 compiled = pytest.mark.skipif(kernel is None, reason="installed without a compiler: no kernel")
 
 
@@ -101,7 +101,7 @@ def test_folds_are_passed_alike(seed):
 def test_without_the_kernel_the_reference_runs(monkeypatch, make_random):
     plant = make_random(9, 3, 2, 4)
     usual = smallest(plant.A, plant.B, Disks(-3.0), "scheduled")
-    monkeypatch.setattr(module, "_kernel", None)
+    monkeypatch.setattr("polefence.base.kernel._kernel", None)
     assert polefence.engine() == "numpy"
     for engine in (None, "numpy", "compiled"):
         found = smallest(plant.A, plant.B, Disks(-3.0), "scheduled", engine=engine)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from polefence.base.kernel import kernel
 from polefence.law.laws import ScheduledGain
 from polefence.lmi.conditions.lyapunov import given
 from polefence.lmi.conditions.performance import Demands
@@ -29,7 +30,7 @@ def evidence(make_random, n, region):
     return stacked, x, 1.3 * r
 
 
-@pytest.mark.skipif(engine._kernel is None, reason="installed without a compiler: no kernel")
+@pytest.mark.skipif(kernel() is None, reason="installed without a compiler: no kernel")
 @pytest.mark.parametrize("n", [2, 3, 5])
 @pytest.mark.parametrize("region", [Disk(-3, 2), HalfPlane(0.1) & Sector(0.1)], ids=str)
 def test_the_engines_agree(make_random, n, region):

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polefence.base.kernel import kernel
 from polefence.base.progress import stage
-from polefence.lmi.solve.engine import kernel
 from polefence.plant.polynomial import Domain, binomial
 from polefence.plant.system import Array
 from polefence.proof.matrices import least_work

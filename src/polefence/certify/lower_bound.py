@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from polefence.base.kernel import kernel
 from polefence.certify.repair import IDLE, SHORTFALLS
-from polefence.lmi.solve.engine import kernel
 from polefence.lmi.solve.scaling import summed, transposed
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array

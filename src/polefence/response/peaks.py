@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from polefence.base.kernel import kernel
 from polefence.plant.system import Array
 from polefence.response.modes import Modes
 from polefence.response.stationary import bilinear
 
 CLOSE = 1e-7  # to which the highest is one, relative
+POINTS = 9  # of an interval that is zoomed into
 
 Band = tuple[float, float]  # of frequencies [rad/s]
 
@@ -51,10 +55,10 @@ def peaks(
         Between which w is; at its ends there may be peaks too.
     """
     modes, E, C, F = _continuous(modes, E, C, F)
-    A, height = modes.A, _height(modes, E, C, F)
+    A, height = modes.A, _Height(modes, E, C, F)
     grid = _grid(modes.poles, band)
     low, high = (0.0, np.inf) if band is None else band
-    loops, w, top = _climbed(height, grid, height(grid), np.arange(len(A)))
+    loops, w, top = height.climbed(grid)
     for _ in range(8):  # at most: each round climbs every peak that still exceeds the best
         best = np.zeros(len(A))
         np.maximum.at(best, loops, top)
@@ -98,7 +102,7 @@ def climbed(modes: Modes, E: Array, C: Array, F: Array, of: Any) -> tuple[Array,
     Found from a grid, as those of `peaks` first are; parameters are the same.
     """
     modes, E, C, F = _continuous(modes, E, C, F)
-    height, grid = _height(modes, E, C, F), _grid(modes.poles)
+    height, grid = _Height(modes, E, C, F), _grid(modes.poles)
 
     def value(w: Array, some: Any = slice(None)) -> Array:
         return np.asarray(of(w, height(w, some)))
@@ -113,7 +117,7 @@ def on_grid(modes: Modes, E: Array, C: Array, F: Array, band: Band | None = None
     Parameters are those of `peaks`, of which it is at most the height of the highest.
     """
     modes, E, C, F = _continuous(modes, E, C, F)
-    return np.asarray(_height(modes, E, C, F)(_grid(modes.poles, band)).max(axis=1))
+    return np.asarray(_Height(modes, E, C, F)(_grid(modes.poles, band)).max(axis=1))
 
 
 def _continuous(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Modes, Array, Array, Array]:
@@ -125,29 +129,55 @@ def _continuous(modes: Modes, E: Array, C: Array, F: Array) -> tuple[Modes, Arra
     return Modes(A), inverse @ E, C @ inverse, F
 
 
-def _height(modes: Modes, E: Array, C: Array, F: Array) -> Any:
-    """Return the largest singular value as a function of frequencies (count, f), and of loops.
+@dataclass(frozen=True, eq=False)
+class _Height:
+    """The largest singular value as a function of frequencies (count, f), and of loops.
 
     A sum over the modes; of matrices whose eigenvectors are too near to one another, solved.
     """
-    poles, left, right = modes.poles, C @ modes.right, modes.left @ E
 
-    def solved(w: Array, some: Any = slice(None)) -> Array:
-        return largest(response(modes.A[some], E[some], C[some], F[some], 1j * w))
+    modes: Modes
+    E: Array
+    C: Array
+    F: Array
 
-    def summed(w: Array, some: Any = slice(None)) -> Array:
+    def __call__(self, w: Array, some: Any = slice(None)) -> Array:
+        return self._summed(w, some) if self._modal else self._solved(w, some)
+
+    def climbed(self, grid: Array) -> tuple[Any, Array, Array]:
+        """Return the highest of the local peaks on a grid, each zoomed into."""
+        if kernel() is None or not self._modal:
+            return _climbed(self, grid, self(grid), np.arange(len(grid)))
+        poles, left, right = (np.ascontiguousarray(M, dtype=complex) for M in self._parts)
+        F, grid = (np.ascontiguousarray(M, dtype=float) for M in (self.F, grid))
+        found: tuple[Any, Array, Array] = kernel().climbed(poles, left, right, F, grid, POINTS)
+        return found
+
+    @cached_property
+    def _parts(self) -> tuple[Any, Any, Any]:
+        return self.modes.poles, self.C @ self.modes.right, self.modes.left @ self.E
+
+    @cached_property
+    def _modal(self) -> bool:
+        """Whether the sum agrees with what is solved, at the frequencies of the poles."""
+        w = np.abs(self.modes.poles)
+        known = self._solved(w)
+        off = np.abs(self._summed(w) - known)
+        return bool(np.all(off <= 1e-9 * known.max(axis=1, keepdims=True)))
+
+    def _solved(self, w: Array, some: Any = slice(None)) -> Array:
+        A, E, C, F = (M[some] for M in (self.modes.A, self.E, self.C, self.F))
+        return largest(response(A, E, C, F, 1j * w))
+
+    def _summed(self, w: Array, some: Any = slice(None)) -> Array:
+        poles, left, right = (M[some] for M in self._parts)
         with np.errstate(all="ignore"):
-            resolvent = 1 / (1j * w[:, :, None] - poles[some][:, None])
+            resolvent = 1 / (1j * w[:, :, None] - poles[:, None])
             if left.shape[1] == right.shape[2] == 1:
-                G = (resolvent @ (left[some, 0] * right[some, :, 0])[:, :, None])[..., None]
+                G = (resolvent @ (left[:, 0] * right[:, :, 0])[:, :, None])[..., None]
             else:
-                G = (left[some][:, None] * resolvent[:, :, None]) @ right[some][:, None]
-        return largest(G + F[some][:, None])
-
-    w = np.abs(poles)
-    known = solved(w)
-    agreed = np.abs(summed(w) - known) <= 1e-9 * known.max(axis=1, keepdims=True)
-    return summed if np.all(agreed) else solved
+                G = (left[:, None] * resolvent[:, :, None]) @ right[:, None]
+        return largest(G + self.F[some][:, None])
 
 
 def _grid(poles: Any, band: Band | None = None) -> Array:
@@ -163,7 +193,7 @@ def _grid(poles: Any, band: Band | None = None) -> Array:
     even = (slow / 5)[:, None] * ((25 * fast / slow)[:, None]) ** share
     rates = np.concatenate([sizes, np.abs(poles.imag)], axis=1)
     ends = np.stack([0 * fast, 1e4 * fast], axis=1)
-    grid = np.stack([_apart(row) for row in np.concatenate([even, rates, ends], axis=1)])
+    grid = _apart(np.concatenate([even, rates, ends], axis=1))
     return grid if band is None else np.stack([_inside(row, *band) for row in grid])
 
 
@@ -180,14 +210,14 @@ def _inside(w: Array, low: float, high: float) -> Array:
 
 
 def _apart(w: Array) -> Array:
-    """Return the frequencies rising; near duplicates are moved beyond the others."""
-    w = np.sort(w)
-    new = np.append(True, np.diff(w) > 1e-6 * w[1:])
-    return np.append(w[new], w[-1] * np.arange(2.0, 2 + np.count_nonzero(~new)))
+    """Return rows of frequencies, rising; near duplicates are moved beyond the others."""
+    w = np.sort(w, axis=1)
+    again = np.pad(np.diff(w) <= 1e-6 * w[:, 1:], ((0, 0), (1, 0)))
+    return np.sort(np.where(again, w[:, -1:] * (1 + np.cumsum(again, axis=1)), w), axis=1)
 
 
 def _climbed(
-    height: Any, grid: Array, values: Array, loops: Any, points: int = 9
+    height: Any, grid: Array, values: Array, loops: Any, points: int = POINTS
 ) -> tuple[Any, Array, Array]:
     """Return the highest of the local peaks on a grid, each zoomed into."""
     left = np.pad(values[:, :-1], ((0, 0), (1, 0)), constant_values=-1.0)
@@ -205,7 +235,7 @@ def _climbed(
     return rows, *_zoomed(height, rows, around, points)
 
 
-def _zoomed(height: Any, loops: Any, around: Array, points: int = 9) -> tuple[Array, Array]:
+def _zoomed(height: Any, loops: Any, around: Array, points: int = POINTS) -> tuple[Array, Array]:
     """Return the highest point within intervals (k, 3): low, a point inside, high."""
     low, best, high = around.T
     top = height(best[:, None], loops)[:, 0]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from polefence.lmi.solve import engine as module
+from polefence.base.kernel import kernel as built
 from polefence.search.tune.quadratic import minimum, reference
 
-kernel = module.kernel()
+kernel = built()
 compiled = pytest.mark.skipif(kernel is None, reason="installed without a compiler: no kernel")
 REACH = 0.3
 ENGINES = {"numpy": reference}
@@ -83,7 +83,7 @@ def test_engines_agree(seed):
 def test_without_the_kernel_the_reference_runs(monkeypatch):
     own = program(7, 4, 12)
     usual = minimum(*own)
-    monkeypatch.setattr(module, "_kernel", None)
+    monkeypatch.setattr("polefence.base.kernel._kernel", None)
     assert all(map(np.array_equal, minimum(*own), reference(*own)))
     assert np.allclose(usual[0], reference(*own)[0], rtol=0, atol=1e-7)
 

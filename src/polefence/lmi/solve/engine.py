@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
-
 import numpy as np
 
 from polefence.base.effort import spend
 from polefence.base.explained import explained
+from polefence.base.kernel import kernel
 from polefence.base.processors import spare_processors
 from polefence.base.progress import stage
 from polefence.lmi.solve import inside as first
@@ -16,18 +14,6 @@ from polefence.lmi.solve import interior_point as reference
 from polefence.lmi.solve.interior_point import Outcome
 from polefence.lmi.solve.stacked import Stacked
 from polefence.plant.system import Array
-
-_kernel: Any
-try:
-    _kernel = import_module("polefence._kernel")
-except ImportError:  # installed without a compiler
-    _kernel = None
-
-
-def kernel() -> Any:
-    """Return the compiled kernel, None where it was not built."""
-    return _kernel
-
 
 ENGINES = ("compiled", "numpy")
 
@@ -41,7 +27,8 @@ def engine() -> str:
     str
         "compiled (AVX2)", "compiled (baseline)" or "numpy". Radii agree to 1e-6.
     """
-    return "numpy" if _kernel is None else f"compiled ({_kernel.instructions()})"
+    built = kernel()
+    return "numpy" if built is None else f"compiled ({built.instructions()})"
 
 
 def inside(
@@ -51,9 +38,10 @@ def inside(
 
     As `polefence.lmi.solve.inside.inside` does; ``engine`` is that of `run`.
     """
-    if engine == "numpy" or _kernel is None:
+    built = kernel()
+    if engine == "numpy" or built is None:
         return first.inside(stacked, x, most)
-    point: tuple[float, float] | None = _kernel.inside(
+    point: tuple[float, float] | None = built.inside(
         stacked.unknowns, stacked.entries, stacked.arrays, x, most
     )
     return point
@@ -102,10 +90,11 @@ def _run(
     central: bool,
 ) -> Outcome:
     """Return what `run` does, by one engine or the other."""
-    if engine == "numpy" or _kernel is None:
+    built = kernel()
+    if engine == "numpy" or built is None:
         return reference.run(stacked, x, r, enough, tolerance, central)
     reference.tell(0)
-    started, x, r, Y, gap, iterations, converged, trail = _kernel.run(
+    started, x, r, Y, gap, iterations, converged, trail = built.run(
         stacked.unknowns,
         stacked.entries,
         stacked.arrays,

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.lmi.solve.engine import kernel
+from polefence.base.kernel import kernel
 from polefence.plant.system import Array
 from polefence.requirements.slopes import Channel
 from polefence.response.modes import Modes

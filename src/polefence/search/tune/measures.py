@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from polefence.base.effort import spend
+from polefence.base.kernel import kernel
 from polefence.base.team import ALONE, Team
 from polefence.lmi.conditions.target import Side
-from polefence.lmi.solve.engine import kernel
 from polefence.plant.family import UncertainPlant
 from polefence.plant.system import Array
 from polefence.region.regions import Region

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.lmi.solve.engine import kernel
+from polefence.base.kernel import kernel
 from polefence.plant.system import Array
 
 CLOSE = 1e-10

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from polefence.base.kernel import kernel
 from polefence.base.processors import spare_processors
-from polefence.lmi.solve.engine import kernel
 from polefence.plant.system import Array
 from polefence.vehicle.driving.integration import (
     INSIDE,

@@ -113,6 +113,7 @@ from polefence.requirements.factor_margin import PhaseMargin as PhaseMargin
 from polefence.requirements.gain import Gain as Gain
 from polefence.requirements.gain_norm import GainNorm as GainNorm
 from polefence.requirements.initial_peak import InitialPeak as InitialPeak
+from polefence.requirements.peak_to_peak import PeakToPeak as PeakToPeak
 from polefence.requirements.relative_rms import RelativeRms as RelativeRms
 from polefence.requirements.rms import Rms as Rms
 from polefence.requirements.saturation import Saturation as Saturation

@@ -75,7 +75,8 @@ def plant():
 
 CALLS = (
     "Disk", "Ellipse", "HalfPlane", "Sector", "HorizontalStrip", "VerticalStrip", "Wedge",
-    "EnergyPeak", "Gain", "GainNorm", "InitialPeak", "RelativeRms", "Rms", "Saturation",
+    "EnergyPeak", "Gain", "GainNorm", "InitialPeak", "PeakToPeak", "RelativeRms", "Rms",
+    "Saturation",
     "FixedGain", "GainTable", "PolynomialGain", "ScheduledGain", "Parameter", "System", "Scheduled",
     "Slack", "Structure", "UncertainPlant", "from_vertices", "from_expressions", "from_function",
     "analyse", "at_sample_time", "check", "closed_loops", "in_service", "from_control",
@@ -114,6 +115,7 @@ def calls(plant, here):
         "Gain": (pf.Gain, "x1", {"at_most": 2.0}),
         "GainNorm": (pf.GainNorm, {"at_most": 5.0}),
         "InitialPeak": (pf.InitialPeak, "x1", {"points": ((1.0, 0.0),)}),
+        "PeakToPeak": (pf.PeakToPeak, "x1", {"at_most": 2.0, "disturbances": {"w1": 0.5}}),
         "RelativeRms": (pf.RelativeRms, "x1", {"at_most": 0.5}),
         "Rms": (pf.Rms, "x1", {"density": 1.0, "at_most": 1.0, "weight": None}),
         "Saturation": (pf.Saturation, "u1", {"points": ((1.0, 0.0),)}),

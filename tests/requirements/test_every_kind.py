@@ -29,10 +29,11 @@ LINES = {
     "worst-case gain": "worst-case gain of x <= 1.5 with inputs [force] with weight (s+1)/(s+9)",
     "sector": "sector of x with disturbance [w] with sector [-0.4, 0.3] >= 1",
     "step": "step of x <= 1.5 with measure peak",
+    "peak to peak": "peak to peak of x <= 1.5",
     "gain norm": "gain norm of the law <= 50",
 }
 # Without control x' = -a x + w, a from 0.5 to 2, keeps the others.
-ACTIVE = {"rms", "relative rms", "energy peak", "gain", "worst-case gain", "step"}
+ACTIVE = {"rms", "relative rms", "energy peak", "gain", "worst-case gain", "step", "peak to peak"}
 
 
 @pytest.fixture(scope="module")

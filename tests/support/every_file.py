@@ -22,6 +22,7 @@ from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
+from polefence.requirements.peak_to_peak import PeakToPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.sector import SectorBound
@@ -258,7 +259,7 @@ MARGINS = (
     "--limit", "sector of x with disturbance [w] with sector [-2, 2] with time_invariant true",
     "--limit", "sector of x with disturbance [w] with sector [-2, 1] with slope_restricted true",
     "--limit", "step of x with measure settling with band 0.05",
-    "--limit", "step of v with measure peak",
+    "--limit", "step of v with measure peak", "--limit", "peak to peak of x",
 )  # fmt: skip
 
 APART = [
@@ -364,7 +365,7 @@ def _write_passing(made: Path) -> None:
         WorstCaseGain("x", inputs="u", weight="(s + 1)/(s + 9)"),
         SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
         SectorBound("v", disturbance="w", sector=(-0.2, 0.5), slope_restricted=True),
-        StepMeasure("v", measure="peak"),
+        StepMeasure("v", measure="peak"), PeakToPeak("v", disturbances={"w": 0.5}),
         WorstCaseGain(
             "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
         ),

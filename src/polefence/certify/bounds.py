@@ -22,7 +22,7 @@ from polefence.base.errors import InputError, SolverError
 from polefence.base.explained import explained
 from polefence.base.files import write_documents
 from polefence.base.progress import stage
-from polefence.certify import factor_margins, responses
+from polefence.certify import factor_margins, peak_to_peak, responses
 from polefence.certify.by_transfer import ByTransfer
 from polefence.certify.candidates import TOLERANCES, first
 from polefence.certify.certificate import Certificate
@@ -72,6 +72,7 @@ from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
+from polefence.requirements.peak_to_peak import PeakToPeak
 from polefence.requirements.rms import (
     Rms,
     in_any_order,
@@ -220,6 +221,8 @@ def best_bound(
         return _of_given(plant, specification, factor_margins.largest(plant, law, specification))
     if isinstance(specification, StepMeasure):
         return _of_given(plant, specification, responses.least(plant, law, specification))
+    if isinstance(specification, PeakToPeak):
+        return _of_given(plant, specification, peak_to_peak.least(plant, law, specification))
     with stage(f"bound on {specification.title}"):
         best = _least_bound(plant, law, specification, known)
         if specification.scales_apart(plant, law):
@@ -272,7 +275,7 @@ def _of(specification: Specification, bound: Bound | None) -> Bound | None:
 def _of_given(
     plant: UncertainPlant,
     specification: Specification,
-    found: factor_margins.Proved | responses.Proved | None,
+    found: factor_margins.Proved | responses.Proved | peak_to_peak.Proved | None,
 ) -> Bound | None:
     """Return the bound of a claim about poles with factors, or of a response that is followed."""
     if found is None:
@@ -638,6 +641,8 @@ def kept_bound(
         return _of_given(plant, specification, factor_margins.kept(plant, law, specification))
     if isinstance(specification, StepMeasure):
         return _of_given(plant, specification, responses.kept(plant, law, specification))
+    if isinstance(specification, PeakToPeak):
+        return _of_given(plant, specification, peak_to_peak.kept(plant, law, specification))
     with stage(f"limit on {specification.title}"):
         kept = _within_limit(plant, law, specification, known)
         if kept is None and specification.scales_apart(plant, law):

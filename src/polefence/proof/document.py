@@ -29,6 +29,7 @@ from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import GainNorm
 from polefence.proof.claims.initial_peak import InitialPeak
 from polefence.proof.claims.observer import Observer
+from polefence.proof.claims.peak_to_peak import PeakToPeak
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.refutation import RmsRefutation
@@ -74,6 +75,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             WorstCaseGain,
             SectorBound,
             StepResponse,
+            PeakToPeak,
             GainNorm,
             Estimate,
             GainError,

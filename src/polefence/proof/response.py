@@ -38,6 +38,7 @@ from polefence.proof.work import spend
 SPLITS = 6  # of a step, one half of the last each
 FINE = 90  # bits of an inverse
 
+ZERO = Fraction(0)
 Form = dict[Exponent, list[int]]  # of vectors: a coefficient for each monomial of g
 
 
@@ -165,9 +166,11 @@ class Follower:
         every = product(range(self.series.degree + 1), repeat=len(self.variables))
         return tuple(sorted((e for e in every if sum(e) <= self.series.degree), key=sum))
 
-    def steps(self, x0: Form, lengths: Sequence[Fraction]) -> Iterator[Step]:
-        """Yield steps of these lengths."""
-        start, error, begin = x0, Fraction(0), Fraction(0)
+    def steps(
+        self, x0: Form, lengths: Sequence[Fraction], error: Fraction = ZERO
+    ) -> Iterator[Step]:
+        """Yield steps of these lengths, from x0, which is so far off in the norm."""
+        start, begin = x0, ZERO
         for h in lengths:
             forms = self.solved(start, h)
             off = 2 * self.residual(forms, h)
@@ -385,16 +388,39 @@ def positive(q: dict[Exponent, int], most: Sequence[Fraction], splits: int = SPL
         The largest size of each g.
     """
     degrees = [max((e[k] for e in q), default=0) for k in range(len(most) + 1)]
+    values, _ = in_bernstein(q, degrees, most)
+    return _is_positive(values, degrees[0] + 1, len(values) // (degrees[0] + 1), splits)
+
+
+def in_bernstein(
+    q: dict[Exponent, int], degrees: Sequence[int], most: Sequence[Fraction]
+) -> tuple[list[int], int]:
+    """Return Bernstein coefficients of a polynomial, that of s the first of its axes.
+
+    Parameters
+    ----------
+    q, most
+        As `positive` has them.
+    degrees : sequence of int
+        Of s, and of each g: no less than those of q.
+
+    Returns
+    -------
+    values, scale
+        The coefficients times the scale.
+    """
     shape = [degree + 1 for degree in degrees]
     strides = [math.prod(shape[k + 1 :]) for k in range(len(shape))]
     values = [0] * math.prod(shape)
     for e, x in q.items():
         values[sum(map(int.__mul__, e, strides))] += x
     spend(len(values) * sum(shape), 64, 64)
+    scale = 1
     for k, degree in enumerate(degrees):
         T = _chebyshev(degree) if not k else _centred(degree, most[k - 1])
+        scale *= _whole(degree) * (most[k - 1].denominator ** degree if k else 1)
         values = _along(values, shape[k], strides[k], T)
-    return _is_positive(values, shape[0], strides[0], splits)
+    return values, scale
 
 
 def _is_positive(values: list[int], count: int, stride: int, splits: int) -> bool:
@@ -428,10 +454,14 @@ def _along(values: list[int], count: int, stride: int, T: Integers) -> list[int]
     return result
 
 
+def _whole(degree: int) -> int:
+    return math.lcm(*(math.comb(degree, i) for i in range(degree + 1)))
+
+
 @lru_cache(maxsize=64)
 def _to_bernstein(degree: int) -> Integers:
     """Return what makes Bernstein coefficients on [0, 1] of powers, times a positive number."""
-    whole = math.lcm(*(math.comb(degree, i) for i in range(degree + 1)))
+    whole = _whole(degree)
     return [
         [math.comb(j, i) * whole // math.comb(degree, i) for i in range(degree + 1)]
         for j in range(degree + 1)

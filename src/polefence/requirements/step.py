@@ -16,6 +16,7 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.claims.step import MEASURES, RELATIVE
 from polefence.proof.text import exactly
+from polefence.requirements.followed import times_of, unfollowed
 from polefence.requirements.slopes import ALIKE, Loops, Slopes, Turned
 from polefence.requirements.specification import Row, Specification, disturbance, is_number
 from polefence.response.closed import close
@@ -25,7 +26,6 @@ from polefence.response.modes import Modes
 TIMES = ("settling", "rise")  # measures that are times
 BANDS = {"settling": 0.02, "rise": 0.1}  # of the final value, where none is named
 TINY, MOST, CLOSER = 1e-300, 3, 4  # a final value of none; times that count; steps to each
-CALM, EVEN, DENSE = 12.0, 1500, 0.05  # of a response: time constants, and times that are looked at
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,7 @@ class StepMeasure(Specification):
         disturbance(plant)
         self.require_late(plant)
         self.scales(plant)
-        why = ""
-        if plant.period or plant.sampling is not None:
-            why = "at a sample time"
-        elif plant.functions is not None or plant.remainder is not None:
-            why = "of a plant with functions of its parameters"
-        elif plant.moving:
-            why = "while parameters move"
-        if why:
+        if why := unfollowed(plant):
             raise InputError(f"{self.title}: step responses are not proved {why}")
 
     def claim(
@@ -260,12 +253,7 @@ class _Response:
         poles, V = np.linalg.eig(A)
         if poles.real.max() >= 0:
             return cls(np.zeros(0), np.zeros(0), np.nan, poles, poles)
-        slow, fast = -poles.real.max(), np.abs(poles).max()
-        last = CALM / slow
-        even = np.linspace(0, last, EVEN)
-        t = np.union1d(even, np.geomspace(DENSE / fast, last, EVEN))
-        near = np.arange(0, min(last, 200 * np.pi / fast), 2 * np.pi / fast / 40)
-        t = np.union1d(t, near)
+        t = times_of(poles)
         weights = (C @ V) * np.linalg.solve(V, E.astype(complex))
         y = ((np.exp(np.multiply.outer(t, poles)) - 1) * (weights / poles)).sum(axis=1).real + F
         return cls(t, y, float(-(weights / poles).sum().real + F), poles, weights)

@@ -28,6 +28,7 @@ from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.margin import inverse
+from polefence.requirements.peak_to_peak import PeakToPeak
 from polefence.requirements.relative_rms import RelativeRms
 from polefence.requirements.rms import Rms
 from polefence.requirements.saturation import Saturation
@@ -60,6 +61,7 @@ KINDS: dict[str, type[Specification]] = {
         WorstCaseGain,
         SectorBound,
         StepMeasure,
+        PeakToPeak,
         GainNorm,
     )
 }

@@ -121,10 +121,10 @@ def _of_one(A: Array) -> tuple[Any, Any, Any]:
     try:
         return poles, right, np.linalg.inv(right)
     except np.linalg.LinAlgError:
-        return _moved(A)
+        return moved_modes(A)
 
 
-def _moved(A: Array) -> tuple[Any, Any, Any]:
+def moved_modes(A: Array) -> tuple[Any, Any, Any]:
     """Return poles, right and left eigenvectors of matrices moved a little."""
     size = np.abs(A).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
     n = A.shape[-1]

@@ -30,6 +30,7 @@ ALONE = {
     "phase margin": "phase margin of u >= 20",
     "delay margin": "delay margin of u >= 0.05",
     "step": "step of x1 <= 5 with measure peak",
+    "peak to peak": "peak to peak of x1 <= 5",
 }
 COUPLED = (
     "disk margin of [u, h] >= 0.5",

@@ -11,6 +11,7 @@ from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import LAW, BoundClaim, GainNorm
 from polefence.proof.claims.initial_peak import InitialPeak
+from polefence.proof.claims.peak_to_peak import PeakToPeak
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
 from polefence.proof.claims.relative_rms import Baseline, RelativeRms, baseline_loop
@@ -41,6 +42,7 @@ __all__ = [
     "InitialPeak",
     "Loops",
     "Output",
+    "PeakToPeak",
     "PhaseMargin",
     "Poles",
     "Rate",

@@ -78,7 +78,7 @@ class Floats:
         run, domain = claim.run, Domain(claim.subject.sizes)
         middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
         at = np.concatenate([middle[None], domain.coordinates(np.eye(domain.corners))])
-        A, b, C = (values(P, domain, at) for P in (run.A, run.b, run.C))
+        (A, C), b = loops(run, domain, at), values(run.b, domain, at)
         F = np.zeros(len(at)) if run.F is None else values(run.F, domain, at)[:, 0, 0]
         return cls(claim, run, domain, A, b[:, :, 0], C[:, 0], F)
 
@@ -96,7 +96,7 @@ class Floats:
         """Yield norms in which errors fade everywhere, with beta and kappa."""
         domain = self.domain
         at = domain.nodes(CHECKED)
-        A, C = (values(P, domain, domain.coordinates(at)) for P in (self.run.A, self.run.C))
+        A, C = loops(self.run, domain, domain.coordinates(at))
         d = balancing(np.concatenate([self.A, A]))
         middle, A, C = self.A[:1] / d[:, None] * d, A / d[:, None] * d, C[:, 0] * d
         rate = -RATE * np.linalg.eigvals(np.concatenate([middle, A])).real.max()
@@ -105,7 +105,7 @@ class Floats:
         weight = _weight(middle[0], A, rate)
         for degree, elevation in NORMS:
             nodes = domain.nodes(degree)
-            own = values(self.run.A, domain, domain.coordinates(nodes)) / d[:, None] * d
+            own = loops(self.run, domain, domain.coordinates(nodes))[0] / d[:, None] * d
             eye = rate * np.eye(len(d))
             Q = np.array([solve_continuous_lyapunov((M + eye).T, -weight) for M in own])
             coefficients = domain.interpolated((Q + np.swapaxes(Q, 1, 2)) / 2, degree)
@@ -165,6 +165,15 @@ def _weight(middle: Array, A: Array, rate: float) -> Array:
     moved = moved + 1e-9 * max(float(moved.max()), 1e-300)
     left = left / balancing(moved[None])[:, None]
     return np.asarray((left.conj().T @ left).real)
+
+
+def loops(run: Run, domain: Domain, coordinates: Array) -> tuple[Array, Array]:
+    """Return A and C of the loop, also of a law Z W^-1, at coordinates."""
+    A, C = (values(P, domain, coordinates) for P in (run.A, run.C))
+    if run.W is None:
+        return A, C
+    back = np.linalg.inv(values(run.W, domain, coordinates))
+    return A @ back, C @ back
 
 
 def values(P: Centred, domain: Domain, coordinates: Array) -> Array:

@@ -191,7 +191,7 @@ def _bound_text(plant: UncertainPlant, verified: VerifiedBound) -> str:
     asked = verified.specification
     limit = limit_text(asked)
     sampled = f"sampled {asked.sampled_text(verified.worst)}{where_text(plant, verified.alpha)}"
-    if verified.worst == np.inf and not asked.is_margin:  # of a clock
+    if verified.worst == np.inf and plant.sampling is not None and not asked.is_margin:
         sampled = "unstable where every period is the longest"
     if verified.answer == "refuted":
         return f"refuted: {limit}; {sampled}, computed in floats"

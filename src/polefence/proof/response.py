@@ -18,6 +18,12 @@ which R has T_m alone where parameters are in the middle (the tau method of Lanc
 powers vanish beside. They are solved for with an inverse in floats, once improved: a poor one makes
 R large, and nothing false.
 
+Of a law Z W^-1 the loop is A = M W^-1 with polynomials M and W. Followed is z of x = W z, from
+
+    R = W Z' - h / 2 (M Z + b),
+
+which is a polynomial as well; errors are those of x.
+
 Parameters are those of a product of simplices. Of each simplex of V corners one coordinate depends
 on the others; these, less 1 / V, are the variables g of the polynomials, |g| <= 1 - 1 / V.
 """
@@ -31,7 +37,7 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
-from polefence.proof.matrices import Integers, Rationals, root_above
+from polefence.proof.matrices import Integers, Rationals, inverse, root_above
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes
 from polefence.proof.work import spend
 
@@ -141,11 +147,13 @@ class Follower:
     Attributes
     ----------
     A, b : Centred
-        b of one column.
+        b of one column; A is M where there is a W.
     norm : tuple of Fraction
         Numbers with |e|_Q <= sum of norm_i |e_i|.
     rate : Fraction
         beta [1/s].
+    W : Centred, optional
+        Of x = W z: forms are those of z.
     """
 
     A: Centred
@@ -154,6 +162,7 @@ class Follower:
     sizes: Sizes
     norm: tuple[Fraction, ...]
     rate: Fraction
+    W: Centred | None = None
 
     @cached_property
     def variables(self) -> tuple[Fraction, ...]:
@@ -174,7 +183,7 @@ class Follower:
         for h in lengths:
             forms = self.solved(start, h)
             off = 2 * self.residual(forms, h)
-            jump = self.size(_sum([*_signed(forms), _negative(start)])) / 2**self.series.bits
+            jump = self.far(_sum([*_signed(forms), _negative(start)]))
             end = begin + h
             yield Step(begin, end, forms, error + jump + off)
             x = self.rate * h
@@ -184,31 +193,50 @@ class Follower:
     def residual(self, forms: Sequence[Form], h: Fraction) -> Fraction:
         """Return the sum of |R_i|_Q, exactly that of these forms, rounded up."""
         whole, other, total = self.A.whole, self.b.whole, Fraction(0)
+        own = 1 if self.W is None else self.W.whole
         n, q = len(self.norm), 2 * h.denominator
-        spend(n * n * len(self.A.terms) * sum(map(len, forms)), 64, 64)
+        terms = len(self.A.terms) + (0 if self.W is None else len(self.W.terms))
+        spend(n * n * terms * sum(map(len, forms)), 64, 64)
         for i, (form, slope) in enumerate(zip(forms, _slopes(forms), strict=True)):
-            left = {e: [q * whole * other * x for x in v] for e, v in slope.items()}
+            rate = self._state(slope)
+            left = {e: [q * whole * other * x for x in v] for e, v in rate.items()}
             moved = self.A.times(form)
-            left = _less(left, moved, h.numerator * other)
+            left = _less(left, moved, h.numerator * other * own)
             if not i:
                 b = {e: [row[0] << self.series.bits for row in M] for e, M in self.b.terms.items()}
-                left = _less(left, b, h.numerator * whole)
+                left = _less(left, b, h.numerator * whole * own)
             total += self.size(left)
-        return total / (q * whole * other << self.series.bits)
+        return total / (q * whole * other * own << self.series.bits)
+
+    def _state(self, z: Form) -> Form:
+        """Return W z, times W's ``whole``."""
+        return z if self.W is None else self.W.times(z)
+
+    def far(self, z: Form) -> Fraction:
+        """Return how large x = W z of a form over 2^bits is at most, in the norm."""
+        own = 1 if self.W is None else self.W.whole
+        return self.size(self._state(z)) / (own << self.series.bits)
 
     def solved(self, start: Form, h: Fraction) -> tuple[Form, ...]:
         """Return forms of which R is small."""
         m, n, bits = self.series.terms, len(self.norm), self.series.bits
-        inverse = self._inverse(h)
-        middle = self.A.terms.get((0,) * len(self.variables), [[0] * n for _ in range(n)])
+        inverted = self._inverse(h)
+        zero, none = (0,) * len(self.variables), [0] * n
+        blank = [list(none) for _ in range(n)]
+        middle = self.A.terms.get(zero, blank)
+        turn = blank if self.W is None else self.W.terms.get(zero, blank)
         over = 2 * h.denominator * self.A.whole
         found: list[Form] = [{} for _ in range(m + 1)]
         beside = [(e, M) for e, M in self.A.terms.items() if any(e)]
-        none = [0] * n
+        turning = [] if self.W is None else [(e, V) for e, V in self.W.terms.items() if any(e)]
+        rates = dict[Exponent, list[list[int]]]()  # slopes of the coefficients, of each monomial
         spend(len(self.monomials) * (n * (m + 1)) ** 2, 64, 64)
 
         def moved(M: Integers, v: list[int]) -> list[int]:
             return [h.numerator * sum(map(int.__mul__, row, v)) // over for row in M]
+
+        def turned(V: Integers, v: list[int]) -> list[int]:
+            return [sum(map(int.__mul__, row, v)) // self.W.whole for row in V] if self.W else v
 
         for e in self.monomials:
             right = [list(none) for _ in range(m)]
@@ -220,6 +248,10 @@ class Follower:
                     v = found[j].get(lower)
                     if v is not None:
                         right[j] = list(map(int.__add__, right[j], moved(M, v)))
+            for f, V in turning:
+                lower = tuple(map(int.__sub__, e, f))
+                for j, v in enumerate(rates.get(lower, [])[:m]):
+                    right[j] = list(map(int.__sub__, right[j], turned(V, v)))
             if e in self.b.terms:
                 own = [
                     (h.numerator * row[0] << bits) // (2 * h.denominator * self.b.whole)
@@ -231,12 +263,12 @@ class Follower:
                 continue
             c = [[0] * n for _ in range(m + 1)]
             for _ in range(2):  # once, and once improved
-                slope = _slopes([{(): v} for v in c])
+                slope = _slopes_of(c)
                 left = [
                     [
                         a - b + d
                         for a, b, d in zip(
-                            right[j], slope[j].get((), none), moved(middle, c[j]), strict=True
+                            right[j], turned(turn, slope[j]), moved(middle, c[j]), strict=True
                         )
                     ]
                     for j in range(m)
@@ -246,8 +278,10 @@ class Follower:
                 ]
                 left.append([a - b for a, b in zip(right[m], ends, strict=True)])
                 flat = [x for v in left for x in v]
-                more = [sum(map(int.__mul__, row, flat)) >> FINE for row in inverse]
+                more = [sum(map(int.__mul__, row, flat)) >> FINE for row in inverted]
                 c = [list(map(int.__add__, v, more[k * n : (k + 1) * n])) for k, v in enumerate(c)]
+            if turning:
+                rates[e] = _slopes_of(c)
             for k, v in enumerate(c):
                 if any(v):
                     found[k][e] = v
@@ -256,21 +290,32 @@ class Follower:
     def _inverse(self, h: Fraction) -> Integers:
         """Return about the inverse of what R = 0 is in the middle, times 2^FINE."""
         n = len(self.norm)
-        middle = self.A.terms.get((0,) * len(self.variables), [[0] * n for _ in range(n)])
         scales = [float(x) for x in self.norm]
+        middle, turn = self._middle(self.A), None if self.W is None else self._middle(self.W)
+        back = None if turn is None else _floats(inverse(turn, "W"))
+        M = _floats(middle if back is None else _product(middle, inverse(turn or [], "W")))
         A = tuple(
-            tuple(
-                float(Fraction(x, self.A.whole)) * (scales[i] / scales[j])
-                for j, x in enumerate(row)
-            )
-            for i, row in enumerate(middle)
+            tuple(x * (scales[i] / scales[j]) for j, x in enumerate(row)) for i, row in enumerate(M)
         )
         found = _inverted(A, float(h) / 2, self.series.terms)
         every = range(len(found))
-        return [
-            [round(found[i][j] * (scales[j % n] / scales[i % n]) * 2.0**FINE) for j in every]
-            for i in every
-        ]
+        whole = [[found[i][j] * (scales[j % n] / scales[i % n]) for j in every] for i in every]
+        if back is not None and turn is not None:  # from x to z, and from where z starts to x
+            last, own = range(len(found) - n, len(found)), _floats(turn)
+            for row in whole:
+                ends = [sum(row[k] * own[k - last[0]][j] for k in last) for j in range(n)]
+                row[last[0] :] = ends
+            whole = [
+                [sum(back[i % n][k] * whole[i - i % n + k][j] for k in range(n)) for j in every]
+                for i in every
+            ]
+        return [[round(x * 2.0**FINE) for x in row] for row in whole]
+
+    def _middle(self, P: Centred) -> Rationals:
+        """Return a matrix where every g is zero."""
+        n = len(self.norm)
+        M = P.terms.get((0,) * len(self.variables), [[0] * n for _ in range(n)])
+        return [[Fraction(x, P.whole) for x in row] for row in M]
 
     def rate_of(self, x: Form) -> Form:
         """Return A x + b, each number rounded down twice."""
@@ -306,6 +351,21 @@ def _slopes(forms: Sequence[Form]) -> list[Form]:
             result[p - 1] = total
     result[0] = {e: [x // 2 for x in v] for e, v in result[0].items()}
     return result
+
+
+def _slopes_of(c: Sequence[list[int]]) -> list[list[int]]:
+    """Return the same of vectors."""
+    none = [0] * len(c[0])
+    return [form.get((), none) for form in _slopes([{(): v} for v in c])]
+
+
+def _floats(M: Rationals) -> list[list[float]]:
+    return [[float(x) for x in row] for row in M]
+
+
+def _product(A: Rationals, B: Rationals) -> Rationals:
+    columns = list(zip(*B, strict=True))
+    return [[sum(map(Fraction.__mul__, row, column), ZERO) for column in columns] for row in A]
 
 
 def _signed(forms: Sequence[Form]) -> list[Form]:

@@ -125,10 +125,8 @@ class Followed(SignalClaim):
         evidence, kind = self.subject.evidence, self.kind
         if self.subject.step:
             raise FormatError(f"{kind}: of a plant in continuous time")
-        if self.subject.remainder is not None or self.subject.law.W is not None:
-            raise FormatError(
-                f"{kind}: of a plant that is known exactly, and a law that is no Z W^-1"
-            )
+        if self.subject.remainder is not None:
+            raise FormatError(f"{kind}: of a plant that is known exactly")
         if not evidence.dual:
             raise FormatError(f"{kind}: its evidence is a Q in each part of the box")
         if len(self.following) != 1:
@@ -157,8 +155,10 @@ class Followed(SignalClaim):
     def dual_rows(self) -> Rows:
         """Return that errors fade, and how far they reach."""
         own, loop = self.following[0], self.subject.dual_loop(self.outputs)
-        falling = (loop.QM + loop.QM.T + loop.Q.times(2 * own.rate)).times(-1)
-        reach = [[number(own.reach**2, loop.Q.sizes), loop.Y], [loop.Q]]
+        W = self.subject.turning
+        square = loop.Q if W is None else loop.WQ * W
+        falling = (loop.WQM + loop.WQM.T + square.times(2 * own.rate)).times(-1)
+        reach = [[number(own.reach**2, loop.Q.sizes), loop.Y], [square]]
         return {"of the decrease": [[falling]], "of the output": reach}
 
     @property
@@ -199,6 +199,7 @@ class Run(Short):
     C: Centred
     F: Centred | None
     Q: list[Rationals]
+    W: Centred | None
 
     @classmethod
     def of(cls, claim: Followed) -> Run:
@@ -209,8 +210,9 @@ class Run(Short):
         b = subject.driving(claim.scales, subject.sizes) * every
         passing = subject.through(claim.outputs, claim.scales)
         F = None if passing is None else Centred.of(passing * every)
-        Q = subject.evidence.X
-        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q)
+        Q, W = subject.evidence.X, subject.turning
+        turning = None if W is None else Centred.of(W)
+        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q, turning)
 
     @property
     def follower_variables(self) -> tuple[Fraction, ...]:
@@ -222,7 +224,8 @@ class Run(Short):
         """What is followed."""
         own = self.claim.following[0]
         series = Series(own.terms, own.degree, own.bits)
-        return Follower(self.A, self.b, series, self.claim.subject.sizes, norms(self.Q), own.rate)
+        sizes, norm = self.claim.subject.sizes, norms(self.Q)
+        return Follower(self.A, self.b, series, sizes, norm, own.rate, self.W)
 
     def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
         """Return C x + F over 2^bits, and what that is rounded by."""

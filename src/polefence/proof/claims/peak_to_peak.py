@@ -38,7 +38,7 @@ from polefence.proof.plant import Plant, split
 from polefence.proof.response import Centred, Follower, Form, Series, Step, in_bernstein
 from polefence.proof.short import Short
 from polefence.proof.text import digits_down, quoted
-from polefence.proof.work import spend
+from polefence.proof.work import FormatError, spend
 
 HALVINGS = 5  # of a step
 
@@ -48,6 +48,12 @@ class PeakToPeak(Followed):
     """|y| from rest is at most ``level`` while each disturbance is within its scale."""
 
     kind: ClassVar[str] = "peak to peak"
+
+    def require_extra(self) -> None:
+        """Refuse a law of which motions do not start where disturbances act."""
+        super().require_extra()
+        if self.subject.law.W is not None:
+            raise FormatError(f"{self.kind}: of a law that is no Z W^-1")
 
     @property
     def under(self) -> str:

@@ -335,6 +335,11 @@ class Subject(Short):
         WQ = form.part(slice(n)) * Q
         return DualLoop(Q, WQ, M, QM, WQ * M, Y, self.step)
 
+    @property
+    def turning(self) -> Polynomial | None:
+        """W of a law Z W^-1; None of other laws."""
+        return None if self.law.K is not None else self.law.form(self.sizes).part(slice(self.n))
+
     def require(self, evidence: Evidence | None = None) -> None:
         """Refuse a plant, a law and evidence that do not fit."""
         if not self.A or not self.A[0] or not self.B or not self.B[0]:

@@ -228,7 +228,7 @@ class _Compared:
             e: [p - q for p, q in zip(x.get(e, zero), self.x_end.get(e, zero), strict=True)]
             for e in {**x, **self.x_end}
         }
-        far = self.follower.size(gap) / 2**self.following.bits + error + self.off
+        far = self.follower.far(gap) + error + self.off
         tail = self.following.reach * far + self.rounding + self.ulp
         if self.claim.measure == "peak":
             return self._within(self.level, self.y_end, tail + self.slack)

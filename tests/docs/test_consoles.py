@@ -36,10 +36,12 @@ MOVING = (
 )
 STOP = re.search(r"```toml\n(.*?)```", (DOCS / "elements.md").read_text(), re.DOTALL)[1]
 MASS = re.search(r"```toml\n(.*?)```", (DOCS / "steps.md").read_text(), re.DOTALL)[1]
+ARM = re.search(r"```toml\n(.*?)```", (DOCS / "coming-from.md").read_text(), re.DOTALL)[1]
 LATE = ("late.toml", docs_script("dead_time").SPEC)
 MEASURED = list(docs_script("from_data").files().items())
 PAGES = {  # with what a reader has before the first command
     "cli": [STAGE],
+    "coming-from": [("arm.toml", ARM)],
     "dead-time": [LATE],
     "elements": [("stop.toml", STOP), ("free.toml", STOP.rpartition("[[specification]]")[0])],
     "from-data": MEASURED,

@@ -6,15 +6,14 @@ import doctest
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import polefence
-from polefence.cli.main import main
 from polefence.examples import spec_text
-from support import console
 from support.paths import DOCS, ROOT
-from support.readme import README, ROWS, commands_of, run_as_written
+from support.questions import run_as_written
+
+README = (ROOT / "README.md").read_text()
 
 
 def blocks(language):
@@ -33,60 +32,6 @@ def test_the_tutorial_does_what_it_shows(monkeypatch):
     assert result.failed == 0
 
 
-# Run by vehicle/test_concepts.py, show/test_report.py and, with its page, docs/test_consoles.py.
-ELSEWHERE = ("polefence concepts", "polefence report", "polefence study")
-
-
-@pytest.fixture(scope="module")
-def after_the_readme(tmp_path_factory):
-    """The folder in which the README's own lines were run."""
-    folder = tmp_path_factory.mktemp("readme")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        (folder / "car.toml").write_text(spec_text("quarter-car-physical"))
-        words = ["design", "car.toml", "--disk", "-40", "31", "--method", "scheduled"]
-        assert main([*words, "-o", "car"]) == 0
-    return folder
-
-
-def test_the_table_has_commands_for_every_command_but_these():
-    used = {command.split()[1] for row in ROWS for command in commands_of(row)}
-    assert len(ROWS) == 20
-    assert used >= {
-        "design", "limits", "analyse", "service", "optimise", "compare", "simulate", "report",
-        "observe", "export", "concepts", "studio", "study", "verify", "loops", "robust",
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "row",
-    [row for row in ROWS if not any(own in row for own in ELSEWHERE)],
-    ids=lambda row: commands_of(row)[-1].split()[1],
-)
-def test_every_row_of_the_readme_runs_as_it_is_written(row, after_the_readme, monkeypatch):
-    monkeypatch.chdir(after_the_readme)
-    assert commands_of(row)
-    run_as_written(commands_of(row))
-
-
-def test_the_row_of_studies_is_run_with_its_page():
-    (row,) = [row for row in ROWS if "polefence study" in row]
-    shown = [command for block in console.blocks((DOCS / "fleet.md").read_text())
-             for command, _ in console.COMMAND.findall(block)]  # fmt: skip
-    assert commands_of(row)
-    assert set(commands_of(row)) <= set(shown)
-
-
-def test_the_readmes_region_has_a_gain_that_can_be_built(physical):
-    """Kilonewtons a metre, as springs and tyres have, not meganewtons."""
-    (row,) = [row for row in ROWS if "half_plane(4)" in row]
-    region = polefence.parse_region(re.search(r'--region "([^"]*)"', row)[1])
-    K = polefence.place(physical, region).law.gain(np.eye(4))
-    (said,) = re.findall(r"gains are (\d+) kN/m at most on the deflection\)", row)
-    assert np.abs(K[:, 0, 0]).max() == pytest.approx(1e3 * float(said), rel=0.05)
-    assert np.abs(K[:, 0, 1]).max() < 155900  # the tyre's own stiffness
-
-
 def test_readme_commands_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
@@ -101,12 +46,6 @@ def test_readme_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text()
     for target in targets:
         assert f"\n{target}:" in makefile
-
-
-def test_readme_spec_is_that_of_the_tutorial():
-    """Which tests follow to a proved design."""
-    (own,) = blocks("toml")
-    assert f"```toml\n{own}```" in (ROOT / "docs" / "tutorial.md").read_text()
 
 
 def test_readme_snippet_runs(tmp_path, monkeypatch):

@@ -39,7 +39,7 @@ from support.commands import refused
 from support.files import rewritten
 from support.memories import design as with_memory
 from support.polynomials import design as polynomial
-from support.readme import ROWS, commands_of, run_as_written
+from support.questions import ROWS, commands_of, run_as_written
 from support.specs import ONE_STATE
 
 
@@ -63,8 +63,8 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def car(tmp_path_factory):
-    """A folder with a design, and the page that README's own line writes of it."""
-    folder = tmp_path_factory.mktemp("readme")
+    """A folder with a design, and the page that the line of "What it does" writes of it."""
+    folder = tmp_path_factory.mktemp("questions")
     design = place(family("quarter-car-physical"), Disk(-40, 31))
     design.save(folder / "car")
     (row,) = [row for row in ROWS if "polefence report" in row]

@@ -22,7 +22,7 @@ from polefence.vehicle.suspensions import suspensions
 from polefence.vehicle.vehicle import require_ride
 from support.commands import ran, refused
 from support.paths import DOCS
-from support.readme import ROWS, commands_of, run_as_written
+from support.questions import ROWS, commands_of, run_as_written
 
 SIGNALS = ["sprung-mass acceleration", "tyre share", "travel share"]
 DENSITY = velocity_density("C", 20)
@@ -37,7 +37,7 @@ def plant():
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """What README's own line finds."""
+    """What the line of "What it does" finds."""
     kept = []
 
     def recorded(*words):
@@ -46,7 +46,7 @@ def found(tmp_path_factory):
 
     (row,) = [row for row in ROWS if "polefence concepts" in row]
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("readme"))
+        patch.chdir(tmp_path_factory.mktemp("questions"))
         patch.setattr(import_module("polefence.vehicle.concepts"), "concepts", recorded)
         run_as_written(commands_of(row))
     return kept[0]

@@ -1,4 +1,4 @@
-"""The commands of README's table, to be run as they are written."""
+"""The commands of the page "What it does", to be run as they are written."""
 
 import re
 import shlex
@@ -8,10 +8,10 @@ from pathlib import Path
 
 from polefence.cli.main import main
 from support.browser import studio
-from support.paths import ROOT
+from support.paths import DOCS
 
-README = (ROOT / "README.md").read_text()
-ROWS = re.findall(r"^\|[^|]*\|([^|]*polefence[^|]*)\|", README, re.MULTILINE)
+PAGE = (DOCS / "what-it-does.md").read_text()
+ROWS = re.findall(r"^\|[^|]*\|([^|]*polefence[^|]*)\|", PAGE, re.MULTILINE)
 
 
 def commands_of(row):

@@ -110,6 +110,8 @@ from polefence.requirements.disk_margin import Unmodelled as Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak as EnergyPeak
 from polefence.requirements.factor_margin import GainMargin as GainMargin
 from polefence.requirements.factor_margin import PhaseMargin as PhaseMargin
+from polefence.requirements.free import ImpulseMeasure as ImpulseMeasure
+from polefence.requirements.free import InitialMeasure as InitialMeasure
 from polefence.requirements.gain import Gain as Gain
 from polefence.requirements.gain_norm import GainNorm as GainNorm
 from polefence.requirements.initial_peak import InitialPeak as InitialPeak

@@ -29,6 +29,8 @@ LINES = {
     "worst-case gain": "worst-case gain of x <= 1.5 with inputs [force] with weight (s+1)/(s+9)",
     "sector": "sector of x with disturbance [w] with sector [-0.4, 0.3] >= 1",
     "step": "step of x <= 1.5 with measure peak",
+    "initial": "initial of x from [x * 2] <= 3 with measure peak",
+    "impulse": "impulse of x <= 2 with measure peak",
     "peak to peak": "peak to peak of x <= 1.5",
     "gain norm": "gain norm of the law <= 50",
 }

@@ -20,6 +20,7 @@ from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
+from polefence.requirements.free import ImpulseMeasure, InitialMeasure
 from polefence.requirements.gain import Gain
 from polefence.requirements.initial_peak import InitialPeak
 from polefence.requirements.peak_to_peak import PeakToPeak
@@ -260,6 +261,8 @@ MARGINS = (
     "--limit", "sector of x with disturbance [w] with sector [-2, 1] with slope_restricted true",
     "--limit", "step of x with measure settling with band 0.05",
     "--limit", "step of v with measure peak", "--limit", "peak to peak of x",
+    "--limit", "initial of x from [x * 0.5, v * -1] with measure settling with band 0.05",
+    "--limit", "impulse of x with measure peak",
 )  # fmt: skip
 
 APART = [
@@ -366,6 +369,8 @@ def _write_passing(made: Path) -> None:
         SectorBound("x", disturbance="w", sector=(-0.2, 0.5)),
         SectorBound("v", disturbance="w", sector=(-0.2, 0.5), slope_restricted=True),
         StepMeasure("v", measure="peak"), PeakToPeak("v", disturbances={"w": 0.5}),
+        StepMeasure("x", envelope=[[0, -1, 2], [9, -1, 1]]), InitialMeasure("v", start={"x": 1.0}),
+        ImpulseMeasure("x"),
         WorstCaseGain(
             "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
         ),

@@ -291,7 +291,7 @@ def false_signal(plant, law, claim):
         K = law.gain(alpha)
         y, kind, P = mix(alpha, C) + mix(alpha, D) @ K, claim["kind"], law.passing(alpha)
         through = (mix(alpha, F) + mix(alpha, D) @ P) * scales
-        if kind not in ("gain", "step", "peak to peak") and np.any(through) and not filters:
+        if kind not in DIRECT and np.any(through) and not filters:
             return True
         if "held" in claim:
             rows = mix(alpha, C), mix(alpha, D)
@@ -533,8 +533,8 @@ def _reached(kind, claim, loop, passive, T):
     if kind == "gain":
         w = np.array([0.0, *np.geomspace(1e-3, 1e3, 60)])
         return max(float(np.linalg.norm(F, 2)), _largest(A, E, C, F, 1j * w))
-    if kind == "step":
-        return _stepped(claim, A, E, C, F)
+    if kind in FOLLOWED:
+        return _followed(kind, claim, A, E, C, F)
     if kind == "peak to peak":
         return _bounded(A, E, C) + float(np.abs(F).sum())
     starts = [np.array(list(map(number, p))) for p in claim.get("points", [])]
@@ -564,18 +564,26 @@ def _bounded(A, E, C, apart=0.01, count=2000):
     return total
 
 
-def _stepped(claim, A, E, C, F, apart=0.01, count=2000):
-    """The measure of a step response, of its values at times."""
+def _followed(kind, claim, A, E, C, F, apart=0.01, count=2000):
+    """The measure of a response, of its values at times."""
     n, measure, band = len(A), claim["measure"], number(claim.get("band", 0))
-    whole = np.block([[A, E.sum(axis=1, keepdims=True)], [np.zeros((1, n + 1))]])
-    step, x, y = expm(whole * apart), np.eye(n + 1)[:, -1], []
+    x, b, F = np.zeros(n), E.sum(axis=1), F.sum(axis=1)
+    if kind != "step":
+        x, b, F = array(claim["start"]) if kind == "initial" else b, x, 0 * F
+    whole = np.block([[A, b[:, None]], [np.zeros((1, n + 1))]])
+    step, x, y = expm(whole * apart), np.append(x, 1.0), []
     for _ in range(count):
-        y.append(float((C @ x[:n])[0] + F.sum()))
+        y.append(float((C @ x[:n] + F)[0]))
         x = step @ x
-    final = float((F.sum(axis=1) - C @ np.linalg.solve(A, E.sum(axis=1)))[0])
+    final = float((F - C @ np.linalg.solve(A, b))[0])
     y, t, s = np.array(y), apart * np.arange(count), np.sign(final)
-    size = abs(final) or np.nan
+    size = (abs(final) or np.nan) if kind == "step" else 1.0
     match measure:
+        case "envelope":
+            times, low, high = array(claim["envelope"]).T
+            half = (np.interp(t, times, high) - np.interp(t, times, low)) / 2
+            off = np.abs(y - np.interp(t, times, low) - half) / half
+            return float(off[t >= times[0]].max(initial=0))
         case "peak":
             return max(float(np.abs(y).max()), abs(final))
         case "final":
@@ -1305,6 +1313,9 @@ def false_gain_conflict(plant, law, claim):
     )
 
 
+FOLLOWED = ("step", "initial", "impulse")
+# Of which a disturbance may pass straight into the signal.
+DIRECT = ("gain", "step", "initial", "peak to peak")
 FALSE = {
     "clipped": false_clipped,
     "conflict": false_conflict,
@@ -1324,7 +1335,7 @@ FALSE = {
     "delay margin": false_delay_margin,
     "worst-case gain": false_worst_case,
     "sector": false_sector,
-    **dict.fromkeys(("step", "peak to peak"), false_signal),
+    **dict.fromkeys((*FOLLOWED, "peak to peak"), false_signal),
     "rate": false_rate,
     "decay": false_clocked,
     "sampled": false_sampled,

@@ -72,6 +72,7 @@ from polefence.proof.storage import Stretch
 from polefence.proof.work import FormatError, counted
 from polefence.requirements.factor_margin import FactorMargin
 from polefence.requirements.gain_norm import GainNorm, by_multiples, levels
+from polefence.requirements.measured import Measured
 from polefence.requirements.peak_to_peak import PeakToPeak
 from polefence.requirements.rms import (
     Rms,
@@ -80,7 +81,6 @@ from polefence.requirements.rms import (
     of_one_noise_at_samples,
 )
 from polefence.requirements.specification import Specification, claim_of
-from polefence.requirements.step import StepMeasure
 from polefence.requirements.weights import behind
 
 # Degree and elevation of the Lyapunov polynomial, one after the other.
@@ -219,7 +219,7 @@ def best_bound(
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
         return _of_given(plant, specification, factor_margins.largest(plant, law, specification))
-    if isinstance(specification, StepMeasure):
+    if isinstance(specification, Measured):
         return _of_given(plant, specification, responses.least(plant, law, specification))
     if isinstance(specification, PeakToPeak):
         return _of_given(plant, specification, peak_to_peak.least(plant, law, specification))
@@ -639,7 +639,7 @@ def kept_bound(
     require_passing(plant, law, specification)
     if isinstance(specification, FactorMargin):
         return _of_given(plant, specification, factor_margins.kept(plant, law, specification))
-    if isinstance(specification, StepMeasure):
+    if isinstance(specification, Measured):
         return _of_given(plant, specification, responses.kept(plant, law, specification))
     if isinstance(specification, PeakToPeak):
         return _of_given(plant, specification, peak_to_peak.kept(plant, law, specification))

@@ -69,6 +69,7 @@ class Floats:
     domain: Domain
     A: Array  # (1 + corners, n, n)
     b: Array  # (1 + corners, n)
+    x0: Array
     C: Array
     F: Array
 
@@ -78,9 +79,13 @@ class Floats:
         run, domain = claim.run, Domain(claim.subject.sizes)
         middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
         at = np.concatenate([middle[None], domain.coordinates(np.eye(domain.corners))])
-        (A, C), b = loops(run, domain, at), values(run.b, domain, at)
+        A, C = loops(run, domain, at)
+        b, x0 = (
+            values(P, domain, at)[:, :, 0] if P.terms else np.zeros(A.shape[:2])
+            for P in (run.b, run.x0)
+        )
         F = np.zeros(len(at)) if run.F is None else values(run.F, domain, at)[:, 0, 0]
-        return cls(claim, run, domain, A, b[:, :, 0], C[:, 0], F)
+        return cls(claim, run, domain, A, b, x0, C[:, 0], F)
 
     def moved(self) -> list[float]:
         """Return by how much each parameter moves A, beside its size."""

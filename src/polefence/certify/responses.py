@@ -1,4 +1,4 @@
-"""Step responses that are followed exactly: in what parts of the box, and how, floats choose."""
+"""Responses that are followed exactly: in what parts of the box, and how, floats choose."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from polefence.plant.points import seeded
 from polefence.plant.system import Array
 from polefence.proof.claims.base import Verdict, prove
 from polefence.proof.claims.followed import Following
-from polefence.proof.claims.step import RELATIVE, StepResponse
+from polefence.proof.claims.measured import MeasuredResponse
 from polefence.proof.laws import Evidence, Piece, Point
 from polefence.proof.matrices import identity
 from polefence.proof.response import norms
 from polefence.proof.work import MAX_WORK, Count, FormatError, counted
+from polefence.requirements.measured import TIMES, Measured
 from polefence.requirements.specification import claim_of
-from polefence.requirements.step import TIMES, StepMeasure
 
 SAMPLES = 30
 STEPS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # by what share a level is above the worst sample
@@ -55,10 +55,10 @@ MOST_STEPS, MOST_PARTS = 4000, 256
 SOUGHT = 10 * MAX_WORK
 SOUGHT_EACH = SOUGHT // 5
 
-Proved = tuple[StepResponse, Verdict]
+Proved = tuple[MeasuredResponse, Verdict]
 
 
-def kept(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
+def kept(plant: UncertainPlant, law: Law, asked: Measured) -> Proved | None:
     """Return the claim that a limit is kept, and its proof; None where there is none."""
     if asked.at_most is None or not _sampled(plant, law, asked) <= asked.at_most:
         return None
@@ -66,14 +66,14 @@ def kept(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
         return _proved(plant, law, asked, asked.at_most, SOUGHT)
 
 
-def least(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
+def least(plant: UncertainPlant, law: Law, asked: Measured) -> Proved | None:
     """Return the claim of the least level that was proved, and its proof; None of none."""
     worst = _sampled(plant, law, asked)
     if not np.isfinite(worst):
         return None
     with stage(f"bound on {asked.title}"):
         for share in STEPS:
-            level = max(worst, NOTHING if asked.measure in RELATIVE else 0.0) * (1 + share)
+            level = max(worst, NOTHING if asked.relative else 0.0) * (1 + share)
             if asked.measure in ("overshoot", "undershoot"):
                 level = max(level, share)
             found = _proved(plant, law, asked, above(level), SOUGHT_EACH)
@@ -82,19 +82,19 @@ def least(plant: UncertainPlant, law: Law, asked: StepMeasure) -> Proved | None:
     return None
 
 
-def _sampled(plant: UncertainPlant, law: Law, asked: StepMeasure) -> float:
+def _sampled(plant: UncertainPlant, law: Law, asked: Measured) -> float:
     alpha = seeded(plant, len(plant.vertices) + SAMPLES)
     return float(asked.values(plant, law, alpha).max())
 
 
 def _proved(
-    plant: UncertainPlant, law: Law, asked: StepMeasure, level: float, work: int
+    plant: UncertainPlant, law: Law, asked: Measured, level: float, work: int
 ) -> Proved | None:
     """Return the claim of a level, and its proof, with so much work on its parts."""
     on = law.domain_of(plant).on
     evidence = Evidence([identity(plant.shape[0])])
     blank = claim_of(plant, law.exact, on, asked, evidence, Fraction(level))
-    if not isinstance(blank, StepResponse):
+    if not isinstance(blank, MeasuredResponse):
         return None
     parts = list[tuple[Piece, Following]]()
     with suppress(FormatError), counted(work) as count:
@@ -112,7 +112,7 @@ def _proved(
     return None
 
 
-def _in_parts(blank: StepResponse, work: Count) -> list[tuple[Piece, Following]]:
+def _in_parts(blank: MeasuredResponse, work: Count) -> list[tuple[Piece, Following]]:
     """Return what proves every part of the box; nothing where that was not found."""
     sizes = blank.subject.sizes
     box = set(sizes) == {2}
@@ -130,7 +130,7 @@ def _in_parts(blank: StepResponse, work: Count) -> list[tuple[Piece, Following]]
     return parts
 
 
-def _part(blank: StepResponse, low: Point, high: Point) -> tuple[Piece, Following] | None:
+def _part(blank: MeasuredResponse, low: Point, high: Point) -> tuple[Piece, Following] | None:
     """Return what proves one part; None where nothing was found."""
     inner = of_part(blank, low, high)
     loop = _Floats.of(inner)
@@ -153,7 +153,7 @@ def _part(blank: StepResponse, low: Point, high: Point) -> tuple[Piece, Followin
 class _Floats(Floats):
     """The loop of one part, and what is followed of it."""
 
-    claim: StepResponse
+    claim: MeasuredResponse
 
     def followed(
         self, evidence: Evidence, rate: float, reach: float, degree: int
@@ -186,7 +186,10 @@ class _Floats(Floats):
             case "undershoot":
                 return float((1 + level) * size.min())
             case "settling":
-                return float(self.claim.band) * float(size.min())
+                return float(self.claim.band) * (float(size.min()) if self.run.b.terms else 1.0)
+            case "envelope" if self.claim.envelope is not None:
+                _, lower, upper = map(float, self.claim.envelope.points[-1])
+                return float((level * (upper - lower) / 2 - abs(final - (upper + lower) / 2)).min())
             case _:
                 return float(size.min())
 
@@ -194,21 +197,16 @@ class _Floats(Floats):
         self, fast: float, ends: Array, weights: Array, reach: float, allowed: float
     ) -> tuple[Fraction, tuple[tuple[int, int], ...]] | None:
         """Return a unit, and steps as long as the tau method bears, until little is left."""
-        claim = self.claim
-        level = claim.level if claim.measure in TIMES else Fraction(0)
-        unit = power(BEGIN / fast)
-        if level:
-            unit = level / 2 ** max(0, math.ceil(math.log2(float(level / unit))))
-        goal, at = (0 if not level else round(level / unit)), 0
-        x = np.zeros_like(self.b)
+        unit, ends_at = self._unit(power(BEGIN / fast))
+        at, x = 0, self.x0
         lengths, length = list[int](), 1
         inverses: dict[int, Array] = {}
         while len(lengths) < MOST_STEPS:
             left = SPREAD * reach * (np.abs(x - ends) @ weights).max()
-            if at >= goal and (left < SHARE * allowed or self._short_of_it(at)):
+            if not ends_at and (left < SHARE * allowed or self._short_of_it(at)):
                 return unit, runs(lengths or [1])
-            if at < goal:
-                length = min(length, 1 << (goal - at).bit_length() - 1)
+            if ends_at:
+                length = min(length, 1 << (ends_at[0] - at).bit_length() - 1)
             while True:
                 if length not in inverses:
                     inverses[length] = tau(self.A, float(length * unit))
@@ -221,9 +219,27 @@ class _Floats(Floats):
             x = c.sum(axis=1)
             lengths.append(length)
             at += length
+            ends_at = ends_at[ends_at[:1] == [at] :]
             if off < OFF * allowed * LONGER:
                 length *= 2
         return None
+
+    def _unit(self, most: Fraction) -> tuple[Fraction, list[int]]:
+        """Return a unit, at most so long, of which every time is a multiple at which a step ends.
+
+        With these, in units.
+        """
+        claim, times = self.claim, list[Fraction]()
+        if claim.measure in TIMES:
+            times = [claim.level]
+        elif claim.envelope is not None:
+            times = [t for t in claim.envelope.times if t]
+        if not times:
+            return most, []
+        whole = math.lcm(*(t.denominator for t in times))
+        common = Fraction(math.gcd(*(int(t * whole) for t in times)), whole)
+        unit = common / 2 ** max(0, math.ceil(math.log2(float(common / most))))
+        return unit, [round(t / unit) for t in times]
 
     def _short_of_it(self, at: int) -> bool:
         """Whether nothing is asked after so many units: of a final value, or of a rise."""

@@ -23,6 +23,7 @@ from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.factor_margin import GainMargin, PhaseMargin
 from polefence.proof.claims.failure import Failure
+from polefence.proof.claims.free import ImpulseResponse, InitialResponse
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_conflict import GainRefutation
 from polefence.proof.claims.gain_error import GainError
@@ -75,6 +76,8 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             WorstCaseGain,
             SectorBound,
             StepResponse,
+            InitialResponse,
+            ImpulseResponse,
             PeakToPeak,
             GainNorm,
             Estimate,

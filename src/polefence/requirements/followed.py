@@ -22,18 +22,18 @@ def unfollowed(plant: UncertainPlant) -> str:
     return "while parameters move" if plant.moving else ""
 
 
-def times_of(poles: Any, even: int = EVEN, turn: int = TURN) -> Array:
+def times_of(poles: Any, even: int = EVEN, turn: int = TURN, turns: int = TURNS) -> Array:
     """Return the times at which a motion of these poles is looked at [s].
 
     Parameters
     ----------
     even : int
         How many are as far apart, and how many as many times the one before.
-    turn : int
-        How many are in a turn of the fastest mode, of the first `TURNS`.
+    turn, turns : int
+        How many are in a turn of the fastest mode, of the first ones.
     """
     slow, fast = -poles.real.max(), np.abs(poles).max()
     last = CALM / slow
     t = np.union1d(np.linspace(0, last, even), np.geomspace(DENSE / fast, last, even))
     period = 2 * np.pi / fast
-    return np.union1d(t, np.arange(0, min(last, TURNS * period), period / turn))
+    return np.union1d(t, np.arange(0, min(last, turns * period), period / turn))

@@ -101,6 +101,7 @@ class Specification(Short):
 
     vector: ClassVar[bool] = False  # whether it may be of a vector of signals
     keys: ClassVar[tuple[str, ...]] = ()  # of a table, besides kind, signal, at_most, minimise
+    moved_by: ClassVar[str] = "disturbances"  # the key of what a line names behind from
     of_signal: ClassVar[bool] = True  # else of the law
     limits_rms: ClassVar[bool] = False  # whether its limit is one on an rms, not on a ratio of two
     direct: ClassVar[bool] = False  # whether a disturbance may pass straight into the signal
@@ -178,12 +179,11 @@ class Specification(Short):
 
     @property
     def title(self) -> str:
-        """Kind, signal and chosen disturbances, as a line has them."""
-        text = f"{self.kind} of {self.name}"
-        if self.disturbances is None:
-            return text
-        chosen = {name: "" if s == 1 else f" * {exactly(s)}" for name, s in self.disturbances}
-        return f"{text} from {listed(list(chosen), list(chosen.values()))}"
+        """Kind, signal and what moves it, as a line has them."""
+        moved = dict(getattr(self, self.moved_by) or ())
+        ends = ["" if s == 1 else f" * {exactly(s)}" for s in moved.values()]
+        acting = f" from {listed(list(moved), ends)}" if moved else ""
+        return f"{self.kind} of {self.name}{acting}"
 
     @property
     def kind(self) -> str:

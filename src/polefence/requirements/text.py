@@ -24,6 +24,7 @@ from polefence.requirements.delay_margin import DelayMargin
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.factor_margin import GainMargin, PhaseMargin
+from polefence.requirements.free import ImpulseMeasure, InitialMeasure
 from polefence.requirements.gain import Gain
 from polefence.requirements.gain_norm import GainNorm
 from polefence.requirements.initial_peak import InitialPeak
@@ -61,11 +62,14 @@ KINDS: dict[str, type[Specification]] = {
         WorstCaseGain,
         SectorBound,
         StepMeasure,
+        InitialMeasure,
+        ImpulseMeasure,
         PeakToPeak,
         GainNorm,
     )
 }
 COMMON = ("kind", "signal", "at_most", "minimise")
+LISTS = ("points", "ellipsoid", "rows", "columns", "envelope")  # not on a line
 NOTHING: Mapping[str, float] = MappingProxyType({})
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 # A list, as `polefence.requirements.specification.listed` writes it.
@@ -225,11 +229,12 @@ def parse_specification(
         raise InputError(
             f"{text!r} is not of the form KIND of SIGNAL <= LIMIT; write 'rms of NAME <= 700'"
         )
-    if match := _FROM.fullmatch(signal):
-        signal, table["disturbances"] = match["rest"], _acting(match["items"], text)
-    signal = signal.strip()
-    table |= {"kind": " ".join(kind.split()).casefold(), "signal": signal}
+    table["kind"] = " ".join(kind.split()).casefold()
     asked = KINDS.get(table["kind"])
+    if match := _FROM.fullmatch(signal):
+        moved_by = Specification.moved_by if asked is None else asked.moved_by
+        signal, table[moved_by] = match["rest"], _acting(match["items"], text)
+    table["signal"] = signal = signal.strip()
     if less and asked is not None and (less == ">=") != asked.is_margin:
         sign = ">=" if asked.is_margin else "<="
         raise InputError(f"{text!r}: a limit of a {asked.kind} is written {sign} NUMBER")
@@ -255,10 +260,12 @@ def _without_ends(part: str, text: str, table: dict[str, Any]) -> str:
     """Return a part of a line without `with KEY VALUE` at its end, which is read into a table."""
     while match := _WITH.fullmatch(part):
         part, key = match["rest"], match["key"]
-        if key in (*COMMON, "points", "ellipsoid", "rows", "columns", "disturbances"):
+        if key in (*COMMON, *LISTS, "disturbances", "start"):
             told = "write it there, in a [[specification]]"
             if key == "disturbances":
                 told = "name disturbances by from [NAME]"
+            elif key == "start":
+                told = "name states by from [NAME * 0.1]"
             elif key in COMMON:
                 told = "give the limit by <="
             raise InputError(f"{text!r}: {key} is for a spec's tables; {told}")
@@ -358,7 +365,7 @@ def _read(
     minimised = table.get("minimise", False)
     if not isinstance(minimised, bool):
         raise SpecError(f"{where}: minimise = {shown(minimised)} must be true or false")
-    if "limits" in table and not minimised:  # at most as large as they are
+    if ("limits" in table or "envelope" in table) and not minimised:  # as large as they are
         table = {"at_most": 1} | dict(table)
     specification = _specification(table, where, road)
     if minimised == ("at_most" in table):

@@ -30,6 +30,8 @@ ALONE = {
     "phase margin": "phase margin of u >= 20",
     "delay margin": "delay margin of u >= 0.05",
     "step": "step of x1 <= 5 with measure peak",
+    "initial": "initial of x1 from [x2 * 0.3] <= 5 with measure peak",
+    "impulse": "impulse of x1 <= 5 with measure peak",
     "peak to peak": "peak to peak of x1 <= 5",
 }
 COUPLED = (

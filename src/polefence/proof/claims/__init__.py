@@ -7,10 +7,12 @@ from polefence.proof.claims.each_gain import EachGain
 from polefence.proof.claims.energy_peak import EnergyPeak
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.factor_margin import GainMargin, PhaseMargin
+from polefence.proof.claims.free import ImpulseResponse, InitialResponse
 from polefence.proof.claims.gain import Gain
 from polefence.proof.claims.gain_error import GainError
 from polefence.proof.claims.gain_norm import LAW, BoundClaim, GainNorm
 from polefence.proof.claims.initial_peak import InitialPeak
+from polefence.proof.claims.measured import MeasuredResponse
 from polefence.proof.claims.peak_to_peak import PeakToPeak
 from polefence.proof.claims.poles import Poles
 from polefence.proof.claims.rate import Rate
@@ -39,8 +41,11 @@ __all__ = [
     "GainError",
     "GainMargin",
     "GainNorm",
+    "ImpulseResponse",
     "InitialPeak",
+    "InitialResponse",
     "Loops",
+    "MeasuredResponse",
     "Output",
     "PeakToPeak",
     "PhaseMargin",

@@ -15,9 +15,9 @@ from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Verdict, undecided
 from polefence.proof.claims.signal import Rows, SignalClaim, Subject
-from polefence.proof.matrices import ONE, ZERO, Rationals, inverse
+from polefence.proof.matrices import ZERO, Rationals, inverse
 from polefence.proof.plant import Output
-from polefence.proof.polynomials import constant, number
+from polefence.proof.polynomials import Polynomial, constant, number
 from polefence.proof.reading import Table, plain
 from polefence.proof.response import Centred, Follower, Form, Series, norms, variables
 from polefence.proof.short import Short
@@ -134,6 +134,21 @@ class Followed(SignalClaim):
         self.following[0].require()
 
     @property
+    def driving(self) -> Polynomial | None:
+        """The constant b of x' = A x + b, a column; None where it is zero."""
+        return None
+
+    @property
+    def begun(self) -> Polynomial | None:
+        """x(0), a column; None where it is zero."""
+        return None
+
+    @property
+    def passing(self) -> Polynomial | None:
+        """What is added to C x, a number; None where it is zero."""
+        return None
+
+    @property
     def run(self) -> Run:
         """The motion that is followed."""
         return Run.of(self)
@@ -196,6 +211,7 @@ class Run(Short):
     claim: Followed
     A: Centred
     b: Centred
+    x0: Centred
     C: Centred
     F: Centred | None
     Q: list[Rationals]
@@ -204,15 +220,14 @@ class Run(Short):
     @classmethod
     def of(cls, claim: Followed) -> Run:
         """Return the motion."""
-        subject = claim.subject
+        subject, F = claim.subject, claim.passing
         loop = subject.dual_loop(claim.outputs)
-        every = constant([[ONE] for _ in range(subject.q)], subject.sizes)
-        b = subject.driving(claim.scales, subject.sizes) * every
-        passing = subject.through(claim.outputs, claim.scales)
-        F = None if passing is None else Centred.of(passing * every)
+        none = constant([[ZERO]] * subject.n, subject.sizes)
+        b, x0 = (Centred.of(M or none) for M in (claim.driving, claim.begun))
+        passing = None if F is None else Centred.of(F)
         Q, W = subject.evidence.X, subject.turning
         turning = None if W is None else Centred.of(W)
-        return cls(claim, Centred.of(loop.M), Centred.of(b), Centred.of(loop.Y), F, Q, turning)
+        return cls(claim, Centred.of(loop.M), b, x0, Centred.of(loop.Y), passing, Q, turning)
 
     @property
     def follower_variables(self) -> tuple[Fraction, ...]:
@@ -226,6 +241,13 @@ class Run(Short):
         series = Series(own.terms, own.degree, own.bits)
         sizes, norm = self.claim.subject.sizes, norms(self.Q)
         return Follower(self.A, self.b, series, sizes, norm, own.rate, self.W)
+
+    @property
+    def start(self) -> tuple[Form, Fraction]:
+        """x(0) over 2^bits, and how far that is rounded in the norm."""
+        bits, whole = self.claim.following[0].bits, self.x0.whole
+        form = {e: [(row[0] << bits) // whole for row in M] for e, M in self.x0.terms.items()}
+        return form, len(form) * sum(norms(self.Q)) / 2**bits
 
     def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
         """Return C x + F over 2^bits, and what that is rounded by."""
@@ -241,6 +263,8 @@ class Run(Short):
     def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
         """Return where x tends to, and how far that is off in the norm."""
         own, n = self.claim.following[0], self.claim.subject.n
+        if not self.b.terms:
+            return {}, ZERO
         middle = self.A.terms.get((0,) * len(follower.variables))
         if middle is None:
             return None

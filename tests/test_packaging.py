@@ -13,6 +13,7 @@ import yaml
 from packaging.requirements import Requirement
 
 from polefence.base import VERSION
+from support.api import API
 from support.paths import DOCS, ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -125,7 +126,7 @@ def test_the_extra_for_the_documentation_is_enough_to_build_it():
     } - set(sys.stdlib_module_names)
     assert {"panel", "control", "distributed"} <= hidden
     room, names = "polefence", list[str]()
-    for line in (DOCS / "api.md").read_text().splitlines():
+    for line in API.splitlines():
         if own := re.match(r"\.\. (currentmodule|py:module|auto\w+):: (\S+)", line):
             kind, name = own.groups()
             if kind.startswith("auto"):

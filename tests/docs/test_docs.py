@@ -10,6 +10,7 @@ import pytest
 
 import polefence
 from polefence.examples import spec_text
+from support.api import API, PAGES
 from support.paths import DOCS, ROOT
 from support.questions import run_as_written
 
@@ -67,7 +68,7 @@ def test_readme_names_files_that_exist():
 def test_the_facade_is_documented(name):
     thing = getattr(polefence, name)
     assert name == "METHODS" or thing.__doc__
-    assert name in (ROOT / "docs" / "api.md").read_text()
+    assert name in API
 
 
 def test_all_that_the_package_names_is_there():
@@ -78,7 +79,13 @@ def test_all_that_the_package_names_is_there():
         _ = polefence.nothing
 
 
-@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
 def test_pages_import_the_package_itself_or_one_room(page):
     for code in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
         assert not re.search(r"(?:from|import) polefence\.\w+\.", code)
+
+
+def test_the_index_of_the_api_leads_to_every_page_once():
+    listed = re.findall(r"^\| \[[^\]]+\]\((\w+)\.md\)", PAGES["index"], re.MULTILINE)
+    assert sorted([*listed, "index"]) == list(PAGES)
+    assert PAGES["index"].partition("{toctree}")[2].split()[1:-1] == listed

@@ -14,10 +14,9 @@ from pkgutil import resolve_name
 import pytest
 
 import polefence as pf
-from support.paths import DOCS
+from support.api import API
 
 ROOMS = ("conditions", "data", "export", "fleet", "response", "vehicle")
-API = (DOCS / "api.md").read_text()
 ENTRY = re.compile(r"^\.\. (currentmodule|autoclass):: (\S+)\n((?:   :.*\n)*)", re.MULTILINE)
 MEMBERS = re.compile(r":members:(.*)")
 WORD = re.compile(r"[A-Za-z_][\w.]*")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from polefence import response, vehicle
+from support.api import PAGES as API
 from support.paths import DOCS
 from support.scripts import docs_script
 
@@ -71,8 +72,8 @@ def test_the_page_names_functions_of_the_package(room, least):
     assert len(used) > least
     for each in known:
         assert getattr(room, each).__class__.__name__ != "module", each
-    api = (DOCS / "api.md").read_text().split("## Responses")[1].split("\n## ")[0]
-    module = r"polefence\.response\." if name == "response" else ""
+    api = API["responses"] + API["vehicle"]
+    module = r"polefence\.response\." if name == "response" else r"(?:polefence\.vehicle\.)?"
     listed = set(re.findall(rf"^\.\. (?:auto\w+|py:data):: {module}(\w+)$", api, re.MULTILINE))
     assert listed == known, listed ^ known
 

@@ -76,12 +76,12 @@ def integral(A, E, C, apart=1e-3, count=15000):
     ],
 )
 def test_a_proved_bound_is_just_above_every_sample(seed, n, parameters, size, disturbances):
-    """Never below one of 1000, within 1.5 % of the worst; and samples are what they should be."""
+    """Never below one of 1000, within 2 % of the worst; and samples are what they should be."""
     plant, E, C, random = family(seed, n, parameters, size, disturbances)
     own, law = PeakToPeak(Output("y", "", C=C)), pf.FixedGain(np.zeros((1, n)))
     bound, alpha = best_bound(plant, law, own), weights(random, 1000, parameters)
     sampled = own.values(plant, law, alpha)
-    assert sampled.max() <= bound.level <= 1.015 * sampled.max()
+    assert sampled.max() <= bound.level <= 1.02 * sampled.max()
     A = np.tensordot(alpha[-1], np.stack([v.A for v in plant.vertices]), 1)
     assert sampled[-1] == pytest.approx(integral(A, E, C), rel=2e-3)
 

@@ -49,10 +49,8 @@ def small(low: Point, high: Point) -> bool:
     return max((b - a for a, b in zip(low, high, strict=True)), default=Fraction(0)) < SMALLEST
 
 
-def halves(blank: Followed, low: Point, high: Point) -> list[tuple[Point, Point]]:
-    """Return the halves of a part across the parameter that moves the loop the most."""
-    moved = Floats.of(of_part(blank, low, high)).moved()
-    k = int(np.argmax(moved))
+def halves(low: Point, high: Point, k: int) -> list[tuple[Point, Point]]:
+    """Return the halves of a part across its k-th parameter."""
     middle = (low[k] + high[k]) / 2
     return [
         (low, (*high[:k], middle, *high[k + 1 :])),

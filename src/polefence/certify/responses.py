@@ -126,7 +126,8 @@ def _in_parts(blank: MeasuredResponse, work: Count) -> list[tuple[Piece, Followi
         many = len(parts) + len(waiting) + 2 > MOST_PARTS
         if not box or many or small(low, high) or 2 * work.spent > work.most:
             return []
-        waiting += halves(blank, low, high)
+        moved = Floats.of(of_part(blank, low, high)).moved()
+        waiting += halves(low, high, int(np.argmax(moved)))
     return parts
 
 

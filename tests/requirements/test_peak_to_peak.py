@@ -20,6 +20,7 @@ from polefence.requirements.peak_to_peak import PeakToPeak
 from polefence.requirements.slopes import Loops
 from polefence.response.modes import Modes
 from support.specs import MASS_ON_SPRING
+from support.truths import false
 
 GAIN = np.array([[-20.0, -8.0]])
 
@@ -219,6 +220,8 @@ def test_a_level_below_the_worst_plant_is_not_proved(document):
     for level, proved in ((worst * 0.9999, False), (worst * 1.005, True)):
         claim["level"] = level
         assert is_proved(table) is proved
+    claim["level"] = worst * 0.99
+    assert false(table)  # and samples of another program see it
 
 
 def test_a_law_is_tuned_for_a_bounded_disturbance(tmp_path, capsys):

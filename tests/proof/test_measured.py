@@ -172,14 +172,19 @@ def test_what_is_followed_poorly_proves_what_is_true_alone(kind):
 
 
 def test_an_error_counts_after_steps_of_which_nothing_is_asked():
-    """x' = -(1 + 0.6 p) x: a series without p is e^-t, and the slowest e^(-0.4 t)."""
+    """x' = (1 + 0.6 p) (w - x): a series without p is e^-t, and the slowest e^(-0.4 t)."""
     p = pf.Parameter("p", -1, 1)
-    plant = pf.UncertainPlant.from_expressions([p], [["-1 - 0.6*p"]], [[1]])
-    made = Made("initial", known=(plant, Output("y", "", C=[1])))
+    plant = pf.UncertainPlant.from_expressions([p], [["-1 - 0.6*p"]], [[1]], E=[["1 + 0.6*p"]])
+    made, risen = (
+        Made(kind, known=(plant, Output("y", "", C=[1]))) for kind in ("initial", "step")
+    )
     late = ((1, 20),)  # until 2 s
     assert made.proved("settling", 2, late, degree=12, band=1.35 * np.exp(-0.8))
     assert not made.proved("settling", 2, late, degree=0, band=0.9 * np.exp(-0.8))
     assert not made.proved("settling", 2, late, degree=12, band=0.9 * np.exp(-0.8))
+    assert risen.proved("rise", 2, late, degree=12, band=1.02 * np.exp(-0.8))
+    for degree in (0, 12):
+        assert not risen.proved("rise", 2, late, degree=degree, band=0.3)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -9,7 +9,9 @@ from scipy.linalg import expm
 
 import polefence as pf
 from polefence.base.errors import InputError
+from polefence.certify import peak_to_peak
 from polefence.certify.bounds import best_bound, kept_bound
+from polefence.certify.foreseen import Foreseen
 from polefence.cli.main import main
 from polefence.plant.outputs import Output
 from polefence.plant.spec import loads
@@ -129,6 +131,19 @@ def test_parts_of_the_box_are_proved_apart():
     found = kept_bound(plant, law, PeakToPeak(own.signal, 1.01 * worst))
     assert found is not None
     assert len(found.claim.subject.evidence.cells) > 1
+
+
+@pytest.mark.parametrize(("n", "parameters", "disturbances"), [(3, 1, 2), (2, 2, 1)])
+def test_floats_foresee_what_is_proved(n, parameters, disturbances):
+    plant, _, C, random = family(3, n, parameters, 0.1, disturbances)
+    F = random.normal(size=disturbances)
+    own, law = PeakToPeak(Output("y", "", C=C, F=F)), pf.FixedGain(np.zeros((1, n)))
+    claim = best_bound(plant, law, own).claim
+    assert not claim.subject.evidence.cells
+    size, off = map(float, claim.bound())
+    seen = Foreseen.of(claim).bound(claim.following[0], claim.subject.evidence.X)
+    assert seen[0] == pytest.approx(size, rel=1e-5)
+    assert 0.5 * off < seen[1] < 1.1 * off < 1.1 * peak_to_peak.WARY * seen[1]
 
 
 # --- slopes --------------------------------------------------------------------------------------

@@ -173,7 +173,8 @@ def _foreseen(blank: PeakToPeak, low: Point, high: Point) -> _Foreseen:
             following = loop.followed(evidence, rate, reach, degree)
             if following is None:
                 break
-            size, off = Foreseen.of(inner).bound(following, evidence.X)
+            with np.errstate(over="ignore", invalid="ignore"):  # too large a part
+                size, off = Foreseen.of(inner).bound(following, evidence.X)
             level = size + WARY * off
             if level < best.level:
                 best = _Foreseen(low, high, level, degree)

@@ -11,12 +11,14 @@ from scipy.linalg import expm
 
 import polefence as pf
 from polefence.certify.bounds import best_bound
+from polefence.cli.main import main
 from polefence.plant.outputs import Output
 from polefence.proof.document import check, from_plain
 from polefence.proof.polynomials import affine
 from polefence.proof.response import Centred, Follower, Series
 from polefence.proof.work import FormatError
 from polefence.requirements.step import StepMeasure
+from support.specs import MASS_ON_SPRING
 
 A = [[[0.0, 1.0], [-k, -c]] for k, c in ((2.0, 0.3), (5.0, 0.6))]
 POSITION = Output("position", "m", C=[1, 0])
@@ -117,3 +119,12 @@ def test_what_is_followed_is_as_near_as_it_says(seed):
             )
             assert np.linalg.norm(x - w @ z) <= float(step.error) + 1e-12
     assert float(steps[-1].error) < 1e-4
+
+
+def test_a_signal_that_comes_back_to_zero_has_no_settling_time(tmp_path, capsys):
+    spec = tmp_path / "own.toml"
+    spec.write_text(MASS_ON_SPRING)
+    asked = ["--gain", "[[-20, -8]]", "--limit", "step of velocity with measure settling"]
+    assert main(["verify", str(spec), *asked]) != 0
+    said = capsys.readouterr().out
+    assert "sampled never (of a final value of zero ask for an envelope)" in said

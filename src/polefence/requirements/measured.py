@@ -121,6 +121,12 @@ class Measured(Specification):
             return "s"
         return "" if self.relative or self.envelope else super().unit(plant)
 
+    def sampled_text(self, level: float) -> str:
+        """Return what is sampled; of a signal that comes back to zero no band is a share."""
+        if np.isfinite(level) or not self.relative:
+            return super().sampled_text(level)
+        return "never (of a final value of zero ask for an envelope)"
+
     def require_fit(self, plant: UncertainPlant) -> None:
         """Refuse a plant of which none is proved."""
         self.require_late(plant)

@@ -32,6 +32,7 @@ from polefence.plant.outputs import states
 from polefence.response import family_points, margins, opened, places
 from polefence.response.linear import step
 from polefence.response.stationary import stationary, velocity_density, velocity_psd
+from polefence.show import report
 from polefence.show.loops import margins_row
 from polefence.show.report import Report, _drawn, _how_to_check, comfort, html_report
 from polefence.vehicle.vehicle import require_ride
@@ -385,6 +386,29 @@ def test_gain_and_phase_margins_are_among_what_is_proved(tmp_path, undrawn):
         assert float(number) >= {"gain": 3, "phase": 40}[kind]
         assert "".join(rest) == unit.strip()
         assert f"{kind} margin of the loop at" in page.parts[""]
+
+
+def test_measures_of_responses_have_their_words_units_and_edges(tmp_path, monkeypatch):
+    spec, folder, drawn = tmp_path / "plant.toml", tmp_path / "law", []
+    spec.write_text(ONE_STATE)
+    limits = ["settling with band 0.05 <= 1", "peak <= 0.2", "overshoot <= 0.1"]
+    words = [word for x in limits for word in ("--limit", f"step of x with measure {x}")]
+    assert main(["verify", str(spec), "--gain", "[[-8]]", *words, "-o", str(folder)]) == 0
+    draw = report.responses_figure
+    monkeypatch.setattr(
+        report, "responses_figure", lambda *a, edges: drawn.append(edges) or draw(*a, edges=edges)
+    )
+    assert main(["report", str(folder)]) == 0
+    shown = " ".join(cell.strip() for cell in cells(Page((folder / "report.html").read_text())))
+    assert re.search(
+        r"settling time to within 0.05 of its final value of 'x' at most \S+ s ", shown
+    )
+    assert re.search(r"overshoot of 'x' at most \S+ ", shown)
+    (edges,) = drawn
+    (name,), ((t, low, high),) = edges.keys(), *edges.values()
+    assert (name, t) == ("x", 0)
+    assert -0.2 <= low == -high < -1 / 7.5  # the slowest one of 1 / (8 - a) at a = 0.5 to 2
+    assert high <= 0.2
 
 
 def test_errors_of_estimates_that_are_proved_are_no_bounds_on_signals(tmp_path, claims_alone):

@@ -655,7 +655,10 @@ def _drawn(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def responses_figure(
-    columns: Mapping[str, Response], mark: float | None = None, until: float | None = None
+    columns: Mapping[str, Response],
+    mark: float | None = None,
+    until: float | None = None,
+    edges: Mapping[str, Array] | None = None,
 ) -> Figure:
     """Draw signals over time, a row each; one column a response, or two for one alone.
 
@@ -667,8 +670,10 @@ def responses_figure(
         A time to mark [s].
     until : float, optional
         The last time that is shown [s].
+    edges : mapping, optional
+        By name of a signal, (count, 3): times, and numbers between which it is proved to stay.
     """
-    first = next(iter(columns.values()))
+    first, edges = next(iter(columns.values())), edges or {}
     if len(columns) == 1:
         figure, panels = _pairs(len(first.signals))
         axes = panels[:, None]
@@ -684,6 +689,8 @@ def responses_figure(
             if response.plant.sample_time is not None:  # nothing is known in between
                 x, rows = np.repeat(time, 2)[1:], np.repeat(rows, 2, axis=1)[:, :-1]
             _curves(ax, x, rows, response.alpha)
+            if signal.name in edges:
+                _edges(ax, edges[signal.name], float(time[-1]))
             if mark is not None:
                 ax.axvline(mark, color="0.2", lw=0.8, ls="--")
             if ax is axes[i, 0]:
@@ -694,11 +701,20 @@ def responses_figure(
             ax.set_xlabel("time [s]")
             ax.xaxis.set_tick_params(labelbottom=True)
             ax.set_xlim(0, time[-1])
-    handles = (
-        _response_handles() if mark is None else [*_response_handles(), _line("--", f"{mark:g} s")]
-    )
+    handles = _response_handles()
+    if mark is not None:
+        handles.append(_line("--", f"{mark:g} s"))
+    if any(signal.name in edges for signal in first.signals):
+        handles.append(_line(":", "proved"))
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5)
     return figure
+
+
+def _edges(ax: Axes, points: Array, last: float) -> None:
+    """Draw between which numbers a signal stays, the last ones until a time."""
+    ends = np.vstack([points, [max(last, points[-1, 0]), *points[-1, 1:]]])
+    for column in (1, 2):
+        ax.plot(ends[:, 0], ends[:, column], color="0.2", lw=0.8, ls=":")
 
 
 def frequency_figure(columns: Mapping[str, Frequency]) -> Figure:

@@ -25,13 +25,16 @@ from polefence.plant.family import UncertainPlant
 from polefence.plant.larger import INTEGRAL
 from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
+from polefence.plant.system import Array
 from polefence.proof.claims.disk_margin import DiskMargin
 from polefence.proof.claims.estimate import Estimate
 from polefence.proof.claims.factor_margin import GainMargin
 from polefence.proof.claims.gain import Gain
+from polefence.proof.claims.measured import RELATIVE, MeasuredResponse
 from polefence.proof.claims.relative_rms import RelativeRms
 from polefence.proof.claims.rms import Rms
 from polefence.proof.claims.signal import SignalClaim
+from polefence.proof.claims.step import StepResponse
 from polefence.proof.document import Document
 from polefence.proof.ranges import ANY
 from polefence.proof.text import rate_text, visible
@@ -202,7 +205,7 @@ def sections(
         If the road or the speed cannot be used.
     """
     parts = [_claim(design, answer, bounds), _plant(design.plant), _poles(design), _limits(design)]
-    parts += [_bounds(bounds), responses(design), *loops(design, bounds)]
+    parts += [_bounds(bounds), responses(design, bounds), *loops(design, bounds)]
     parts += [comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
@@ -362,6 +365,7 @@ class Bound:
     statement: str
     kind: str = ""
     margin: tuple[str, float, float] | None = None  # of one loop: where, its skew, how much
+    edges: tuple[str, Array] | None = None  # of a step response: the signal, see `responses_figure`
 
 
 def _named(design: Design, document: Document | None, road: tuple[str, float]) -> tuple[Bound, ...]:
@@ -392,8 +396,22 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
         elif isinstance(claim, GainMargin):
             what, level = claim.named(document.plant), claim.worst_text
         own = (what or said, level, under.strip(), said if what else "", claim.kind)
-        bounds.append(Bound(*own, _margin(design, claim)))
+        bounds.append(Bound(*own, _margin(design, claim), _edges(claim)))
     return tuple(bounds)
+
+
+def _edges(claim: Any) -> tuple[str, Array] | None:
+    """Return between what a signal is proved to stay after a unit step of the first disturbance."""
+    if not isinstance(claim, StepResponse) or list(claim.acting) != [0]:
+        return None
+    if claim.scales and claim.scales[0] != 1:
+        return None
+    if claim.envelope is not None:
+        points = claim.envelope.stretched(claim.level).points
+        return claim.outputs[0].name, np.array([[float(x) for x in row] for row in points])
+    level = float(claim.level)
+    edges = np.array([[0.0, -level, level]])
+    return (claim.outputs[0].name, edges) if claim.measure == "peak" else None
 
 
 def _margin(design: Design, claim: Any) -> tuple[str, float, float] | None:
@@ -414,6 +432,8 @@ def _margin(design: Design, claim: Any) -> tuple[str, float, float] | None:
 
 def _unit(plant: UncertainPlant, claim: SignalClaim) -> str:
     """Return the unit of a bound; none where the entries of a vector have others."""
+    if isinstance(claim, MeasuredResponse) and claim.measure in (*RELATIVE, "settling", "envelope"):
+        return "s" if claim.measure in ("settling", "rise") else ""
     known = {signal.name: signal.unit for signal in plant.signals}
     units = {_short(known.get(output.name, output.unit)) for output in claim.outputs}
     if len(units) > 1 or isinstance(claim, RelativeRms):
@@ -523,8 +543,8 @@ def _how_to_check(design: Design) -> Section:
 
 
 @stage("responses")
-def responses(design: Design) -> Section:
-    """Return step responses."""
+def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
+    """Return step responses, with the bounds on them that are proved."""
     plant = design.plant
     signals = [*states(plant), *inputs(plant), *plant.every_output]
     count, fewer = len(signals), ""
@@ -557,7 +577,7 @@ def responses(design: Design) -> Section:
             f"that for good (near zero: within that share of its peak).{fewer}",
         ),
         Table(("signal", "largest peak", "left", *heads), rows),
-        responses_figure({plant.name: response}),
+        responses_figure({plant.name: response}, edges=dict(b.edges for b in bounds if b.edges)),
     )
 
 

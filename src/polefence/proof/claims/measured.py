@@ -180,19 +180,26 @@ class MeasuredResponse(Followed):
 
     def statement(self, plant: Plant) -> str:
         """Say what is proved; an envelope as it is where the level has stretched it."""
-        said = {
-            "settling": "settling time",
-            "rise": "rise time",
-            "envelope": f"{self.kind} response",
-        }
         what = outputs_text(self.outputs, plant)
-        end = "its final value" if self.has_final else "zero"
-        within = f" to within {digits_up(self.band)} of {end}" if self.band else ""
         bound = f"<= {digits_up(self.level)}"
         if self.envelope is not None:
             bound = f"within {self.envelope.stretched(self.level)},"
         acting = f"{self.under}{self.acting_words(plant)}, on the {self.subject.on}"
-        return f"{said.get(self.measure, self.measure)}{within} of {what} {bound}{acting}"
+        return f"{self._said} of {what} {bound}{acting}"
+
+    @property
+    def _said(self) -> str:
+        """The measure, in words."""
+        said = {"settling": "settling time", "rise": "rise time"}
+        said |= {"envelope": f"{self.kind} response"}
+        end = "its final value" if self.has_final else "zero"
+        within = f" to within {digits_up(self.band)} of {end}" if self.band else ""
+        return f"{said.get(self.measure, self.measure)}{within}"
+
+    def named(self, plant: Plant) -> str:  # noqa: ARG002
+        """Say in a few words what is bounded; of an envelope its width is."""
+        width = "times the width of the envelope, " if self.envelope else ""
+        return f"{width}{self._said} of {', '.join(self.names)}"
 
 
 Compared = tuple[Sums, Fraction]  # a polynomial that is to be more than a number everywhere

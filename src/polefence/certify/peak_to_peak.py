@@ -51,7 +51,7 @@ DEGREES = (4, 7)  # of the parameters, tried in turn before a part is split
 MUCH = 0.3  # of what a level lacks: that much of what is off asks for a higher degree
 WARY = 1.2  # times what is foreseen to be off, which is a little more
 MORE = 1e6
-MOST_STEPS, MOST_PARTS = 4000, 256
+MOST_STEPS, MOST_PARTS = 4000, 64
 SOUGHT = 10 * MAX_WORK  # on the parts that are tried for one level
 
 Proved = tuple[PeakToPeak, Verdict]

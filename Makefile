@@ -84,7 +84,7 @@ sanitize: $(VENV)/.installed-test
 	    ASAN_OPTIONS=detect_leaks=0 $(BIN)/pytest -p no:cacheprovider tests/lmi/test_kernel.py tests/lmi/test_spelt_out.py \
 	    tests/lmi/test_interior.py tests/search/tune/test_quadratic.py \
 	    tests/search/tune/test_laws_by_kernel.py tests/proof/test_exact.py tests/proof/test_bound.py \
-	    tests/vehicle/test_compiled.py
+	    tests/response/test_peaks_by_kernel.py tests/vehicle/test_compiled.py
 
 benchmark: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[benchmark]'

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from polefence.base.effort import bounded, spend
 from polefence.search.tune import descent
-from polefence.search.tune.descent import FULL, Rows, descend
+from polefence.search.tune.descent import FEASIBLE, FULL, Rows, descend
 
 
 def rows(pairs, objective):
@@ -178,3 +179,23 @@ def test_rows_out_of_reach_change_no_step(reach, monkeypatch):
         assert z == pytest.approx(whole[1], abs=1e-4)
         assert (rho, foreseen) == (whole[2], pytest.approx(whole[3], rel=1e-6))
     assert (left_out > 0) == (reach < 1)
+
+
+def bent(theta):
+    """The highest point of a curve within a disk and beside a parabola."""
+    x, y = theta
+    spend(1.0)
+    values = np.array([10 - 5 * y - 1.5 * x, x**2 + y**2 - 1, 4 * (x - 0.2) ** 2 + y - 1.2])
+    slopes = np.array([[-1.5, -5.0], [2 * x, 2 * y], [8 * (x - 0.2), 1.0]])
+    return Rows(values, slopes, np.arange(3), np.array([True, False, False]))
+
+
+def test_a_search_whose_work_ends_on_its_way_returns_what_keeps_everything():
+    """Its steps go beyond curved limits, and come back later; there may be no later."""
+    start, best = np.array([-0.3, -0.4]), bent(np.array([-0.3, -0.4])).level
+    for most in range(2, 40):
+        with bounded(most):
+            _, rows = descend(bent, start)
+        assert rows.excess <= FEASIBLE
+        assert rows.level <= best + 10 * FEASIBLE  # what an excess of so much may buy
+        best = rows.level

@@ -9,13 +9,14 @@ See `polefence.proof.response`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Verdict, undecided
 from polefence.proof.claims.signal import Rows, SignalClaim, Subject
-from polefence.proof.matrices import ZERO, Rationals, inverse
+from polefence.proof.matrices import ZERO, Rationals, identity, right_divide
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, constant, number
 from polefence.proof.reading import Table, plain
@@ -244,10 +245,22 @@ class Run(Short):
 
     @property
     def start(self) -> tuple[Form, Fraction]:
-        """x(0) over 2^bits, and how far that is rounded in the norm."""
-        bits, whole = self.claim.following[0].bits, self.x0.whole
+        """x(0) over 2^bits, or z(0) of x = W z, and how far x is off in the norm."""
+        bits, whole, norm = self.claim.following[0].bits, self.x0.whole, sum(norms(self.Q))
         form = {e: [(row[0] << bits) // whole for row in M] for e, M in self.x0.terms.items()}
-        return form, len(form) * sum(norms(self.Q)) / 2**bits
+        rounded = len(form) * norm / 2**bits
+        if self.W is None or not form:
+            return form, rounded
+        W = self.W
+
+        def left(z: Form) -> Form:
+            moved = {e: [x // W.whole for x in v] for e, v in W.times(z).items()}
+            return _less(moved, form)
+
+        found = self._solved(left, W)
+        if found is None:
+            raise FormatError("W is singular in the middle")
+        return found[0], found[1] + rounded
 
     def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
         """Return C x + F over 2^bits, and what that is rounded by."""
@@ -262,32 +275,42 @@ class Run(Short):
 
     def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
         """Return where x tends to, and how far that is off in the norm."""
-        own, n = self.claim.following[0], self.claim.subject.n
         if not self.b.terms:
             return {}, ZERO
-        middle = self.A.terms.get((0,) * len(follower.variables))
-        if middle is None:
+        end = self._solved(follower.rate_of, self.A)
+        return None if end is None else (end[0], end[1] / follower.rate)
+
+    def _solved(self, left: Callable[[Form], Form], P: Centred) -> tuple[Form, Fraction] | None:
+        """Return x for which P x + c is nearly zero, and how large that is in the norm.
+
+        None where P is singular in the middle.
+
+        Parameters
+        ----------
+        left : callable
+            From x to P x + c, each number rounded down twice at most.
+        """
+        own, n, follower = self.claim.following[0], self.claim.subject.n, self.follower
+        middle = P.terms.get((0,) * len(follower.variables))
+        exact = middle and right_divide(
+            identity(n), [[Fraction(v, P.whole) for v in row] for row in middle]
+        )
+        if not exact:
             return None
-        exact = inverse([[Fraction(v, self.A.whole) for v in row] for row in middle], "A")
         M = [[Fraction((x * 2**FEW).__floor__(), 2**FEW) for x in row] for row in exact]
-        x: Form = {}
-        best: tuple[Form, Fraction] | None = None
+        x, best = Form(), None
         for _ in range(own.degree + 3):
-            left = follower.rate_of(x)
-            rounded = 2 * len(left) * sum(follower.norm)
-            size = (follower.size(left) + rounded) / 2**own.bits / own.rate
+            over = left(x)
+            rounded = 2 * len(over) * sum(follower.norm)
+            size = (follower.size(over) + rounded) / 2**own.bits
             if best is None or size < best[1]:
                 best = x, size
-            moved: Form = {}
-            for e, v in left.items():
-                if sum(e) <= own.degree:
-                    moved[e] = [
-                        round(sum((a * y for a, y in zip(row, v, strict=True)), ZERO)) for row in M
-                    ]
-            x = {
-                e: [p - q for p, q in zip(x.get(e, [0] * n), moved.get(e, [0] * n), strict=True)]
-                for e in {**x, **moved}
+            moved = {
+                e: [round(sum((a * y for a, y in zip(row, v, strict=True)), ZERO)) for row in M]
+                for e, v in over.items()
+                if sum(e) <= own.degree
             }
+            x = _less(x, moved)
         return best
 
     def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
@@ -299,3 +322,11 @@ class Run(Short):
             off += rounded
             total |= {(i, *e): v for e, v in y.items()}
         return total, off
+
+
+def _less(x: Form, y: Form) -> Form:
+    """Return the difference of two forms."""
+    none = [0] * len(next(iter((x or y).values()), []))
+    return {
+        e: [p - q for p, q in zip(x.get(e, none), y.get(e, none), strict=True)] for e in {**x, **y}
+    }

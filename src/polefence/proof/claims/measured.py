@@ -151,8 +151,6 @@ class MeasuredResponse(Followed):
     def require_extra(self) -> None:
         """Refuse a measure or a series that does not fit."""
         super().require_extra()
-        if self.subject.law.W is not None and not self.has_final:
-            raise FormatError(f"{self.kind}: of a law that is no Z W^-1")
         if self.measure not in self.measures:
             raise FormatError(f"{self.kind}: it has no measure {self.measure!r}")
         if self.measure in ("settling", "rise") and self.band <= 0:

@@ -70,6 +70,7 @@ FAMILIES = {"single": "One vertex", "uncertain": "Two entries of A uncertain by 
 
 STARTS, SEED, STEPS = 10, 47, (200, 1500)  # of the direct search; steps to a stable loop, and on
 FAST = 1e4  # times the plant's fastest pole, what both allow the loop's
+AGREES = 1e-4  # of the squares of an H2 norm by both Gramians
 WAVES = np.geomspace(1e-3, 1e3, 300)  # of its frequencies, in shares of the rates of poles
 
 Matrices = dict[str, Any]
@@ -107,6 +108,11 @@ def family(name: str, own: Matrices, uncertain: bool) -> UncertainPlant:
     return UncertainPlant(tuple(vertices), tuple(parameters), name, outputs=(*z, *y))
 
 
+def fastest(own: Matrices) -> float:
+    """Return the magnitude of the plant's fastest pole, one at least."""
+    return max(1.0, float(np.abs(np.linalg.eigvals(own["A"])).max()))
+
+
 def norm(plant: UncertainPlant, which: str) -> Specification:
     """Return the norm from w to z."""
     z = tuple(own.name for own in plant.outputs if own.name.startswith("z"))
@@ -125,6 +131,7 @@ class Direct:
         self.Z, self.F = np.pad(wide["C1"], ((0, 0), (0, k))), wide["D11"]
         self.D = np.pad(wide["D12"], ((0, 0), (0, k)))
         self.shape, self.which = (self.B.shape[1], len(self.C)), which
+        self.fastest = FAST * fastest(own)
 
     def abscissa(self, theta: Values) -> tuple[float, Values]:
         """Return the real part of the rightmost pole, and its slopes."""
@@ -147,7 +154,7 @@ class Direct:
         if not np.all(np.isfinite(A)) or np.abs(A).max() > 1e12:
             return np.inf, theta
         poles, V = np.linalg.eig(A)
-        if not poles.real.max() < -1e-9:
+        if not poles.real.max() < -1e-9 or np.abs(poles).max() > self.fastest:
             return np.inf, theta
         Z = self.Z + self.D @ K @ self.C
         try:
@@ -157,9 +164,10 @@ class Direct:
         if self.which == "H2":
             P = solve_continuous_lyapunov(A, -self.E @ self.E.T)
             Q = solve_continuous_lyapunov(A.T, -Z.T @ Z)
-            level = np.sqrt(float(np.trace(Z @ P @ Z.T)))
-            if not level > 0:
+            square, dual = np.trace(Z @ P @ Z.T), np.trace(self.E.T @ Q @ self.E)
+            if not (square > 0 and abs(dual - square) < AGREES * square):  # rounding is all it is
                 return np.inf, theta
+            level = np.sqrt(float(square))
             return level, ((self.B.T @ Q + self.D.T @ Z) @ P @ self.C.T / level).ravel()
         w = self._highest(poles, Z @ V, U @ self.E)
         R = np.linalg.inv(1j * w * np.eye(len(A)) - A)
@@ -217,8 +225,7 @@ def beside(path: str, order: int) -> dict[str, Any]:
         theirs = Direct(own, which, order).search()
         middle = time.process_time()
         structure = Structure(measured=measured, schedule=(), order=order)
-        rate = max(1.0, float(np.abs(np.linalg.eigvals(own["A"])).max()))
-        region = HalfPlane(0) & Disk(0, FAST * rate)
+        region = HalfPlane(0) & Disk(0, FAST * fastest(own))
         try:
             level = optimise(plant, norm(plant, which), (), region, structure=structure)
             level = level.bounds[0].level

@@ -6,13 +6,19 @@ import json
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from math import prod
 
 import numpy as np
 import pytest
 
+from polefence import Rms as RmsLimit
+from polefence.certify.bounds import best_bound
+from polefence.law.laws import given_law
+from polefence.plant.spec import loads as loads_spec
 from polefence.proof.claims import InitialPeak, Rms, prove
 from polefence.proof.document import check, loads
 from polefence.proof.laws import Evidence, Law, Piece
+from polefence.proof.polynomials import bernstein
 from polefence.proof.work import FormatError
 from support.duals import FORMS, KINDS, Case, rationals
 
@@ -257,3 +263,45 @@ def test_a_fault_in_a_file_is_named(change, words):
     change(table)
     with pytest.raises(FormatError, match=words):
         check(loads(json.dumps(table)))
+
+
+DRIVEN = """
+disturbances = ["v", "w"]
+[parameter.p]
+range = [0.5, 2]
+[matrices]
+A = [[0, 1], ["-4 - 0.1*sqrt(p)", -1]]
+B = [[0], [1]]
+E = [[0, 0], [1, "0.3*sqrt((p - 1)**2 + 1e-3)"]]
+"""
+
+
+def test_a_column_that_is_a_function_costs_what_its_remainder_may_add():
+    """Of (e + h)' Q (e + h), |h| <= d: at most (1 + s) e'Qe + (1 + 1/s) kappa d^2, of any s > 0."""
+    plant = loads_spec(DRIVEN)
+    found = best_bound(plant, given_law(plant, np.zeros((1, 2))), RmsLimit(("x1",)))
+    alpha, s = (Fraction(1, 3), Fraction(2, 3)), Fraction(1, 4096)
+    for piece in found.claim.subject.evidence.cells:
+        claim = found.claim.inside(piece)
+        own, sizes = claim.subject.evidence, claim.subject.sizes
+        Q = value(bernstein(own.X, sizes, own.degree), alpha)
+        E = value(claim.subject.driving((), sizes), alpha)
+        total = Fraction(0)
+        for e, d in zip(zip(*E, strict=True), claim.subject.off(()), strict=True):
+            moved = sum(e[i] * Q[i][k] * e[k] for i in range(2) for k in range(2))
+            total += (1 + s) * moved + (1 + 1 / s) * own.spread.kappa * d**2 if d else moved
+        rows = {row.name: row.rows for row in claim.inequalities()}
+        (((left,),),) = (value(rows["of the noise"][0][0], alpha),)
+        assert left == claim.level**2 - claim.intensity * total
+    assert any(claim.subject.off(()))
+
+
+def value(P, alpha):
+    """A polynomial's matrix at a point."""
+    rows, columns = P.shape
+    total = [[Fraction(0)] * columns for _ in range(rows)]
+    for powers, M in P.terms.items():
+        weight = prod((a**k for a, k in zip(alpha, powers, strict=True)), start=Fraction(1))
+        for i, k in product(range(rows), range(columns)):
+            total[i][k] += weight * M[i][k] / P.whole
+    return total

@@ -93,6 +93,15 @@ def test_half_of_a_symmetric_product_is_the_product(sizes):
 
 
 @pytest.mark.parametrize("sizes", SIZES)
+def test_the_inner_product_is_of_entries_in_the_same_place(sizes):
+    dice = random.Random(str(sizes))
+    P, R, x = some(dice, sizes, 1, 3, 2), some(dice, sizes, 2, 3, 2), point(dice, sizes)
+    pairs = zip(value(P, x), value(R, x), strict=True)
+    wanted = sum(p * r for rows in pairs for p, r in zip(*rows, strict=True))
+    assert value(P.inner(R), x) == [[wanted]]
+
+
+@pytest.mark.parametrize("sizes", SIZES)
 @pytest.mark.parametrize("degree", [0, 1, 3])
 def test_coefficients_are_bernsteins(sizes, degree):
     dice = random.Random(degree)

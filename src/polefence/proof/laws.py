@@ -18,7 +18,7 @@ from fractions import Fraction
 from itertools import product as cartesian
 from typing import Any
 
-from polefence.proof.matrices import Rationals, beside, identity, longest, mix, product
+from polefence.proof.matrices import Rationals, beside, identity, longest, mix, mixes, product
 from polefence.proof.plant import Node, Plant, lattice, split
 from polefence.proof.polynomials import (
     MAX_DEGREE,
@@ -436,7 +436,7 @@ def on_corners(vertices: list[Rationals], low: Point, high: Point) -> list[Ratio
     """Return what is multi-affine on the box at the corners of a part of it."""
     length = longest((low, high)) * len(low)
     spend(RATIONAL * len(vertices) ** 2 * len(low), length, length)
-    return [mix(corner_weights(corner), vertices) for corner in corners(low, high)]
+    return mixes([corner_weights(corner) for corner in corners(low, high)], vertices)
 
 
 def on_part(

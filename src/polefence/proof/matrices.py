@@ -95,17 +95,27 @@ def multiplied(P: Integers, Q: Integers) -> Integers:
 
 def mix(weights: list[Fraction], matrices: list[Rationals]) -> Rationals:
     """Return the sum of weights times matrices."""
-    common, whole = common_denominator([[weights]], LONGEST), common_denominator(matrices, LONGEST)
-    (factors,) = whole_numbers([weights], common)
+    return mixes([weights], matrices)[0]
+
+
+def mixes(every: Sequence[list[Fraction]], matrices: list[Rationals]) -> list[Rationals]:
+    """Return the sums of each weights times the same matrices."""
+    whole = common_denominator(matrices, LONGEST)
     integers = [whole_numbers(M, whole) for M in matrices]
-    spend(sum(len(M) * len(M[0]) for M in matrices), bits([factors]), max(map(bits, integers)))
-    return [
-        [
-            Fraction(sum(map(mul, factors, entries)), common * whole)
-            for entries in zip(*rows, strict=True)
-        ]
-        for rows in zip(*integers, strict=True)
-    ]
+    count, length = sum(len(M) * len(M[0]) for M in matrices), max(map(bits, integers))
+    table = [list(zip(*rows, strict=True)) for rows in zip(*integers, strict=True)]
+    mixed = list[Rationals]()
+    for weights in every:
+        common = common_denominator([[weights]], LONGEST)
+        (factors,) = whole_numbers([weights], common)
+        spend(count, bits([factors]), length)
+        below = common * whole
+        mixed.append([[_ratio(sum(map(mul, factors, e)), below) for e in row] for row in table])
+    return mixed
+
+
+def _ratio(above: int, below: int) -> Fraction:
+    return Fraction(above, below) if above else ZERO  # most entries of a plant are zero
 
 
 def right_divide(Z: Rationals, W: Rationals) -> Rationals | None:

@@ -68,6 +68,12 @@ class Polynomial(Short):
             self.whole * other.whole,
         )
 
+    def inner(self, other: Polynomial) -> Polynomial:
+        """Return the sum of the products of entries in the same place, tr P' R of P and R."""
+        row = {e: [[x for xs in matrix for x in xs]] for e, matrix in self.terms.items()}
+        column = {e: [[x] for xs in matrix for x in xs] for e, matrix in other.terms.items()}
+        return self._with(row) * other._with(column)
+
     def __add__(self, other: Polynomial) -> Polynomial:
         degrees, whole = joint([self, other]), math.lcm(self.whole, other.whole)
         one, two = (P.raised(degrees).over(whole) for P in (self, other))

@@ -698,7 +698,7 @@ class SignalClaim(Short, Claim):
             pieces = [self.inside(piece) for piece in evidence.cells]
         for claim in pieces:
             claim._require_parts()
-        require_work(self.whole_work, self.allowed)
+        require_work(sum(claim.least for claim in pieces), self.allowed)
 
     @property
     def whole_work(self) -> int:
@@ -1217,15 +1217,14 @@ def with_remainder(
 def _driven(claim: SignalClaim, Q: Polynomial, intensity: Fraction) -> Polynomial:
     """Return intensity tr E'QE, or more where E is only near that of the vertices."""
     E, spread = claim.subject.driving(claim.scales, Q.sizes), claim.subject.evidence.spread
-    driving = claim.subject.off(claim.scales)
-    total = number(0, Q.sizes)
-    for k in range(claim.subject.q):
-        column = E.part(slice(None), slice(k, k + 1))
-        moved = (column.T * Q * column).times(intensity)
-        if spread is not None and driving[k]:
-            more = (1 + 1 / SHARE) * intensity * spread.kappa * driving[k] ** 2
-            moved = moved.times(1 + SHARE) + number(more, Q.sizes)
-        total = total + moved
+    total = (E.T * Q).inner(E.T).times(intensity)
+    driving = [] if spread is None else claim.subject.off(claim.scales)
+    for k, off in enumerate(driving):
+        if spread is not None and off:
+            column = E.part(slice(None), slice(k, k + 1))
+            more = (column.T * Q * column).times(SHARE * intensity)
+            most = (1 + 1 / SHARE) * intensity * spread.kappa * off**2
+            total = total + more + number(most, Q.sizes)
     return total
 
 

@@ -55,7 +55,7 @@ from polefence.search.tune.measures import (
 from polefence.search.tune.meeting import met
 from polefence.search.tune.quadratic import Program
 from polefence.search.tune.starts import regulators, typical
-from polefence.search.tune.unknowns import Unknowns
+from polefence.search.tune.unknowns import FEW, Unknowns
 from polefence.search.tune.worth import SMALLER, promising, taken
 
 T = TypeVar("T")
@@ -83,7 +83,6 @@ BEST, LAST = 6, 2
 ROUNDS, MORE = 10, 1e-4  # of added points, and by how much one must be worse
 KEPT = 1e-6  # limits to rounding
 ALIKE = 1e-3  # of laws that count as one
-FEW = 40  # points at which a start is fitted
 NUDGE = 1e-4
 
 

@@ -21,7 +21,7 @@ from polefence.proof.plant import WITHOUT
 from polefence.requirements.slopes import Acting, Channel
 from polefence.search.tune.coordinates import coordinates
 
-FEW = 40  # points at which laws are compared
+FEW = 40  # points at which laws are compared, and starts fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class Unknowns:
         return len(self.structure.powers(self.plant))
 
     @cached_property
-    def own(self) -> int:
+    def order(self) -> int:
         """Number of the law's own states: the last of what is measured, their rates last inputs."""
         count = own_states(self.plant)
         if not count or self.structure.measured is None:
@@ -121,7 +121,7 @@ class Unknowns:
 
         There numbers of a law are of one size, and so are the steps that a search may take.
         """
-        k, count = self.own, len(self.plant.vertices)
+        k, count = self.order, len(self.plant.vertices)
         if not k:
             return theta
         domain = Domain.of("box" if self.plant.parameters else "simplex", count)

@@ -145,8 +145,8 @@ def test_the_comfort_is_that_of_the_stationary_answer(car):
     for law in (None, design):
         own = stationary(plant, law, corners, density, [known.acceleration]).rms[:, 0]
         row = re.search(r"\|acceleration \[m/s²\]\|(.*?)tyre deflection", cell).group(1)
-        pairs = [tuple(map(float, re.findall(r"[\d.]+", p))) for p in row.split("|") if "(" in p]
-        worst, best = pairs[0 if law is None else -1]
+        cells = [cell for cell in row.split("|") if " to " in cell]
+        best, worst = map(float, cells[0 if law is None else -1].split(" to "))
         assert best * (1 - 1e-2) <= own.min()
         assert own.max() <= worst * (1 + 1e-2)
 
@@ -165,9 +165,10 @@ def test_the_top_says_what_is_proved_of_which_cars_and_when(car):
     top = Page(car[2]).parts[""]
     assert f"polefence {VERSION}, 1970-01-01" in top
     assert (
-        "Proved for every value of m1 from 231.12 to 346.68 kg and beta from -10 to 10: "
-        "all poles in disk(-40, 31)." in top
+        "For every m1 (sprung mass) from 231.12 to 346.68 kg and beta (age) from -10 to 10 all "
+        "closed-loop poles are in disk(-40, 31), so that the loop is stable." in top
     )
+    assert "This is proved in exact arithmetic, not for samples alone; " in top
 
 
 def test_the_table_says_what_the_parameters_are(car):
@@ -267,7 +268,11 @@ def test_bounds_and_a_front_are_put_in(tmp_path, capsys):
     assert any("rms of 'force' = u1 <= 3" in cell for cell in own)
     place = own.index("rms of 'force'")  # this is no car, and has no road
     assert own[place + 1 : place + 3] == ["at most 3 N", "at density 2"]
-    assert "rms of 'force' at most 3 N at density 2." in page.parts[""]
+    assert "191 mm at density 2; without control the plant is not stable." in page.parts[""]
+    top = [cell.strip() for cell in page.parts[""].split("|") if cell.strip()]
+    place = top.index("rms of force")
+    assert top[place + 1 : place + 4] == ["at most 3 N", "3", "0"]  # sampled, without control
+    assert top[top.index("rms of x") + 3] == "unstable"
     assert sum(tag == "img" for tag, _ in page.tags) == 5
     assert main(["report", str(folder), "--front", str(spec)]) == 2
     with rewritten(folder / "design.json") as document:
@@ -317,7 +322,7 @@ def test_bounds_have_their_units_and_the_road_that_is_theirs(tmp_path, claims_al
         gain = shown.index("gain of 'tyre deflection'")
         assert re.fullmatch(r"at most [\d.]+ m/s²", shown[rms + 1])
         assert shown[rms + 2].startswith(said)
-        assert f"{shown[rms + 1]} {shown[rms + 2]}" in own.parts[""]
+        assert f"m/s\u00b2 {shown[rms + 2]}: " in own.parts[""]
         assert re.fullmatch(r"at most [\d.]+ m per m/s", shown[gain + 1])
 
 
@@ -428,7 +433,7 @@ def test_a_unit_that_is_a_sentence_is_left_out(tmp_path, claims_alone):
     found = optimise(plant, None, [Rms("x", at_most=3)], method="quadratic")
     found.save(tmp_path)
     top = Page(html_report(found.design, bounds=proved_design(tmp_path)[1])).parts[""]
-    assert "rms of 'x' at most 3 at density 1." in top
+    assert "Rms of 'x' is at most 3 at density 1: 6 times that without control, 0.5." in top
     assert "99" not in top
 
 

@@ -354,6 +354,7 @@ def _note_unseen(ax: Axes, cloud: Array, view: View) -> None:
             (0.02, 0.02),
             xycoords="axes fraction",
             fontsize=8,
+            bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.5},
         )
 
 

@@ -15,6 +15,7 @@ from polefence.base import VERSION
 from polefence.base.errors import InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.progress import stage
+from polefence.base.readable import people, sample_text
 from polefence.certify.certificate import Check
 from polefence.certify.checks import implies_stability
 from polefence.certify.design import Design, check, require_kind
@@ -22,7 +23,7 @@ from polefence.export.memory import kept, with_rates
 from polefence.law.laws import Law
 from polefence.lmi.conditions.methods import METHODS
 from polefence.plant.family import UncertainPlant
-from polefence.plant.larger import INTEGRAL
+from polefence.plant.larger import INTEGRAL, own_states
 from polefence.plant.outputs import Output, inputs, split, states
 from polefence.plant.parameters import Parameter
 from polefence.plant.system import Array
@@ -44,6 +45,8 @@ from polefence.response.loop_margins import LoopMargins, margins
 from polefence.response.opened import family_points, opened, places
 from polefence.response.stationary import velocity_density
 from polefence.search.limits import Limit, limits
+from polefence.show.answer import Promise, picture, promise, sentences, shared
+from polefence.show.answer import rows as table_rows
 from polefence.show.loops import HEAD, loop_figure, margins_row
 from polefence.show.plots import (
     limits_figure,
@@ -65,6 +68,7 @@ if TYPE_CHECKING:
 OURS = "this design"
 MOST_SIGNALS = 24  # of which responses are drawn
 MOST_LOOPS, MOST_DRAWN, LOOP_POINTS = 12, 3, 100
+SAMPLES = 300  # of the promises at the top
 MARK = b'<meta name="generator" content="polefence">'  # in the head of every page
 
 
@@ -122,12 +126,10 @@ def html_report(
     title = f"{design.plant.name} in {short_text(design.region)}"
     named = _named(design, bounds, (road, speed))
     parts = sections(design, answer, road, speed, named, front)
-    return Report(page(title, answer.answer, parts, _summary(design, named), date))
+    return Report(page(title, answer.answer, [_answer(design, named), *parts], date))
 
 
-def page(
-    title: str, answer: str, sections: Sequence[Section], summary: str = "", date: str = ""
-) -> str:
+def page(title: str, answer: str, sections: Sequence[Section], date: str = "") -> str:
     """Return one HTML page with its figures inside, which asks nothing of any other address."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
 
@@ -140,9 +142,7 @@ def page(
     environment.filters["picture"] = _picture
     template = environment.get_template("report.html")
     made = ", ".join(part for part in (f"polefence {VERSION}", date) if part)
-    return template.render(
-        title=title, answer=answer, sections=sections, summary=summary, made=made
-    )
+    return template.render(title=title, answer=answer, sections=sections, made=made)
 
 
 def _visible(value: object) -> object:
@@ -282,8 +282,10 @@ def _plant(plant: UncertainPlant) -> Section:
         for p in plant.parameters
     ]
     text = [f"{plant.size_text}."]
+    own = own_states(plant)
     for what, names in (("States", plant.states), ("Inputs", plant.inputs)):
-        text += [f"{what}: {', '.join(names)}."] if names else []
+        text += [f"{what}: {', '.join(names[: len(names) - own])}."] if names else []
+    text += [f"States of the law itself: {', '.join(plant.states[-own:])}."] if own else []
     if not rows:
         text.append("The family is the convex hull of its vertices.")
         return Section("The plant", tuple(text))
@@ -365,6 +367,7 @@ class Bound:
     statement: str
     kind: str = ""
     margin: tuple[str, float, float] | None = None  # of one loop: where, its skew, how much
+    promise: Promise | None = None
     edges: tuple[str, Array] | None = None  # of a step response: the signal, see `responses_figure`
 
 
@@ -379,9 +382,10 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
     density = velocity_density(*road)
     if document is None:
         return ()
-    bounds = []
+    bounds, alpha = list[Bound](), family_points(design.plant, SAMPLES)
     for claim in document.claims[1:]:
         said, what, level, under = claim.said(document.plant), "", "", ""
+        own = None
         if isinstance(claim, SignalClaim) and claim.kind != "decay":  # which is no upper bound
             what, most = claim.named(document.plant), claim.worst_text
             level = f"{most} {_unit(design.plant, claim)}".strip()
@@ -392,11 +396,13 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
                 and np.isclose(float(2 * claim.intensity), density, rtol=1e-9)
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
+            own = promise(design, claim, (what, _unit(design.plant, claim), under.strip()), alpha)
             under += claim.acting_words(document.plant)
         elif isinstance(claim, GainMargin):
             what, level = claim.named(document.plant), claim.worst_text
-        own = (what or said, level, under.strip(), said if what else "", claim.kind)
-        bounds.append(Bound(*own, _margin(design, claim), _edges(claim)))
+            own = Promise(what, "", level)
+        words = (what or said, level, under.strip(), said if what else "", claim.kind)
+        bounds.append(Bound(*words, _margin(design, claim), own, _edges(claim)))
     return tuple(bounds)
 
 
@@ -463,18 +469,18 @@ def _bounds(bounds: Sequence[Bound]) -> Section | None:
     )
 
 
-def _summary(design: Design, bounds: Sequence[Bound]) -> str:
-    """Say in a sentence what is proved, and for which parameters."""
-    parameters = " and ".join(
-        f"{p.name} from {digits_up(p.low)} to {digits_down(p.high)} {_short(p.unit)}".strip()
-        for p in design.plant.parameters
+def _answer(design: Design, bounds: Sequence[Bound]) -> Section:
+    """Return what stands first, without a heading."""
+    promises = [bound.promise for bound in bounds if bound.promise is not None]
+    head, *rows = table_rows(promises)
+    motion = shared(promises)
+    return Section(
+        "",
+        (*sentences(design, promises), *([f"All promises {motion}:"] if motion else [])),
+        Table(head, tuple(rows)) if promises else None,
+        picture(promises),
+        "Grey: the worst of the same samples without control.",
     )
-    whole = parameters or f"the convex hull of {len(design.plant.vertices)} vertices"
-    claims = [f"all poles in {short_text(design.region)}"]
-    claims += [
-        f"{bound.what} {bound.level} {bound.under}".strip() for bound in bounds if bound.level
-    ]
-    return f"Proved for every value of {whole}: {'; '.join(claims)}."
 
 
 def _front(front: tuple[str, bytes] | None) -> Section | None:
@@ -546,10 +552,12 @@ def _how_to_check(design: Design) -> Section:
 def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
     """Return step responses, with the bounds on them that are proved."""
     plant = design.plant
-    signals = [*states(plant), *inputs(plant), *plant.every_output]
+    own = own_states(plant)  # of the law, and their rates: no signals of the plant
+    plain, demands = states(plant)[: plant.shape[0] - own], inputs(plant)[: plant.shape[1] - own]
+    signals = [*plain, *demands, *plant.every_output]
     count, fewer = len(signals), ""
     if count > MOST_SIGNALS:
-        signals = [*plant.every_output, *inputs(plant), *states(plant)][:MOST_SIGNALS]
+        signals = [*plant.every_output, *demands, *plain][:MOST_SIGNALS]
         fewer = f" Of {count} signals these are the first {MOST_SIGNALS}, outputs before others."
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
@@ -566,7 +574,12 @@ def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
     size = "" if source is not None else _size(plant)
     peaks = np.abs(response.peaks()[0]).max(axis=0)
     rows = tuple(
-        (signal.label, f"{peak:.4g}", left.get(signal.name, "-"), *(_seconds(t[i]) for t in times))
+        (
+            signal.label,
+            sample_text(peak),
+            left.get(signal.name, "-"),
+            *(_seconds(t[i]) for t in times),
+        )
         for i, (signal, peak) in enumerate(zip(response.signals, peaks, strict=True))
     )
     return Section(
@@ -701,14 +714,10 @@ def _beside(ours: Row, passive: Row) -> str:
 
 def _comfort_table(compared: Comparison) -> Table:
     names = list(dict.fromkeys((row.quantity, row.unit) for row in compared.rows))
-    rows = tuple(
-        (
-            f"{quantity} [{unit}]",
-            *(
-                "{0.worst:.3g} ({0.best:.3g})".format(compared.row(law, quantity))
-                for law in compared.laws
-            ),
-        )
-        for quantity, unit in names
-    )
-    return Table(("worst (best)", *compared.laws), rows)
+    rows = []
+    for quantity, unit in names:
+        own = [compared.row(law, quantity) for law in compared.laws]
+        read, times = people(max(row.worst for row in own), unit)
+        ends = ([sample_text(x, times, 3) for x in (row.best, row.worst)] for row in own)
+        rows.append((f"{quantity} [{read}]", *(" to ".join(dict.fromkeys(e)) for e in ends)))
+    return Table(("best to worst", *compared.laws), tuple(rows))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.explained import explained
+from polefence.base.readable import sample_text
 from polefence.plant.family import UncertainPlant
 from polefence.plant.outputs import Output, Signal, split
 from polefence.proof.short import Short
@@ -54,7 +55,7 @@ class Rest(Short):
     @property
     def span(self) -> str:
         """The range."""
-        low, high = (f"{value:.4g}" for value in (self.low, self.high))
+        low, high = map(sample_text, (self.low, self.high))
         return low if low == high else f"{low} to {high}"
 
 

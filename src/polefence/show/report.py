@@ -56,6 +56,16 @@ from polefence.show.plots import (
     sampled,
     typeset,
 )
+from polefence.show.sliders import (
+    UNITS,
+    Grid,
+    Panel,
+    data_text,
+    of_poles,
+    of_responses,
+    script,
+    script_digest,
+)
 from polefence.vehicle.comfort import comfort_reading
 from polefence.vehicle.compare import Comparison, Row, compare, points
 from polefence.vehicle.reference_laws import lqr, skyhook
@@ -78,7 +88,7 @@ class Report(str):
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        """Show it in a notebook; scripts in it, of which it has none, would not be run."""
+        """Show it in a notebook, where its sliders are not: no script in it is run."""
         frame = 'style="width: 100%; height: 40em; border: 1px solid #888" sandbox=""'
         return f'<iframe srcdoc="{html.escape(self)}" title="report" {frame}></iframe>'
 
@@ -125,12 +135,25 @@ def html_report(
         raise NotProvedError(f"no report: {answer}")
     title = f"{design.plant.name} in {short_text(design.region)}"
     named = _named(design, bounds, (road, speed))
-    parts = sections(design, answer, road, speed, named, front)
-    return Report(page(title, answer.answer, [_answer(design, named), *parts], date))
+    grid = Grid.of(design.plant)
+    parts = [_answer(design, named), *sections(design, answer, road, speed, named, front, grid)]
+    return Report(page(title, answer.answer, parts, date, grid))
 
 
-def page(title: str, answer: str, sections: Sequence[Section], date: str = "") -> str:
-    """Return one HTML page with its figures inside, which asks nothing of any other address."""
+def page(
+    title: str,
+    answer: str,
+    sections: Sequence[Section],
+    date: str = "",
+    grid: Grid | None = None,
+) -> str:
+    """Return one HTML page with its figures inside, which asks nothing of any other address.
+
+    Parameters
+    ----------
+    grid : Grid, optional
+        Of the plants that sliders choose, where sections have panels for them.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined  # deferred: slow to import
 
     environment = Environment(
@@ -140,14 +163,25 @@ def page(title: str, answer: str, sections: Sequence[Section], date: str = "") -
         finalize=_visible,
     )
     environment.filters["picture"] = _picture
+    environment.filters["data"] = data_text
     template = environment.get_template("report.html")
     made = ", ".join(part for part in (f"polefence {VERSION}", date) if part)
-    return template.render(title=title, answer=answer, sections=sections, made=made)
+    return template.render(
+        title=title,
+        answer=answer,
+        sections=sections,
+        made=made,
+        grid=grid,
+        panels=[panel for section in sections for panel in section.panels],
+        script=script() if grid else "",
+        digest=script_digest(),
+        units=UNITS,
+    )
 
 
 def _visible(value: object) -> object:
     """Return what can be seen of a text; newlines stay, which are spaces but in our own code."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or hasattr(value, "__html__"):  # our own script and its data
         return value
     return typeset("\n".join(map(visible, value.split("\n"))))
 
@@ -169,7 +203,7 @@ class Table:
 class Section:
     """A heading with what stands under it, in this order; what is empty is left out.
 
-    ``picture`` is the address of an image that is drawn already.
+    ``picture`` is the address of an image that is drawn already; ``panels`` are over the figure.
     """
 
     title: str
@@ -178,6 +212,7 @@ class Section:
     figure: Figure | None = None
     caption: str = ""
     picture: str = ""
+    panels: tuple[Panel, ...] = ()
     code: str = ""
     notes: tuple[str, ...] = ()
 
@@ -189,6 +224,7 @@ def sections(
     speed: float,
     bounds: Sequence[Bound] = (),
     front: tuple[str, bytes] | None = None,
+    grid: Grid | None = None,
 ) -> list[Section]:
     """Return all that is to be said about a proved design.
 
@@ -198,14 +234,18 @@ def sections(
         Class of ISO 8608, for a quarter car.
     speed : float
         [m/s]
+    grid : Grid, optional
+        Of the plants that sliders choose.
 
     Raises
     ------
     InputError
         If the road or the speed cannot be used.
     """
-    parts = [_claim(design, answer, bounds), _plant(design.plant), _poles(design), _limits(design)]
-    parts += [_bounds(bounds), responses(design, bounds), *loops(design, bounds)]
+    parts: list[Section | None] = [_claim(design, answer, bounds), _plant(design.plant)]
+    parts.append(_poles(design, grid))
+    parts += [_limits(design), _bounds(bounds), responses(design, bounds, grid)]
+    parts += [*loops(design, bounds)]
     parts += [comfort(design, road, speed), _front(front)]
     return [part for part in parts if part] + [
         _gain(design),
@@ -306,21 +346,23 @@ def _rate(parameter: Parameter) -> str:
 
 
 @stage("poles")
-def _poles(design: Design) -> Section:
+def _poles(design: Design, grid: Grid | None = None) -> Section:
     cloud, corners = sampled(design)
     margin = -float(design.region.distance(cloud).max())
     unit = " 1/s" if design.plant.sample_time is None else ""
+    figure = poles_figure(
+        {design.plant.name: (cloud, corners)},
+        design.region,
+        discrete=design.plant.sample_time is not None,
+    )
     return Section(
         "Closed-loop poles",
         (
             f"At {len(cloud)} points of the family; the pole nearest to the boundary is "
             f"{margin:.3g}{unit} inside.",
         ),
-        figure=poles_figure(
-            {design.plant.name: (cloud, corners)},
-            design.region,
-            discrete=design.plant.sample_time is not None,
-        ),
+        figure=figure,
+        panels=of_poles(grid, design, figure.axes),
         caption="The region is white, its outside shaded. The sample is for the eye; the guarantee "
         "is the proof.",
     )
@@ -549,15 +591,11 @@ def _how_to_check(design: Design) -> Section:
 
 
 @stage("responses")
-def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
+def responses(design: Design, bounds: Sequence[Bound] = (), grid: Grid | None = None) -> Section:
     """Return step responses, with the bounds on them that are proved."""
     plant = design.plant
-    own = own_states(plant)  # of the law, and their rates: no signals of the plant
-    plain, demands = states(plant)[: plant.shape[0] - own], inputs(plant)[: plant.shape[1] - own]
-    signals = [*plain, *demands, *plant.every_output]
-    count, fewer = len(signals), ""
+    signals, count, fewer = _shown(plant), sum(map(len, _signals(plant))), ""
     if count > MOST_SIGNALS:
-        signals = [*plant.every_output, *demands, *plain][:MOST_SIGNALS]
         fewer = f" Of {count} signals these are the first {MOST_SIGNALS}, outputs before others."
     source = None if all(v.E is not None for v in plant.vertices) else inputs(plant)[0].name
     alpha = points(plant)
@@ -572,6 +610,12 @@ def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
     times = [response.settling(share).max(axis=0) for share in shares]
     left = _left(design, alpha, signals) if source is None else {}
     size = "" if source is not None else _size(plant)
+    edges = {bound.edges[0]: bound.edges[1] for bound in bounds if bound.edges}
+    figure = responses_figure({plant.name: response}, edges=edges)
+    panels: tuple[Panel, ...] = ()
+    if grid is not None:
+        chosen = step(plant, design, grid.alpha, signals, source, *drawn)
+        panels = of_responses(chosen, figure.axes)
     peaks = np.abs(response.peaks()[0]).max(axis=0)
     rows = tuple(
         (
@@ -590,8 +634,23 @@ def responses(design: Design, bounds: Sequence[Bound] = ()) -> Section:
             f"that for good (near zero: within that share of its peak).{fewer}",
         ),
         Table(("signal", "largest peak", "left", *heads), rows),
-        responses_figure({plant.name: response}, edges=dict(b.edges for b in bounds if b.edges)),
+        figure,
+        panels=panels,
     )
+
+
+def _signals(plant: UncertainPlant) -> tuple[list[Output], ...]:
+    """Return states, inputs and outputs but for a law's own states and their rates."""
+    n, m = (size - own_states(plant) for size in plant.shape)
+    return list(states(plant)[:n]), list(inputs(plant)[:m]), list(plant.every_output)
+
+
+def _shown(plant: UncertainPlant) -> list[Output]:
+    """Return the signals whose responses are drawn: of many outputs and inputs first."""
+    plain, demands, outputs = _signals(plant)
+    if len(plain) + len(demands) + len(outputs) <= MOST_SIGNALS:
+        return [*plain, *demands, *outputs]
+    return [*outputs, *demands, *plain][:MOST_SIGNALS]
 
 
 def _left(design: Design, alpha: Any, signals: Sequence[Output]) -> dict[str, str]:

@@ -439,7 +439,7 @@ def _named(design: Design, document: Document | None, road: tuple[str, float]) -
             ):
                 under = f" on a road of class {road[0]} at {road[1]:g} m/s"
             own = promise(design, claim, (what, _unit(design.plant, claim), under.strip()), alpha)
-            under += claim.acting_words(document.plant)
+            under = own.under
         elif isinstance(claim, GainMargin):
             what, level = claim.named(document.plant), claim.worst_text
             own = Promise(what, "", level)

@@ -195,7 +195,7 @@ def test_a_notebook_shows_a_table(values, name):
     text = values[name]._repr_html_()
     own = Pairs(text)
     assert not own.open
-    assert own.seen == {"table", "caption", "b", "tr", "th", "td"}
+    assert own.seen - {"img"} == {"table", "caption", "b", "tr", "th", "td"}
 
 
 def test_no_name_in_a_table_is_markup(plant):

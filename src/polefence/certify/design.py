@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from polefence.base.beside import say_beside
+from polefence.base.drawing import pictures
 from polefence.base.errors import DesignFileError, InputError, NotProvedError
 from polefence.base.explained import explained
 from polefence.base.files import read_text, write_documents
@@ -79,7 +80,69 @@ class Design(Short):
             ("note", self.note.removeprefix("note: ")),
             ("beside", "" if self.plant.data is None else self.plant.data.note),
         ]
-        return card(self.plant.name, rows)
+        return card(self.plant.name, rows, self.plot().small if self._is_drawn else "")
+
+    @property
+    def _is_drawn(self) -> bool:
+        """Whether it has a picture: one of an observer is about errors, and has none."""
+        return self.proved and not self.certificate.observer
+
+    def plot(self) -> Any:
+        """Return a picture of the closed-loop poles over the family, with the region.
+
+        Returns
+        -------
+        Picture
+            A notebook shows it; ``save(path)`` writes it as PNG, SVG or PDF.
+
+        Raises
+        ------
+        DesignFileError
+            If the design is an observer's.
+        """
+        require_kind(self.certificate)
+        return pictures().poles(self)
+
+    def step(self) -> Any:
+        """Return a picture of all signals after a unit step of the first disturbance, or input.
+
+        Returns
+        -------
+        Picture
+            As `plot` returns.
+
+        Raises
+        ------
+        DesignFileError
+            If the design is an observer's.
+        InputError
+            If no response can be drawn.
+        """
+        require_kind(self.certificate)
+        return pictures().step(self)
+
+    def bode(self, place: str = "") -> Any:
+        """Return Nyquist, Bode and Nichols plots of the loop, opened at one place.
+
+        Parameters
+        ----------
+        place : str
+            An input or a signal that the law measures, by name; by default the first input.
+
+        Returns
+        -------
+        Picture
+            As `plot` returns.
+
+        Raises
+        ------
+        DesignFileError
+            If the design is an observer's.
+        InputError
+            If there is no loop of that name.
+        """
+        require_kind(self.certificate)
+        return pictures().bode(self, place)
 
     @property
     def plant(self) -> UncertainPlant:

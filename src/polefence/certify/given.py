@@ -110,7 +110,8 @@ class Analysis(Short):
             )
             for limit in self.bounds
         )
-        return card(self.plant.name, [("poles", poles), ("by", self.reason), *bounds])
+        picture = self.design.plot().small if self.kept == "proved" else ""
+        return card(self.plant.name, [("poles", poles), ("by", self.reason), *bounds], picture)
 
     @property
     def answer(self) -> str:

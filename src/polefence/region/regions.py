@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from polefence.base.drawing import pictures
 from polefence.base.errors import RegionError, shown
 from polefence.base.explained import explained_fields
 from polefence.plant.card import card
@@ -237,7 +238,8 @@ class Region(Short, ABC):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        return card("region", [("all poles in", str(part)) for part in self.parts])
+        rows = [("all poles in", str(part)) for part in self.parts]
+        return card("region", rows, pictures().region(self).small)
 
     def __and__(self, other: Region) -> Region:
         if not isinstance(other, Region):

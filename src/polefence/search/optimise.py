@@ -117,7 +117,8 @@ class Optimised(Short):
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
         bounds = [("proved", str(bound)) for bound in self.bounds]
-        return card(self.plant.name, [*bounds, ("poles", f"proved: in {self.design.region}")])
+        rows = [*bounds, ("poles", f"proved: in {self.design.region}")]
+        return card(self.plant.name, rows, self.design.plot().small)
 
     @property
     def plant(self) -> UncertainPlant:

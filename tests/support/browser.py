@@ -118,8 +118,8 @@ def element(page, script, *given):
 
 
 def named(page, name):
-    """The input or button that is labelled so."""
-    return element(
+    """The input or button that is labelled so, in sight: columns scroll by themselves."""
+    found = element(
         page,
         """
         const [name] = arguments
@@ -133,6 +133,9 @@ def named(page, name):
         """,
         name,
     )
+    if found is not None:
+        page.execute_script('arguments[0].scrollIntoView({block: "center"})', found)
+    return found
 
 
 def complaints(page):

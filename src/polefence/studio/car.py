@@ -63,7 +63,8 @@ class Car:
     @property
     def views(self) -> tuple[Any, Any]:
         """The car with its buttons, and its signals over time."""
-        car = column(self._shown, self.play, self.at, sizing_mode="stretch_width")
+        buttons = row(self.play, self.at, sizing_mode="stretch_width")
+        car = column(self._shown, buttons, sizing_mode="stretch_width")
         return car, column(*self.traces, sizing_mode="stretch_width")
 
     def show(self, design: Design | None, state: State) -> tuple[tuple[str, str], ...]:
@@ -124,9 +125,11 @@ class Car:
         """Say how a car rides, without a law and with it, at each seat."""
         texts = []
         for who, ride in zip((PASSIVE, LAW), both, strict=True):
-            for felt in () if ride is None else ride.felt:
+            for felt, passive in () if ride is None else zip(ride.felt, both[0].felt, strict=True):
                 seat = "" if self.car is None else visible(felt.name)
-                texts.append((", ".join(filter(None, (title, who, seat))), felt.text))
+                beside = "" if who == PASSIVE else felt.beside(passive)
+                said = "; ".join(filter(None, (felt.text, beside)))
+                texts.append((", ".join(filter(None, (title, who, seat))), said))
         return texts
 
     def _traces(self) -> list[Any]:
@@ -139,6 +142,9 @@ class Car:
             self._trace("tyre", "tyre [N]", wheels),
         ]
         _, travel, tyre = plots
+        for plot in plots[:-1]:  # one axis of time is enough
+            plot.xaxis.visible = False
+            plot.height -= 20
         colour = self._palette.looked
         travel.line("x", "y", source=self.limits, color=colour, line_dash="dashed")
         tyre.add_layout(Span(location=0, line_color=colour, line_dash="dotted"))
@@ -147,7 +153,7 @@ class Car:
     def _trace(self, key: str, label: str, names: list[str]) -> Any:
         """Draw a signal over time: of each wheel or seat with a law, and grey without."""
         # [px] for one wheel, for several
-        plot = small_figure(key, height=130 if len(names) == 1 else 200)
+        plot = small_figure(key, height=110 if len(names) == 1 else 160)
         plot.yaxis.axis_label = label
         plot.title.text_color = self._palette.ink
         plot.yaxis.axis_label_text_font_size = "10px"

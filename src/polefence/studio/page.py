@@ -39,13 +39,9 @@ from polefence.studio.subject import Subject
 from polefence.studio.words import of_parameter, paragraph, safe, taken
 
 WIDE = {"sizing_mode": "stretch_width"}
-ROWS = ("poles", "asked"), ("car", "traces"), ("map", "front", "sensors", "service")
+# Columns of a wide screen, which scroll by themselves; on others all stand one after the other.
+COLUMNS = ("poles", "map"), ("car", "traces"), ("asked", "road", "front", "sensors", "service")
 OFTEN = 1.0  # [s] between two words about how long a search or a proof takes
-STYLES = {
-    name: {"flex": "3 1 520px" if name in ("poles", "car") else "2 1 340px"}
-    for names in ROWS
-    for name in names
-}
 OWN = "as the spec has it", 0.0  # the limit that is nobody's choice
 
 
@@ -205,6 +201,7 @@ class Page:
     def panes(self) -> dict[str, Any]:
         """Return all panes of this session, by their names."""
         panes = {
+            "head": self._head_pane(),
             "poles": pn.pane.Bokeh(self.poles.figure, sizing_mode="scale_width", min_width=280),
             "asked": self._asked_pane(),
         }
@@ -226,26 +223,32 @@ class Page:
     def _asked_pane(self) -> Any:
         aim = (self.aim,) if self.subject.wanted is not None else ()
         return pn.Column(
-            pn.FlexBox(self.badge, self.find),
             *aim,
             self.region,
             self.method,
             *self.sliders,
-            pn.FlexBox(self.back, self.forward, self.fit),
             self.name,
-            pn.FlexBox(self.save, self.report, self.code),
-            self.message,
             self.takes["law"],
             min_width=280,
             **WIDE,
         )
 
+    def _head_pane(self) -> Any:
+        """Return what is always in sight: the answer, and what is done with it."""
+        buttons = (self.back, self.forward, self.fit, self.save, self.report, self.code)
+        return pn.Column(
+            pn.FlexBox(self.badge, self.find, *buttons, align_items="center"), self.message, **WIDE
+        )
+
     def _car_panes(self, scene: Any, traces: Any) -> dict[str, Any]:
         drawn = [pn.pane.Bokeh(plot, min_width=280, **WIDE) for plot in (scene, traces)]
         beside = (self.beside,) if self.plant.parameters else ()
-        asked = (self.road, self.speed, self.travel, *beside, self.ride)
-        column = pn.Column(*asked, drawn[1], self.takes["drive"], **WIDE)
-        return {"car": drawn[0], "traces": column}
+        asked = (self.road, self.speed, self.travel, *beside, self.takes["drive"])
+        return {
+            "car": drawn[0],
+            "traces": pn.Column(self.ride, drawn[1], **WIDE),
+            "road": pn.Column(*asked, **WIDE),
+        }
 
     def _soon(self, work: Callable[[], object]) -> None:
         """Have something done in the page's own thread."""

@@ -88,19 +88,21 @@ class Poles:
         plot.patch("x", "y", line_width=2, **marks)
         plot.add_layout(Span(location=0, dimension="height", line_color="#888888"))
         marks = {"source": self.cloud, "size": 3, "color": colour.cars, "alpha": 0.6}
-        plot.scatter("x", "y", **marks)
+        plot.scatter("x", "y", legend_label="the family", **marks)
         marks = {"source": self.corners, "size": 8, "marker": "square", "line_color": colour.ink}
-        plot.scatter("x", "y", fill_alpha=0, **marks)
+        plot.scatter("x", "y", fill_alpha=0, legend_label="its vertices", **marks)
         for k, (trail, p) in enumerate(zip(self.trails, self.plant.parameters, strict=True)):
             label = f"as {visible(p.name)} varies"
             shade = colour.trails[k % len(colour.trails)]
             plot.scatter("x", "y", source=trail, size=4, color=shade, legend_label=label)
         marks = {"source": self.looked, "size": 12, "marker": "x", "color": colour.looked}
-        plot.scatter("x", "y", line_width=3, **marks)
+        plot.scatter("x", "y", line_width=3, legend_label="the one looked at", **marks)
         marks = {"source": self.handles, "size": 14, "marker": "diamond", "color": colour.paper}
-        plot.scatter("x", "y", line_color=colour.ink, line_width=2, name="handles", **marks)
+        marks |= {"line_color": colour.ink, "line_width": 2, "legend_label": "handles: drag"}
+        plot.scatter("x", "y", name="handles", **marks)
         if plot.legend:
-            plot.legend.update(location="top_left", click_policy="hide")
+            plot.legend.update(location="top_left", click_policy="hide", spacing=0, padding=4)
+            plot.legend.label_text_font_size = "11px"
         coloured(plot, colour)
         self._draggable(plot)
         return plot

@@ -129,6 +129,17 @@ class Felt:
         shocks = "; shocks: the rms says too little" if self.shocks else ""
         return f"{self.comfort:.3g} m/s², {' to '.join(comfort_reading(self.comfort))}{shocks}"
 
+    def beside(self, passive: Felt) -> str:
+        """Say how it is beside the passive car's."""
+        if not passive.comfort > 0:
+            return ""
+        share = self.comfort / passive.comfort
+        if abs(share - 1) < 0.005:
+            return "as rough as passive"
+        if share >= 2:
+            return f"{share:.2g} times as rough as passive"
+        return f"{100 * abs(share - 1):.0f} % {'smoother' if share < 1 else 'rougher'} than passive"
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:

@@ -18,7 +18,7 @@ from polefence.base.errors import OutputError
 from polefence.base.processors import small_matrices
 from polefence.proof.text import visible
 from polefence.studio.folders import Folders
-from polefence.studio.page import ROWS, STYLES, Page
+from polefence.studio.page import COLUMNS, Page
 from polefence.studio.state import State
 from polefence.studio.subject import Subject
 from polefence.studio.templates import template
@@ -115,7 +115,7 @@ def shown(page: Page, document: Any, remedy: str, frames: bool = False) -> Any:
     document.js_on_event(ConnectionLost, CustomJS(args={"remedy": remedy}, code=code))
     made, panes = Whole(template("page.html")), page.panes()
     variables = {"heading": visible(page.plant.name), "frames": frames}
-    variables |= {"rows": ROWS, "styles": STYLES, "shown": tuple(panes)}
+    variables |= {"columns": COLUMNS, "shown": tuple(panes)}
     for name, value in (variables | {"app_favicon": "data:,", "apple_icon": "data:,"}).items():
         made.add_variable(name, value)
     for name, pane in panes.items():

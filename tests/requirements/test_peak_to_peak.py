@@ -271,3 +271,11 @@ def test_other_plants_are_refused_in_one_line(changed, why):
     plant = changed(loads(MASS_ON_SPRING))
     with pytest.raises(InputError, match=re.escape(why)):
         best_bound(plant, pf.FixedGain(GAIN), PeakToPeak("position"))
+
+
+def test_a_law_of_an_lmi_is_refused_in_one_line():
+    plant = loads(MASS_ON_SPRING)
+    law = pf.place(plant, pf.HalfPlane(1), method="scheduled").law
+    for asked in (best_bound, kept_bound):
+        with pytest.raises(InputError, match=r"are not proved of a law Z W\^-1; ask optimise"):
+            asked(plant, law, PeakToPeak("position", 1.0))

@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from polefence.base.errors import InputError
 from polefence.base.progress import stage
 from polefence.certify.followed import (
     BITS,
@@ -68,14 +69,24 @@ class _Part:
 
 def kept(plant: UncertainPlant, law: Law, asked: requirements.PeakToPeak) -> Proved | None:
     """Return the claim that a limit is kept, and its proof; None where there is none."""
+    _require_polynomial(law, asked)
     if asked.at_most is None or not _sampled(plant, law, asked) <= asked.at_most:
         return None
     with stage(f"limit on {asked.title}"):
         return _proved(plant, law, asked, asked.at_most, True)
 
 
+def _require_polynomial(law: Law, asked: requirements.PeakToPeak) -> None:
+    if law.W is not None:
+        raise InputError(
+            f"{asked.title}: bounded disturbances are not proved of a law Z W^-1; ask optimise for "
+            "this requirement without --method, which tunes a law that is a polynomial"
+        )
+
+
 def least(plant: UncertainPlant, law: Law, asked: requirements.PeakToPeak) -> Proved | None:
     """Return the claim of the least level that was proved, and its proof; None of none."""
+    _require_polynomial(law, asked)
     worst = _sampled(plant, law, asked)
     if not np.isfinite(worst):
         return None

@@ -240,7 +240,7 @@ def poles_figure(
     for ax, (title, heading, seen) in zip(axes, drawn, strict=True):
         cloud, vertices = map(np.ravel, panels[title])
         _draw_poles(ax, cloud, vertices, others.get(title))
-        window, aspect = _shape(seen)
+        window, aspect = shaped(seen)
         draw_region(ax, region, window)
         if seen is whole:
             _note_unseen(ax, cloud, window)
@@ -271,7 +271,7 @@ def _draw_poles(ax: Axes, cloud: Array, vertices: Array, other: tuple[str, Array
         ax.plot(np.real(poles).ravel(), np.imag(poles).ravel(), "x", **style)
 
 
-def _shape(view: View) -> tuple[View, str]:
+def shaped(view: View) -> tuple[View, str]:
     """Return the view that is drawn, and its aspect: equal, but where that hides what is narrow."""
     low, high, height = view
     if 2 * height > NARROW * (high - low):

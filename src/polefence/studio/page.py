@@ -96,7 +96,8 @@ class Page:
         )
         self._jobs, self._saved = dict[str, int](), dict[str, str]()
         self._before: Question | None = None
-        self._quiet = self._fitted = self._closed = self._following = self._ticking = False
+        self._quiet = self._closed = self._following = self._ticking = False
+        self._fitted: bool | None = None  # to the poles of a ride, or of a region
         self._far, self._since = "", 0.0
         self._changes = 0
         self._panes(DARK if dark else LIGHT)
@@ -543,8 +544,8 @@ class Page:
     def _drawn(self, answer: Answer) -> None:
         """Show the poles of a law, and none where there is none."""
         self.poles.show(answer.design, answer.question.region)
-        if not self._fitted:
-            self._fitted = True
+        if self._fitted != answer.question.ride:
+            self._fitted = answer.question.ride
             self.poles.fit()
 
     def _mapped(self) -> None:

@@ -17,7 +17,7 @@ from polefence.plant.points import seeded, weights_of
 from polefence.plant.system import Array
 from polefence.proof.text import visible
 from polefence.region.regions import Curve, Region, View
-from polefence.show.plots import PANEL, fitted, view_of
+from polefence.show.plots import PANEL, shaped, view_of
 from polefence.studio.handles import Handle, handles, in_sight, moved, outline
 from polefence.studio.palette import LIGHT, Palette, coloured
 from polefence.studio.state import State
@@ -145,7 +145,8 @@ class Poles:
 
     def _frame(self) -> None:
         poles = np.zeros(0) if self._design is None else self._design.poles(self._alpha)
-        self.view = low, high, height = fitted(view_of(self.state.region, np.ravel(poles)))
+        self.view, _ = shaped(view_of(self.state.region, np.ravel(poles)))
+        low, high, height = self.view
         self.figure.x_range.update(start=low, end=high)
         self.figure.y_range.update(start=-height, end=height)
 

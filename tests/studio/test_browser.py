@@ -405,6 +405,30 @@ def test_a_phone_shows_all_of_it(page, window, address):
         resized(window)
 
 
+@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080)])
+def test_one_screen_shows_poles_car_and_signals_without_scrolling(page, window, size):
+    """Of the last signal half is seen at least; the answer stays where a column is scrolled."""
+    ends = """
+    return ["poles", "car", "traces"].map(name => {
+      const own = document.querySelector(`[data-pane=${name}]`).getBoundingClientRect()
+      return [own.left, own.right, own.bottom]
+    })
+    """
+    try:
+        resized(window, *size)
+        high = "return document.documentElement.scrollHeight"
+        assert until(lambda: window.execute_script(high) <= size[1])
+        assert until(lambda: all(e[2] <= size[1] + 45 for e in window.execute_script(ends)))
+        (_, right, _), (left, *_), (below, *_) = window.execute_script(ends)
+        assert right <= min(left, below)  # beside one another
+        named(window, "Prove the margins in service")  # the last of the right column
+        badge = 'const own = all.find(e => String(e.className || "").startsWith("badge"))\n'
+        badge += "return own.getBoundingClientRect().top"
+        assert 0 <= element(window, badge) < 60
+    finally:
+        resized(window)
+
+
 def test_no_name_and_no_answer_is_wider_than_the_window(folder, window):
     own = spec_text("quarter-car-ride").replace('label = "sprung mass"', f'label = "{"L" * 150}"')
     (folder / "long.toml").write_text(own.replace("quarter car, ride", "N" * 180))

@@ -69,7 +69,7 @@ def today() -> str:
 
 
 def report_command(options: Any) -> int:
-    """Write one HTML page about a design: claim, poles, limits, responses, comfort, gain."""
+    """Write one HTML page about a design: the answer first, then all that is behind it."""
     from polefence.show.report import html_report
 
     beside = options.design if options.design.is_dir() else options.design.parent

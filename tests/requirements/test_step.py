@@ -22,6 +22,7 @@ from polefence.requirements.slopes import Loops
 from polefence.requirements.step import StepMeasure, StepNearness
 from polefence.requirements.text import parse_specification
 from polefence.response.modes import Modes
+from support.commands import refused
 from support.specs import MASS_ON_SPRING
 
 GAIN = np.array([[-20.0, -8.0]])
@@ -282,3 +283,11 @@ def test_a_law_is_tuned_for_settling_and_overshoot(tmp_path, capsys):
 def test_bad_lines_say_what_is_wrong(line, why):
     with pytest.raises((InputError, SpecError), match=why):
         parse_specification(line)
+
+
+def test_two_envelopes_of_one_signal_are_to_be_one(tmp_path, capsys):
+    table = '[[specification]]\nkind = "step"\nsignal = "position"\nenvelope = [[0, -1, {}]]\n'
+    spec = tmp_path / "mass.toml"
+    spec.write_text(MASS_ON_SPRING + table.format(1) + table.format(2))
+    error = refused(capsys, "optimise", spec)
+    assert "two limits on step of position with measure envelope; write one envelope that" in error

@@ -55,9 +55,13 @@ def wanted(
         least = in_units(_parsed(plant, minimise, of_least, road, known), written)
         if least.at_most is not None:
             raise InputError(f"{of_least} {minimise!r} has a limit; give it by {of_limit}")
-    asked = {limit.title: limit for limit in written}
-    if len(asked) < len(written):
-        raise SpecError(f"{spec}: two limits on one kind and signal; keep the lower one")
+    asked = dict[str, Specification]()
+    for limit in written:
+        if limit.title in asked:
+            envelope = getattr(limit, "envelope", ())
+            remedy = "write one envelope that lies in both" if envelope else "keep the lower one"
+            raise SpecError(f"{spec}: two limits on {limit.title}; {remedy}")
+        asked[limit.title] = limit
     given = set[str]()
     for text in limits:
         limit = in_units(_parsed(plant, text, of_limit, road, known), written)

@@ -11,6 +11,7 @@ import pytest
 
 from polefence import Disk, Parameter, UncertainPlant, place
 from polefence.examples import family
+from polefence.plant.dead_time import with_dead_time
 from polefence.response.linear import step
 from polefence.show.plots import new_figure
 from polefence.show.report import html_report
@@ -152,3 +153,16 @@ def test_in_a_browser_a_slider_moves_poles_and_responses(design, page, tmp_path)
         assert own.title != "run"  # a script that is not ours was refused
         refused = [line for line in complaints(own) if "Content Security Policy" in line]
         assert len(refused) == 1
+
+
+def test_what_a_dead_time_leaves_out_is_no_slider():
+    one = UncertainPlant.from_expressions([Parameter("k", 1, 3)], [[0, 1], ["-k", -1]], [[0], [1]])
+    late = with_dead_time(one, "u1", 0.1)
+    assert len(late.parameters) == 2
+    grid = Grid.of(late)
+    assert [slider["name"] for slider in grid.sliders] == ["k"]
+    assert len(grid.alpha) == 33
+    with_delta = grid.alpha.reshape(33, *(2,) * 2)
+    halves = [with_delta.take(k, axis=axis) for axis in (1, 2) for k in (0, 1)]
+    # along one of the axes both ends have the same weight: delta is in the middle
+    assert any(np.allclose(halves[i], halves[i + 1]) for i in (0, 2))

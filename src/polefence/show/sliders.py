@@ -43,29 +43,36 @@ class Grid:
     @classmethod
     def of(cls, plant: UncertainPlant) -> Grid | None:
         """Return the finest grid that a page may have; None where there is none."""
-        count = len(plant.parameters)
+        count = len(_chosen(plant))
         fine = [steps for steps in STEPS if steps**count <= MOST_PLANTS]
         return cls(plant, fine[0]) if count and fine else None
 
     @cached_property
     def values(self) -> list[Array]:
         """Values of each parameter, from its lowest to its highest."""
-        ends = [(float(p.low), float(p.high)) for p in self.plant.parameters]
+        ends = [(float(p.low), float(p.high)) for p in _chosen(self.plant)]
         return [np.linspace(*pair, self.steps) for pair in ends]
 
     @cached_property
     def alpha(self) -> Array:
         """Points of the family, the last parameter changing fastest."""
-        names = [p.name for p in self.plant.parameters]
-        chosen = (dict(zip(names, map(float, at), strict=True)) for at in product(*self.values))
+        names = [p.name for p in _chosen(self.plant)]
+        rest = {p.name: 0.0 for p in self.plant.parameters if p.name not in names}
+        every = product(*self.values)
+        chosen = (rest | dict(zip(names, map(float, at), strict=True)) for at in every)
         weights = [simplex_weights(self.plant.parameters, one, False) for one in chosen]
         return np.array([[float(w) for w in row] for row in weights])
 
     @property
     def sliders(self) -> list[dict[str, Any]]:
         """What a page shows of each parameter."""
-        pairs = zip(self.plant.parameters, self.values, strict=True)
+        pairs = zip(_chosen(self.plant), self.values, strict=True)
         return [{"name": _name(p), "texts": [_text(x, p) for x in own]} for p, own in pairs]
+
+
+def _chosen(plant: UncertainPlant) -> list[Parameter]:
+    """Return the parameters of the plant itself: what a dead time leaves out is zero."""
+    return [p for p in plant.parameters if p.dead_time is None]
 
 
 def _name(parameter: Parameter) -> str:

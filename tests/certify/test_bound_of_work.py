@@ -43,7 +43,8 @@ def test_an_answer_that_was_found_before_says_where_the_search_stopped(monkeypat
     assert not whole.cut
     with bounded(1e12) as effort:
         optimise(plant(), *asked(1.0), structure=ONE)
-    monkeypatch.setattr(module, "MOST_WORK", 0.7 * effort.spent)
+    for bound in ("MOST_WORK", "MOST_PROVING"):  # of searches, and of proofs of what they find
+        monkeypatch.setattr(module, bound, 0.7 * effort.spent)
     first, again = (optimise(plant(), *asked(1.0), structure=ONE) for _ in range(2))
     assert first.cut == again.cut
     assert "stopped at its bound of work, after" in first.cut
@@ -54,7 +55,8 @@ def test_an_answer_that_was_found_before_says_where_the_search_stopped(monkeypat
 
 
 def test_where_nothing_is_found_before_that_is_the_reason(monkeypatch):
-    monkeypatch.setattr(module, "MOST_WORK", 1.0)
+    for bound in ("MOST_WORK", "MOST_PROVING"):
+        monkeypatch.setattr(module, bound, 1.0)
     with pytest.raises(
         NotProvedError, match=r"stopped at its bound of work, after \d+ evaluations of"
     ):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from polefence.base.effort import MOST_WORK, bounded, ended
+from polefence.base.effort import MOST_PROVING, MOST_WORK, bounded, ended
 from polefence.base.errors import (
     InputError,
     NotProvedError,
@@ -504,7 +504,7 @@ def _tuned(task: Task, structure: Structure, fewer: bool) -> Optimised:
         searches = Orders(task, structure, problems)
         last = len(orders) - 1
         known = searches.tuned(last) if last else ()
-    with bounded(MOST_WORK) as proving:  # whatever the searches of all orders took
+    with bounded(MOST_PROVING) as proving:  # whatever the searches of all orders took
         if last and fewer:
             best = _best_order(searches)
         else:
@@ -551,7 +551,7 @@ def _of_chain(task: Task, structure: Structure, chain: Chain) -> Optimised:
     """
     searches, k = chain.of(task, structure)
     known = searches.tuned(k)
-    with bounded(MOST_WORK) as proving:
+    with bounded(MOST_PROVING) as proving:
         best = _best_tuned(*searches.problems[k], searches.starts(k), known)
     cut = str(proving) if proving.ended else ""
     if best is None:

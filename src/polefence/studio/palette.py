@@ -73,7 +73,8 @@ FITTED = """
 STYLE = """
 :host { min-width: 0; max-width: 100%; overflow-wrap: anywhere; }
 p { margin: 4px 0; }
-.badge { font-weight: 600; font-size: 12px; padding: 3px 8px; border-radius: 4px; border: 2px solid; }
+.badge { font-weight: 600; font-size: 12px; padding: 3px 8px; border-radius: 4px; }
+.badge { border: 2px solid; }
 .badge { box-sizing: border-box; max-width: 100%; overflow-wrap: anywhere; }
 .proved { border-color: #2b5c8a; }
 .proved::before { content: "\\2713  "; }

@@ -30,7 +30,7 @@ def test_promises_stand_beside_the_same_samples_with_the_law_and_without(tmp_pat
         assert found.sampled == sampled(car, design, own, alpha).worst <= found.level
         assert found.without == sampled(car, None, own, alpha).worst
         assert found.level == claim.level
-    # of half of what is proved no sample is shown: it would not be what the claim is of
+    # a sample above what a claim says is none of what it is about: it is not shown
     low = replace(document.claims[1], level=document.claims[1].level / 1000)
     assert promise(design, low, ("it", "", "so"), alpha).sampled is None
 

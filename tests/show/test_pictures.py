@@ -81,6 +81,9 @@ def test_the_whole_boundary_of_a_disk_and_the_corner_of_a_sector_are_seen():
     assert ax.get_ylim()[1] > 33
     (ax,) = pictures().region(HalfPlane(1) & Sector(0.3)).figure.axes
     assert ax.get_ylim()[1] > np.sqrt(1 / 0.3**2 - 1)
+    for shapeless in (HalfPlane(0), Sector(0.3)):
+        (ax,) = pictures().region(shapeless).figure.axes
+        assert ax.get_xlim()[0] <= -4
 
 
 def test_a_design_of_an_observer_has_none():

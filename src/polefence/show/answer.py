@@ -104,7 +104,7 @@ def promise(
         What is bounded, its unit, and under which motion, but for the disturbances.
     """
     what, unit, under = words
-    under = f"{under}{_acting(claim, design.plant)}"
+    under = f"{under}{_acting(claim, design.plant)}{claim.time_text}".removeprefix(", ")
     text = f"{claim.worst_text} {unit}".strip()
     if claim.worst_text != f"at most {digits_up(claim.level)}":
         return Promise(what, under, text)

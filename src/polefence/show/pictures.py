@@ -118,7 +118,8 @@ def bode(design: Design, place: str = "") -> Picture:
 
 def region(own: Region) -> Picture:
     """Return a region: its boundary, its outside shaded; of an unbounded one some of it."""
-    far = np.array([0j] if own.bounds_speed else [-4 * own.scale * (1 + 1j)])
+    size = own.scale or 1.0  # stability alone has no size
+    far = np.array([0j] if own.bounds_speed else [-4 * size * (1 + 1j)])
     figure, (ax,) = new_figure(1, 3.8, 2.9)
     draw_region(ax, own, fitted(view_of(own, far)))
     ax.set_aspect("equal", adjustable="box")

@@ -23,6 +23,7 @@ from polefence.certify.design import Design
 from polefence.plant.family import UncertainPlant
 from polefence.plant.parameters import Parameter, simplex_weights
 from polefence.plant.system import Array
+from polefence.proof.text import visible
 from polefence.response.linear import Response
 
 if TYPE_CHECKING:
@@ -76,11 +77,11 @@ def _chosen(plant: UncertainPlant) -> list[Parameter]:
 
 
 def _name(parameter: Parameter) -> str:
-    return f"{parameter.name} ({parameter.label})" if parameter.label else parameter.name
+    return visible(f"{parameter.name} ({parameter.label})" if parameter.label else parameter.name)
 
 
 def _text(value: float, parameter: Parameter) -> str:
-    return f"{sample_text(value)} {parameter.unit}".strip()
+    return visible(f"{sample_text(value)} {parameter.unit}".strip())
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,18 @@ from decimal import Decimal
 BELOW = {"m": (0.5, "mm", Decimal(1000))}
 ABOVE = {"N": (1000.0, "kN", Decimal("0.001"))}
 
+SAME = 0.005  # share of a size that people call the same
+
+
+def compared(value: float, other: float, less: str = "less", more: str = "more") -> str:
+    """Say how a positive size is beside another: "25 % less", "2.2 times", "the same"."""
+    share = value / other - 1
+    if abs(share) < SAME:
+        return "the same"
+    if share >= 1:
+        return f"{1 + share:.2g} times"
+    return f"{100 * abs(share):.0f} % {less if share < 0 else more}"
+
 
 def people(size: float, unit: str) -> tuple[str, Decimal]:
     """Return the unit that people use of a size, and how many of it one of the unit is."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polefence.base.errors import InputError
-from polefence.base.readable import people, sample_text, scaled_text
+from polefence.base.readable import compared, people, sample_text, scaled_text
 from polefence.certify.bounds import sampled
 from polefence.certify.checks import implies_stability
 from polefence.certify.design import Design
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 DIGITS = 4  # of numbers that people read; files and later sections have six
 MOST_BARS = 8
-SAME = 0.005  # share that people call the same
 PROVED, SAMPLED, WITHOUT = "#b2182b", "#2166ac", "0.75"
 
 
@@ -85,12 +84,7 @@ class Promise:
         """What is proved, as a share of the worst without control."""
         if not self.without or self.without == np.inf or self.level is None:
             return ""
-        share = float(self.level) / self.without - 1
-        if abs(share) < SAME:
-            return "the same"
-        if share > 1:
-            return f"{1 + share:.2g} times"
-        return f"{100 * abs(share):.0f} % {'less' if share < 0 else 'more'}"
+        return compared(float(self.level), self.without)
 
 
 def promise(

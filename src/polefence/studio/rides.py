@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from polefence.base.errors import InputError
+from polefence.base.readable import compared
 from polefence.plant.cars import Car
 from polefence.plant.dampers import Damper
 from polefence.plant.family import UncertainPlant
@@ -133,12 +134,10 @@ class Felt:
         """Say how it is beside the passive car's."""
         if not passive.comfort > 0:
             return ""
-        share = self.comfort / passive.comfort
-        if abs(share - 1) < 0.005:
+        said = compared(self.comfort, passive.comfort, "smoother than", "rougher than")
+        if said == "the same":
             return "as rough as passive"
-        if share >= 2:
-            return f"{share:.2g} times as rough as passive"
-        return f"{100 * abs(share - 1):.0f} % {'smoother' if share < 1 else 'rougher'} than passive"
+        return f"{said} as rough as passive" if said.endswith("times") else f"{said} passive"
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,7 @@ def car(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave figures undrawn, which takes the most of a page's time."""
-    monkeypatch.setattr("polefence.show.report._picture", lambda _: "data:image/svg+xml;base64,")
+    monkeypatch.setattr("polefence.show.report.address", lambda _: "data:image/svg+xml;base64,")
 
 
 @pytest.fixture

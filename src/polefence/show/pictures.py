@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from polefence.response.opened import family_points, opened, places
 from polefence.show.loops import loop_figure
 from polefence.show.plots import (
     FORMATS,
+    address,
     draw_region,
     fitted,
     new_figure,
@@ -73,8 +73,7 @@ class Picture:
     @property
     def small(self) -> str:
         """An element of a page, of the size that stands beside a table."""
-        data = base64.b64encode(render(self.figure, "svg")).decode()
-        return f'<img src="data:image/svg+xml;base64,{data}" alt="" style="{SMALL}"/>'
+        return f'<img src="{address(self.figure)}" alt="" style="{SMALL}"/>'
 
 
 def poles(design: Design) -> Picture:

@@ -49,9 +49,9 @@ from polefence.show.answer import Promise, picture, promise, sentences, shared
 from polefence.show.answer import rows as table_rows
 from polefence.show.loops import HEAD, loop_figure, margins_row
 from polefence.show.plots import (
+    address,
     limits_figure,
     poles_figure,
-    render,
     responses_figure,
     sampled,
     typeset,
@@ -162,7 +162,7 @@ def page(
         undefined=StrictUndefined,
         finalize=_visible,
     )
-    environment.filters["picture"] = _picture
+    environment.filters["picture"] = address
     environment.filters["data"] = data_text
     template = environment.get_template("report.html")
     made = ", ".join(part for part in (f"polefence {VERSION}", date) if part)
@@ -184,11 +184,6 @@ def _visible(value: object) -> object:
     if not isinstance(value, str) or hasattr(value, "__html__"):  # our own script and its data
         return value
     return typeset("\n".join(map(visible, value.split("\n"))))
-
-
-def _picture(figure: Figure) -> str:
-    """Return a figure as the address of an image: names inside one SVG do not meet another's."""
-    return "data:image/svg+xml;base64," + base64.b64encode(render(figure, "svg")).decode()
 
 
 @dataclass(frozen=True, eq=False)

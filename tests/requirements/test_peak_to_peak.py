@@ -277,5 +277,7 @@ def test_a_law_of_an_lmi_is_refused_in_one_line():
     plant = loads(MASS_ON_SPRING)
     law = pf.place(plant, pf.HalfPlane(1), method="scheduled").law
     for asked in (best_bound, kept_bound):
-        with pytest.raises(InputError, match=r"are not proved of a law Z W\^-1; ask optimise"):
+        with pytest.raises(
+            InputError, match=r"are not proved of a law Z W\^-1; run 'polefence optimise'"
+        ):
             asked(plant, law, PeakToPeak("position", 1.0))

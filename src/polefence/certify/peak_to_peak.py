@@ -79,8 +79,8 @@ def kept(plant: UncertainPlant, law: Law, asked: requirements.PeakToPeak) -> Pro
 def _require_polynomial(law: Law, asked: requirements.PeakToPeak) -> None:
     if law.W is not None:
         raise InputError(
-            f"{asked.title}: bounded disturbances are not proved of a law Z W^-1; ask optimise for "
-            "this requirement without --method, which tunes a law that is a polynomial"
+            f"{asked.title}: bounded disturbances are not proved of a law Z W^-1; run "
+            "'polefence optimise' without --method: it tunes a polynomial law for this requirement"
         )
 
 

@@ -46,7 +46,8 @@ from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import milliseconds_text, output_text, quoted
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications
-from polefence.requirements.weights import WEIGHTS, filter_of, with_weights
+from polefence.requirements.weights import filter_of, with_weights
+from polefence.requirements.weights import named as standard
 from polefence.response.samples import at_sample_time
 
 NAMES_ARE_ITS_OWN = (
@@ -280,9 +281,9 @@ def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
             continue
         every = _specifications(spec)
         asked = (w for s in every for w in (*s.filters, *getattr(s, "shapes", ())) if w)
-        known = {**{w.name: w for w in asked}, **WEIGHTS}
-        if weighting.name not in known or weighting != filter_of(known[weighting.name], step):
-            return f"its filter {quoted(weighting.name)} is not that of ISO 2631-1, or of the spec"
+        named = standard(weighting.name) or {w.name: w for w in asked}.get(weighting.name)
+        if named is None or weighting != filter_of(named, step):
+            return f"its filter {quoted(weighting.name)} is not what its name says"
     return None
 
 

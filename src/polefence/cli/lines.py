@@ -27,6 +27,7 @@ from polefence.proof.text import (
 )
 from polefence.region.regions import Region
 from polefence.region.z_plane import shares
+from polefence.requirements.rms import Rms
 from polefence.requirements.specification import Specification
 
 MOST_GAINS = 8  # vertices whose gains are printed one by one
@@ -62,10 +63,11 @@ def samples_text(plant: UncertainPlant, asked: Sequence[Specification] = ()) -> 
         return [
             f"  at samples every {time} ms, not between them; inputs and disturbances held{late}"
         ]
-    weighted = any(any(one.filters) for one in asked)
+    rms = [one for one in asked if isinstance(one, Rms)]
+    none = " or ".join(key for key in ("weight", "band") if any(getattr(one, key) for one in rms))
     kinds = dict.fromkeys(one.kind for one in always)
     which = " and ".join(
-        f"{kind} without weight" if weighted and kind == "rms" else kind for kind in kinds
+        f"{kind} without {none}" if none and kind == "rms" else kind for kind in kinds
     )
     if sampling.clock is None:
         return [f"  inputs held for {time} ms{late}; {which} at all times, all else at samples"]

@@ -31,9 +31,10 @@ from polefence.plant.system import Array
 from polefence.proof.claims.base import Claim
 from polefence.proof.claims.rms import Rms
 from polefence.proof.short import Short
-from polefence.requirements.weights import WEIGHTS, filter_of
+from polefence.requirements.weights import filter_of, named
 from polefence.response.discrete import exponential
 from polefence.response.stationary import lyapunov, unstable
+from polefence.response.weighting import Stages
 
 POINTS = 256  # looked at for the worst; corners come first
 ROADS = 3
@@ -407,8 +408,9 @@ def _behind_filters(
             shown, d[first] = d[first].copy(), 0
             d[now] += shown
             c = np.concatenate([c, np.zeros(len(A) - len(c))])
-            if weight:
-                A, E, acting, c, d = _filtered(A, E, acting, c, d, weight)
+            known = named(weight)
+            if known is not None:
+                A, E, acting, c, d = _filtered(A, E, acting, c, d, known)
             rows.append((c, d))
     total = len(A)
     seen = np.array([np.concatenate([c, np.zeros(total - len(c)), d]) for c, d in rows])
@@ -416,10 +418,10 @@ def _behind_filters(
 
 
 def _filtered(
-    A: Array, E: Array, acting: Array, c: Array, d: Array, weight: str
+    A: Array, E: Array, acting: Array, c: Array, d: Array, weight: Stages
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Return the plant with a filter behind y = c x + d v, and the row of what comes out."""
-    known = filter_of(WEIGHTS[weight], Fraction(0))
+    known = filter_of(weight, Fraction(0))
     a, b, out = (
         np.array([[float(x) for x in row] for row in M]) for M in (known.a, known.b, known.c)
     )

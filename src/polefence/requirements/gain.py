@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -23,10 +22,13 @@ from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.bands import Band
 from polefence.proof.between import Held
-from polefence.proof.text import exactly
-from polefence.proof.work import FormatError
+from polefence.requirements.frequencies import (
+    frequencies,
+    require_below_half_the_rate,
+    with_band,
+)
 from polefence.requirements.slopes import Channel, Loops, Slopes, Turned
-from polefence.requirements.specification import Row, Specification, is_number
+from polefence.requirements.specification import Row, Specification
 from polefence.response.between import held_evenly
 from polefence.response.closed import Loops as ClosedLoops
 from polefence.response.closed import close
@@ -68,7 +70,7 @@ class Gain(Specification):
         if self.at not in (ALL_TIMES, SAMPLES):
             raise InputError(f'at = {shown(self.at)} must be "{SAMPLES}" or "{ALL_TIMES}"')
         if self.band is not None:
-            self._settle("band", _band(self.band))
+            self._settle("band", frequencies(self.band))
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -80,9 +82,7 @@ class Gain(Specification):
     def title(self) -> str:
         """Kind, signal, chosen disturbances, whether at samples, and the band, as a line has it."""
         text = super().title if self.at == ALL_TIMES else f"{super().title} with at {self.at}"
-        if self.band is None:
-            return text
-        return f"{text} with band [{', '.join(map(exactly, self.band))}]"
+        return with_band(text, self.band)
 
     @property
     def by_transfer_alone(self) -> bool:
@@ -123,11 +123,7 @@ class Gain(Specification):
                 f"{self.title}: a gain in a band is proved for parameters of a box; give "
                 "[parameters] in place of the vertices, or leave out the band"
             )
-        if 2 * Fraction(self.band[1]) * plant.period > 1:
-            raise InputError(
-                f"{self.title}: samples have no frequency above "
-                f"{float(1 / (2 * plant.period)):g} Hz, half the sample rate; end the band there"
-            )
+        require_below_half_the_rate(self.title, self.band, plant)
 
     def beyond_lmi(self, plant: UncertainPlant) -> str:
         """Say that none has a band."""
@@ -270,21 +266,6 @@ class Gain(Specification):
         """Return peaks of the largest singular value with their slopes."""
         found = Highest.of(loops, ends=self.ends(loops.modes.step))
         return Slopes(found.values, found.points, lambda: [found.turned()])
-
-
-def _band(value: Any) -> tuple[float, float]:
-    """Return a band as two numbers."""
-    ends = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else []
-    ends = [float(x) if isinstance(x, Fraction) else x for x in ends]
-    try:
-        Band.of([Fraction(x) for x in ends] if all(map(is_number, ends)) else [])
-    except FormatError as error:
-        several = f"[{', '.join(map(shown, ends))}]" if 0 < len(ends) < 5 else shown(value)
-        raise InputError(
-            f"band = {several} must be two numbers in Hz, the smaller first, that differ in six "
-            "digits; write band = [4, 8]"
-        ) from error
-    return float(ends[0]), float(ends[1])
 
 
 def sampled_frequency(w: float, step: float) -> float | None:

@@ -1,9 +1,9 @@
-"""Rms of a signal under white noise, weighted or not."""
+"""Rms of a signal under white noise, weighted or not, of all frequencies or of a band."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
@@ -21,6 +21,11 @@ from polefence.plant.polynomial import Domain
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.between import MOST_PERIODS, Held
+from polefence.requirements.frequencies import (
+    frequencies,
+    require_below_half_the_rate,
+    with_band,
+)
 from polefence.requirements.slopes import Channel, Loops, Slopes, of_noise
 from polefence.requirements.specification import Row, Specification, is_number, listed
 from polefence.requirements.weights import (
@@ -35,7 +40,7 @@ from polefence.response.closed import Loops as Closed
 from polefence.response.closed import close
 from polefence.response.modes import Modes
 from polefence.response.stationary import lyapunov, needed, stationary, unstable
-from polefence.response.weighting import Weighting
+from polefence.response.weighting import BandFilter, Stages, in_series
 
 WIDE = 1.6  # times the shortest period, from which on one in between is looked at too
 
@@ -55,12 +60,17 @@ class Rms(Specification):
         "Wk", "Wd", "We" or "Wf" of ISO 2631-1: the rms of the signal so weighted, of a vector each
         entry; or one for each entry, "none" among them. The filters are no states of the plant:
         no law feeds them back, and the region is not about their poles.
+    band : pair of float, optional
+        [low, high] in Hz: the rms behind a Butterworth filter of this band, of third order at each
+        end; with low = 0 behind a low-pass of fourth order. Behind the weighting where there is
+        one, too.
     """
 
     density: float = 1.0
     weight: str | Sequence[str] | None = None
+    band: Any = field(default=None, kw_only=True)
     kind = "rms"
-    keys = ("density", "weight", "disturbances")
+    keys = ("density", "weight", "band", "disturbances")
     vector = True
     limits_rms = True
     late_as: ClassVar[str | None] = proof.Rms.late_as
@@ -73,6 +83,14 @@ class Rms(Specification):
             raise InputError(f"density = {self.density!r} must be a positive number")
         if self.weight is not None:
             self._settle("weight", _weights(self.weight, len(self.entries)))
+        if self.band is not None:
+            self._settle("band", frequencies(self.band))
+
+    def require_fit(self, plant: UncertainPlant) -> None:
+        """Refuse a band that samples cannot have, too."""
+        super().require_fit(plant)
+        if self.band is not None:
+            require_below_half_the_rate(self.title, self.band, plant)
 
     @classmethod
     def read(cls, row: Row) -> Self:
@@ -87,7 +105,8 @@ class Rms(Specification):
         density = row.given("density").get("density", row.density)
         if density is None:
             density = cls.without_density(row.where)
-        return cls(row.table["signal"], **row.given() | {"density": density}, weight=weight)
+        given = row.given() | {"density": density}
+        return cls(row.table["signal"], **given, weight=weight, band=row.table.get("band"))
 
     @classmethod
     def without_density(cls, where: str) -> float:
@@ -99,27 +118,29 @@ class Rms(Specification):
         )
 
     @property
-    def filters(self) -> tuple[Weighting | None, ...]:
-        """The weightings, one an entry."""
+    def filters(self) -> tuple[Stages | None, ...]:
+        """The filters, one an entry: weighting, band, or both in series."""
         weight = self.weight
         names = (
             (weight,) * len(self.entries) if weight is None or isinstance(weight, str) else weight
         )
-        return tuple(None if name in (None, PLAIN) else WEIGHTS[str(name)] for name in names)
+        band = () if self.band is None else (BandFilter(*self.band),)
+        return tuple(
+            in_series((*(() if name in (None, PLAIN) else (WEIGHTS[str(name)],)), *band))
+            for name in names
+        )
 
     @property
     def title(self) -> str:
-        """Kind, signal, chosen disturbances and weight, as a line has them."""
-        weight = self.weight
-        if weight is None:
-            return super().title
-        return (
-            f"{super().title} with weight {weight if isinstance(weight, str) else listed(weight)}"
-        )
+        """Kind, signal, chosen disturbances, weight and band, as a line has them."""
+        weight, text = self.weight, super().title
+        if weight is not None:
+            text = f"{text} with weight {weight if isinstance(weight, str) else listed(weight)}"
+        return with_band(text, self.band)
 
     def filtered(self, signals: Sequence[str | Output]) -> Rms:
         """Return it of the weighted signals."""
-        return replace(self, signal=signals, weight=None)
+        return replace(self, signal=signals, weight=None, band=None)
 
     def of(self, output: Output) -> Rms:
         """Return the rms of another output, with the filter of the signal of its name."""
@@ -132,7 +153,7 @@ class Rms(Specification):
 
     def unweighted(self) -> Rms:
         """Return it of the signal itself."""
-        return replace(self, weight=None)
+        return replace(self, weight=None, band=None)
 
     @property
     def noise_density(self) -> float:

@@ -25,7 +25,7 @@ from polefence.plant.system import Exact
 from polefence.plant.weights import driven_through, seen_through
 from polefence.proof.filters import Filter, Filters, states_of
 from polefence.proof.matrices import Integers, Rationals, plus, transposed
-from polefence.response.weighting import WD, WE, WF, WK, Weighting
+from polefence.response.weighting import WD, WE, WF, WK, BandFilter, Stages, Weighting, in_series
 
 if TYPE_CHECKING:
     from polefence.requirements.specification import Specification
@@ -102,7 +102,7 @@ def with_weights(
     InputError
         If the plant has no such signal, or has one of the name that the weighted one would have.
     """
-    made: dict[tuple[str, Weighting | Shape], str] = {}
+    made: dict[tuple[str, Stages | Shape], str] = {}
     bare, n = plant, plant.shape[0]
     for specification in specifications:
         for signal, weighting in _pairs(bare, specification):
@@ -173,8 +173,8 @@ class Shape:
         return self.filter.name
 
 
-def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
-    """Return a weighting as a claim has it: at a sample time of a held signal, in its delta form.
+def filter_of(weighting: Stages | Shape, T: Fraction) -> Filter:
+    """Return a filter as a claim has it: at a sample time of a held signal, in its delta form.
 
     Parameters
     ----------
@@ -184,8 +184,15 @@ def filter_of(weighting: Weighting | Shape, T: Fraction) -> Filter:
     return weighting.at(T) if isinstance(weighting, Shape) else _standard(weighting, T)
 
 
+def named(name: str) -> Stages | None:
+    """Return the filter of a name, as claims have them; None where there is no such filter."""
+    parts = [WEIGHTS.get(part) or BandFilter.named(part) for part in name.split(", ")]
+    known = [part for part in parts if part is not None]
+    return in_series(known) if len(known) == len(parts) else None
+
+
 @lru_cache(maxsize=64)
-def _standard(weighting: Weighting, T: Fraction) -> Filter:
+def _standard(weighting: Stages, T: Fraction) -> Filter:
     A, B, C, _ = weighting.state_space()  # the low-pass leaves no direct way through
     if not T:
         return Filter(_exact(A), _exact(B), _exact(C), weighting.name)
@@ -222,7 +229,7 @@ def _shortened(P: Integers, Q: Integers, unit: int) -> Integers:
 
 
 def _with_filter(
-    plant: UncertainPlant, signal: Output, weighting: Weighting
+    plant: UncertainPlant, signal: Output, weighting: Stages
 ) -> tuple[UncertainPlant, str]:
     """Return the plant with a filter on a signal, and the name of what comes out of it."""
     form = filter_of(weighting, plant.period)

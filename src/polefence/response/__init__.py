@@ -27,7 +27,7 @@ from polefence.response.loop_margins import (
 )
 from polefence.response.opened import Opened, Place, family_points, opened, places
 from polefence.response.stationary import Stationary, stationary, velocity_psd
-from polefence.response.weighting import WD, WE, WF, WK, Weighting
+from polefence.response.weighting import WD, WE, WF, WK, BandFilter, Weighting
 
 __all__ = [
     "MOTION",
@@ -36,6 +36,7 @@ __all__ = [
     "WE",
     "WF",
     "WK",
+    "BandFilter",
     "Bands",
     "DiskRanges",
     "Frequency",

@@ -1,15 +1,19 @@
-"""Frequency weightings of ISO 2631-1:1997.
+"""Frequency weightings of ISO 2631-1:1997, and band filters.
 
 Wk of vertical vibration, Wd of horizontal and We of rotational vibration, Wf of motion sickness.
 Source: the parameters of annex A of the standard (ISO 8041 repeats them), every stage of second
 order: band limits, transition from acceleration to velocity, upward step.
+
+Band filters are Butterworth's, as those of octave bands in IEC 61260-1 usually are.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,6 +22,7 @@ import numpy.typing as npt
 from polefence.base.errors import InputError
 from polefence.plant.system import Array, floats
 from polefence.proof.short import Short
+from polefence.proof.text import exactly
 
 Gains = npt.NDArray[np.complex128]
 
@@ -27,41 +32,23 @@ HALF_BAND = 10**0.05
 BLOCK = 4_000_000
 
 
-@dataclass(frozen=True)
-class Weighting(Short):
-    """A frequency weighting: high-pass, low-pass, transition and step in series.
+class Stages(ABC):
+    """A filter of stages of second order in series: b(s) / (s^2 + s w0/Q + w0^2).
 
     Attributes
     ----------
     name : str
-    high_pass, low_pass : float
-        Band limits f1, f2 [Hz], of Butterworth filters of second order.
-    transition : (float, float, float)
-        f3, f4 [Hz] and Q4: (1 + s/w3) / (1 + s/(Q4 w4) + (s/w4)^2); f3 may be infinite.
-    step : (float, float, float, float) or None
-        f5 [Hz], Q5, f6 [Hz] and Q6: (s^2 + s w5/Q5 + w5^2) / (s^2 + s w6/Q6 + w6^2).
+        What it is called in a claim.
     top : float
-        Nominal centre [Hz] of the highest one-third-octave band it is meant for.
+        A frequency [Hz] in the highest one-third-octave band that it is meant for.
     """
 
     name: str
-    high_pass: float
-    low_pass: float
-    transition: tuple[float, float, float]
-    step: tuple[float, float, float, float] | None
     top: float
 
+    @abstractmethod
     def stages(self) -> Iterator[tuple[Array, float, float]]:
-        """Yield numerator, w0 [rad/s] and Q of every stage: b(s) / (s^2 + s w0/Q + w0^2)."""
-        turn = 2 * math.pi
-        w1, w2 = turn * self.high_pass, turn * self.low_pass
-        w3, w4 = turn * self.transition[0], turn * self.transition[1]
-        yield np.array([1.0, 0.0, 0.0]), w1, math.sqrt(0.5)
-        yield np.array([0.0, 0.0, w2**2]), w2, math.sqrt(0.5)
-        yield np.array([0.0, w4**2 / w3, w4**2]), w4, self.transition[2]
-        if self.step is not None:
-            w5, w6 = turn * self.step[0], turn * self.step[2]
-            yield np.array([1.0, w5 / self.step[1], w5**2]), w6, self.step[3]
+        """Yield b (3,), highest power first, w0 [rad/s] and Q of every stage."""
 
     def gain(self, frequency: Any) -> Gains:
         """Return the complex gain at frequencies [Hz]."""
@@ -81,7 +68,7 @@ class Weighting(Short):
         return above, below
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
-        """Return A, B, C, D of the weighting, two states a stage: eight, or six without a step."""
+        """Return A, B, C, D of the weighting, two states a stage."""
         A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
         for (b2, b1, b0), w0, Q in self.stages():
             # x1 = w0^2 / den, x2 = w0 s / den: states of one size, so A is well scaled.
@@ -95,7 +82,7 @@ class Weighting(Short):
     @property
     def settling(self) -> float:
         """Time [s] in which the slowest free motion falls to e^-20 of itself."""
-        # Slowest real part of s^2 + s w0/Q + w0^2; every Q of the standard is above a half.
+        # Slowest real part of s^2 + s w0/Q + w0^2; every Q is above a half.
         return 20 / min(w0 / (2 * Q) for _, w0, Q in self.stages())
 
     def apply(self, signal: Any, step: float) -> Array:
@@ -134,6 +121,124 @@ class Weighting(Short):
             spectrum = fft.rfft(rows[block], length)
             weighted[block] = fft.irfft(spectrum * gain, length)[:, :count]
         return np.asarray(weighted.reshape(signal.shape))
+
+
+@dataclass(frozen=True)
+class Weighting(Stages, Short):
+    """A frequency weighting: high-pass, low-pass, transition and step in series.
+
+    Attributes
+    ----------
+    name : str
+    high_pass, low_pass : float
+        Band limits f1, f2 [Hz], of Butterworth filters of second order.
+    transition : (float, float, float)
+        f3, f4 [Hz] and Q4: (1 + s/w3) / (1 + s/(Q4 w4) + (s/w4)^2); f3 may be infinite.
+    step : (float, float, float, float) or None
+        f5 [Hz], Q5, f6 [Hz] and Q6: (s^2 + s w5/Q5 + w5^2) / (s^2 + s w6/Q6 + w6^2).
+    top : float
+        Nominal centre [Hz] of the highest one-third-octave band it is meant for.
+    """
+
+    name: str
+    high_pass: float
+    low_pass: float
+    transition: tuple[float, float, float]
+    step: tuple[float, float, float, float] | None
+    top: float
+
+    def stages(self) -> Iterator[tuple[Array, float, float]]:
+        """Yield b, w0 [rad/s] and Q of every stage: eight states, or six without a step."""
+        turn = 2 * math.pi
+        w1, w2 = turn * self.high_pass, turn * self.low_pass
+        w3, w4 = turn * self.transition[0], turn * self.transition[1]
+        yield np.array([1.0, 0.0, 0.0]), w1, math.sqrt(0.5)
+        yield np.array([0.0, 0.0, w2**2]), w2, math.sqrt(0.5)
+        yield np.array([0.0, w4**2 / w3, w4**2]), w4, self.transition[2]
+        if self.step is not None:
+            w5, w6 = turn * self.step[0], turn * self.step[2]
+            yield np.array([1.0, w5 / self.step[1], w5**2]), w6, self.step[3]
+
+
+@dataclass(frozen=True)
+class BandFilter(Stages, Short):
+    """A Butterworth filter of a band: of third order at each end, half the power at both.
+
+    Of white noise it passes 4.7 % more power than an ideal one. A band from zero is a low-pass of
+    fourth order, which passes 2.6 % more.
+
+    Attributes
+    ----------
+    low, high : float
+        The ends [Hz]; the lower one may be zero.
+    """
+
+    low: float
+    high: float
+    name: str = field(init=False)
+    top: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        name = f"band from {exactly(self.low)} to {exactly(self.high)} Hz"
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "top", self.high)
+
+    @classmethod
+    def named(cls, name: str) -> BandFilter | None:
+        """Return the one of a name, None where that is none of a band."""
+        match = re.fullmatch(r"band from (\S+) to (\S+) Hz", name)
+        try:
+            found = None if match is None else cls(float(match[1]), float(match[2]))
+        except ValueError:
+            return None
+        return found if found is not None and found.name == name else None
+
+    def stages(self) -> Iterator[tuple[Array, float, float]]:
+        """Yield b, w0 [rad/s] and Q of every stage."""
+        turn = 2 * math.pi
+        w1, w2 = turn * self.low, turn * self.high
+        if not self.low:
+            half = math.sqrt(0.5)
+            for damping in (math.sqrt((1 + half) / 2), math.sqrt((1 - half) / 2)):
+                yield np.array([0.0, 0.0, w2**2]), w2, 0.5 / damping
+            return
+        # s becomes (s^2 + w0^2) / (B s) in 1 / ((s + 1)(s^2 + s + 1))
+        B, w0 = w2 - w1, math.sqrt(w1 * w2)
+        yield np.array([0.0, B, 0.0]), w0, w0 / B
+        # s^2 - q B s + w0^2 = 0 for q = (-1 + j sqrt(3)) / 2: s = q B / 2 +- root
+        real, imaginary = -(B**2) / 8 - w0**2, -math.sqrt(3) * B**2 / 8
+        up = math.sqrt((math.sqrt(real**2 + imaginary**2) - real) / 2)
+        across = -imaginary / (2 * up)
+        middle = -B / 4, math.sqrt(3) * B / 4
+        for sign in (1, -1):
+            x, y = middle[0] - sign * across, middle[1] + sign * up
+            w = math.sqrt(x**2 + y**2)
+            yield np.array([0.0, B, 0.0]), w, w / (-2 * x)
+
+
+@dataclass(frozen=True)
+class Series(Stages, Short):
+    """Filters in series."""
+
+    filters: tuple[Weighting | BandFilter, ...]
+    name: str = field(init=False)
+    top: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", ", ".join(one.name for one in self.filters))
+        object.__setattr__(self, "top", min(one.top for one in self.filters))
+
+    def stages(self) -> Iterator[tuple[Array, float, float]]:
+        """Yield b, w0 [rad/s] and Q of every stage."""
+        for one in self.filters:
+            yield from one.stages()
+
+
+def in_series(filters: Sequence[Weighting | BandFilter]) -> Stages | None:
+    """Return filters in series as one; None where there are none."""
+    if len(filters) < 2:
+        return filters[0] if filters else None
+    return Series(tuple(filters))
 
 
 def sampled(signal: Any, step: float, top: float, what: str) -> Array:

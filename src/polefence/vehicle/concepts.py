@@ -32,7 +32,7 @@ from polefence.region.regions import Disk
 from polefence.requirements.named import by_name
 from polefence.requirements.rms import Rms
 from polefence.response.closed import close
-from polefence.response.weighting import Weighting
+from polefence.response.weighting import Stages
 from polefence.search.optimise import Optimised, optimise
 from polefence.search.semi_active import QUICK, DamperQuestion
 from polefence.vehicle.driving.drive import drive
@@ -441,7 +441,7 @@ def _regulator(A: Array, B: Array, C: Array, D: Array, R: Array) -> Array:
     raise np.linalg.LinAlgError("the Riccati equation has no stabilising solution")
 
 
-def _mean_square(records: Array, weight: Weighting | None, begin: int) -> Array:
+def _mean_square(records: Array, weight: Stages | None, begin: int) -> Array:
     """Return the mean squares of records (loads, times) behind a weighting, nan of lost drives."""
     if weight is not None:
         whole, bare = np.isfinite(records).all(axis=1), records

@@ -104,6 +104,7 @@ from polefence.region.regions import (
 )
 from polefence.region.text import load_region as load_region, parse_region as parse_region
 from polefence.region.z_plane import z_plane as z_plane
+from polefence.requirements.bump import BumpMeasure as BumpMeasure
 from polefence.requirements.delay_margin import DelayMargin as DelayMargin
 from polefence.requirements.disk_margin import DiskMargin as DiskMargin
 from polefence.requirements.disk_margin import Unmodelled as Unmodelled

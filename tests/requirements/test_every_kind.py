@@ -32,6 +32,7 @@ LINES = {
     "step": "step of x <= 1.5 with measure peak",
     "initial": "initial of x from [x * 2] <= 3 with measure peak",
     "impulse": "impulse of x <= 2 with measure peak",
+    "bump": "bump of x <= 0.2 with height 0.1 with length 2 with speed 1",
     "peak to peak": "peak to peak of x <= 1.5",
     "gain norm": "gain norm of the law <= 50",
 }

@@ -18,6 +18,7 @@ from polefence.cli.main import main
 from polefence.law.laws import PolynomialGain
 from polefence.plant.spec import load
 from polefence.region.regions import HalfPlane, Sector
+from polefence.requirements.bump import BumpMeasure
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
 from polefence.requirements.free import ImpulseMeasure, InitialMeasure
@@ -263,6 +264,7 @@ MARGINS = (
     "--limit", "step of v with measure peak", "--limit", "peak to peak of x",
     "--limit", "initial of x from [x * 0.5, v * -1] with measure settling with band 0.05",
     "--limit", "impulse of x with measure peak",
+    "--limit", "bump of x with height 0.5 with length 2 with speed 1 with acts rate",
 )  # fmt: skip
 
 APART = [
@@ -371,6 +373,7 @@ def _write_passing(made: Path) -> None:
         StepMeasure("v", measure="peak"), PeakToPeak("v", disturbances={"w": 0.5}),
         StepMeasure("x", envelope=[[0, -1, 2], [9, -1, 1]]), InitialMeasure("v", start={"x": 1.0}),
         ImpulseMeasure("x"),
+        BumpMeasure("v", height=0.5, length=2, speed=1, acts="height", late={"w": 0.25}),
         WorstCaseGain(
             "v", inputs=["u", "slip -> w"], weight="0.3*(s + 1)/(s + 9)", time_invariant=True
         ),

@@ -566,7 +566,10 @@ def _bounded(A, E, C, apart=0.01, count=2000):
 
 def _followed(kind, claim, A, E, C, F, apart=0.01, count=2000):
     """The measure of a response, of its values at times."""
-    n, measure, band = len(A), claim["measure"], number(claim.get("band", 0))
+    n = len(A)
+    if kind == "bump":
+        y, t, final, size = *_crossed(claim, A, E, C, F, apart, count), 0.0, 1.0
+        return _measured(claim, y, t, final, size)
     x, b, F = np.zeros(n), E.sum(axis=1), F.sum(axis=1)
     if kind != "step":
         x, b, F = array(claim["start"]) if kind == "initial" else b, x, 0 * F
@@ -576,8 +579,14 @@ def _followed(kind, claim, A, E, C, F, apart=0.01, count=2000):
         y.append(float((C @ x[:n] + F)[0]))
         x = step @ x
     final = float((F - C @ np.linalg.solve(A, b))[0])
-    y, t, s = np.array(y), apart * np.arange(count), np.sign(final)
+    y, t = np.array(y), apart * np.arange(count)
     size = (abs(final) or np.nan) if kind == "step" else 1.0
+    return _measured(claim, y, t, final, size)
+
+
+def _measured(claim, y, t, final, size):
+    """The measure of y at times t, beside a size."""
+    measure, band, s = claim["measure"], number(claim.get("band", 0)), np.sign(final)
     match measure:
         case "envelope":
             times, low, high = array(claim["envelope"]).T
@@ -597,6 +606,27 @@ def _followed(kind, claim, A, E, C, F, apart=0.01, count=2000):
             return float(t[out[-1]]) if len(out) else 0.0
     reached = np.flatnonzero(s * y >= (1 - band - SLACK) * size)
     return float(t[max(reached[0] - 1, 0)]) if len(reached) else np.inf
+
+
+def _crossed(claim, A, E, C, F, apart, count):
+    """y over a bump, by Simpson's rule on each step, and the times."""
+    n, t = len(A), apart * np.arange(count)
+    height, length, speed = (number(claim[key]) for key in ("height", "length", "speed"))
+    halves = np.arange(2 * count) * apart / 2
+    u = (halves - array(claim["late"])[:, None]) * speed / length
+    on, angle = (u >= 0) & (u <= 1), 2 * np.pi * u
+    each = {
+        "rate": np.pi * height * speed / length * np.sin(angle),
+        "height": height / 2 * (1 - np.cos(angle)),
+    }
+    w = np.array([(each[word] * on)[k] for k, word in enumerate(claim["acts"])])
+    half, step, x, y = expm(A * apart / 2), expm(A * apart), np.zeros(n), []
+    for k in range(count):
+        y.append(float((C @ x + F @ w[:, 2 * k])[0]))
+        if 2 * k + 2 < 2 * count:
+            a, b, c = (E @ w[:, 2 * k + j] for j in range(3))
+            x = step @ x + apart / 6 * (step @ a + 4 * half @ b + c)
+    return np.array(y), t
 
 
 def _largest(A, E, C, F, points):
@@ -1313,9 +1343,9 @@ def false_gain_conflict(plant, law, claim):
     )
 
 
-FOLLOWED = ("step", "initial", "impulse")
+FOLLOWED = ("step", "initial", "impulse", "bump")
 # Of which a disturbance may pass straight into the signal.
-DIRECT = ("gain", "step", "initial", "peak to peak")
+DIRECT = ("gain", "step", "initial", "bump", "peak to peak")
 FALSE = {
     "clipped": false_clipped,
     "conflict": false_conflict,

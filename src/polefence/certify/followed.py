@@ -66,10 +66,10 @@ class Floats:
     run: Run
     domain: Domain
     A: Array  # (1 + corners, n, n)
-    b: Array  # (1 + corners, n)
+    b: Array  # (1 + corners, n, drives)
     x0: Array
     C: Array
-    F: Array
+    F: Array  # (1 + corners,), of what stays
 
     @classmethod
     def of(cls, claim: Any) -> Self:
@@ -78,11 +78,11 @@ class Floats:
         middle = np.concatenate([np.full(size, 1 / size) for size in domain.sizes])
         at = np.concatenate([middle[None], domain.coordinates(np.eye(domain.corners))])
         A, C = loops(run, domain, at)
-        b, x0 = (
-            values(P, domain, at)[:, :, 0] if P.terms else np.zeros(A.shape[:2])
-            for P in (run.b, run.x0)
-        )
-        F = np.zeros(len(at)) if run.F is None else values(run.F, domain, at)[:, 0, 0]
+        none = np.zeros((*A.shape[:2], len(run.drives)))
+        b = values(run.b, domain, at) if run.b.terms else none
+        x0 = values(run.x0, domain, at)[:, :, 0] if run.x0.terms else none[:, :, 0]
+        stays = np.array([not drive.rests for drive in run.drives], dtype=float)
+        F = np.zeros(len(at)) if run.F is None else values(run.F, domain, at)[:, 0] @ stays
         return cls(claim, run, domain, A, b, x0, C[:, 0], F)
 
     def moved(self) -> list[float]:
@@ -138,10 +138,10 @@ def tau(A: Array, h: float) -> Array:
 
 
 def followed(inverse: Array, x: Array, b: Array, h: float) -> Array:
-    """Return c (count, m + 1, n) from x (count, n)."""
+    """Return c (count, m + 1, n) from x (count, n), b of T_0 on (count, n, up to m)."""
     count, n = x.shape
     right = np.zeros((count, TERMS + 1, n))
-    right[:, 0], right[:, -1] = h / 2 * b, x
+    right[:, : b.shape[2]], right[:, -1] = h / 2 * np.swapaxes(b, 1, 2), x
     found = inverse @ right.reshape(count, -1, 1)
     return np.asarray(found.reshape(count, TERMS + 1, n))
 

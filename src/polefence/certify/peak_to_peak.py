@@ -239,7 +239,7 @@ class _Floats(Floats):
     ) -> tuple[Fraction, tuple[tuple[int, int], ...]] | None:
         """Return a unit, and steps as long as the tau method bears, until little is left."""
         unit, level = power(BEGIN / fast), float(self.claim.level)
-        x, none = self._starts(), np.zeros_like(self.b)
+        x, none = self._starts(), np.zeros((*self.A.shape[:2], 1))
         lengths, length = list[int](), 1
         inverses: dict[int, Array] = {}
         while len(lengths) < MOST_STEPS:

@@ -47,6 +47,8 @@ OFF, LONGER = 1e-7, 1e-4  # of what is allowed, a residual; of that, for which s
 SPREAD = 2.0  # of sizes of coefficients beside values at corners
 DEGREES = (4, 7)  # of the parameters, tried in turn before a part is split
 MORE = 1e6
+IN_A_TURN = Fraction(1, 4)  # of what drives the loop, the first step: it is then off by 1e-11
+FINE = 60  # bits of what drives the loop, of which floats keep 53
 SHARE = 0.3  # of what is allowed after the last step
 MOST_STEPS, MOST_PARTS = 4000, 256
 # Work on the parts that are tried for one limit, and for each level of a bound. Where a part fails
@@ -160,7 +162,8 @@ class _Floats(Floats):
         self, evidence: Evidence, rate: float, reach: float, degree: int
     ) -> Following | None:
         """Return a series of so high a degree; None where too little is allowed, or none ends."""
-        ends = -np.linalg.solve(self.A, self.b[..., None])[..., 0]
+        rest = np.array([not drive.rests for drive in self.run.drives], dtype=float)
+        ends = -np.linalg.solve(self.A, (self.b @ rest)[..., None])[..., 0]
         final = np.einsum("ki,ki->k", self.C, ends) + self.F
         allowed = self._allowed(final)
         if allowed <= 0:
@@ -187,7 +190,7 @@ class _Floats(Floats):
             case "undershoot":
                 return float((1 + level) * size.min())
             case "settling":
-                return float(self.claim.band) * (float(size.min()) if self.run.b.terms else 1.0)
+                return float(self.claim.band) * (float(size.min()) if self.claim.has_final else 1.0)
             case "envelope" if self.claim.envelope is not None:
                 _, lower, upper = map(float, self.claim.envelope.points[-1])
                 return float((level * (upper - lower) / 2 - abs(final - (upper + lower) / 2)).min())
@@ -198,49 +201,73 @@ class _Floats(Floats):
         self, fast: float, ends: Array, weights: Array, reach: float, allowed: float
     ) -> tuple[Fraction, tuple[tuple[int, int], ...]] | None:
         """Return a unit, and steps as long as the tau method bears, until little is left."""
-        unit, ends_at = self._unit(power(BEGIN / fast))
+        turns = [drive.turn * IN_A_TURN for drive in self.run.drives if drive.turn]
+        most = min([power(BEGIN / fast), *turns])
+        unit, ends_at = self._unit(most)
         at, x = 0, self.x0
-        lengths, length = list[int](), 1
+        # in units, powers of two: as long as steps may be, and shorter where one has to end
+        lengths, longest = list[int](), 1 << math.floor(most / unit).bit_length() - 1
         inverses: dict[int, Array] = {}
         while len(lengths) < MOST_STEPS:
             left = SPREAD * reach * (np.abs(x - ends) @ weights).max()
             if not ends_at and (left < SHARE * allowed or self._short_of_it(at)):
                 return unit, runs(lengths or [1])
+            length = longest
             if ends_at:
                 length = min(length, 1 << (ends_at[0] - at).bit_length() - 1)
             while True:
                 if length not in inverses:
                     inverses[length] = tau(self.A, float(length * unit))
-                c = followed(inverses[length], x, self.b, float(length * unit))
+                b, beside = self._driven(at, at + length, unit, weights)
+                c = followed(inverses[length], x, b, float(length * unit))
                 left_over = np.abs(self.A @ c[:, -1, :, None])[..., 0] @ weights
-                off = reach * float(left_over.max()) * float(length * unit)
+                off = reach * (float(left_over.max()) * float(length * unit) + beside)
                 if off < OFF * allowed or length == 1:
                     break
-                length //= 2
+                length = longest = length // 2
             x = c.sum(axis=1)
             lengths.append(length)
             at += length
             ends_at = ends_at[ends_at[:1] == [at] :]
-            if off < OFF * allowed * LONGER:
-                length *= 2
+            if off < OFF * allowed * LONGER and length == longest:
+                longest *= 2
         return None
+
+    def _driven(self, begin: int, end: int, unit: Fraction, weights: Array) -> tuple[Array, float]:
+        """Return b w of T_0 on for a step between times in units, and what w is off there.
+
+        Returns
+        -------
+        b : (count, n, terms) array
+        off : float
+            In the norm with these weights (n,), over the step.
+        """
+        first, last = begin * unit, end * unit
+        found = [drive.on(first, last, TERMS - 1, FINE) for drive in self.run.drives]
+        waves = np.zeros((len(found), max(1, *(len(w) for w, _ in found))))
+        for own, (w, _) in zip(waves, found, strict=True):
+            own[: len(w)] = np.array(w, dtype=float) / 2.0**FINE
+        size = np.abs(self.b).max(axis=0).T @ weights
+        off = float(size @ [float(own) for _, own in found]) * float(last - first)
+        return np.asarray(self.b @ waves), off
 
     def _unit(self, most: Fraction) -> tuple[Fraction, list[int]]:
         """Return a unit, at most so long, of which every time is a multiple at which a step ends.
 
         With these, in units.
         """
-        claim, times = self.claim, list[Fraction]()
+        claim = self.claim
+        times = [t for drive in self.run.drives for t in drive.changes if t]
         if claim.measure in TIMES:
-            times = [claim.level]
+            times.append(claim.level)
         elif claim.envelope is not None:
-            times = [t for t in claim.envelope.times if t]
+            times += [t for t in claim.envelope.times if t]
         if not times:
             return most, []
         whole = math.lcm(*(t.denominator for t in times))
         common = Fraction(math.gcd(*(int(t * whole) for t in times)), whole)
         unit = common / 2 ** max(0, math.ceil(math.log2(float(common / most))))
-        return unit, [round(t / unit) for t in times]
+        return unit, sorted({round(t / unit) for t in times})
 
     def _short_of_it(self, at: int) -> bool:
         """Whether nothing is asked after so many units: of a final value, or of a rise."""

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from polefence.proof.claims.base import Claim, Verdict, counting, prove
+from polefence.proof.claims.bump import BumpResponse
 from polefence.proof.claims.cells import Cells, Interpolated, read_interpolated
 from polefence.proof.claims.clipped import Clipped
 from polefence.proof.claims.decay import Decay
@@ -78,6 +79,7 @@ KINDS: Mapping[str, type[Claim]] = MappingProxyType(
             StepResponse,
             InitialResponse,
             ImpulseResponse,
+            BumpResponse,
             PeakToPeak,
             GainNorm,
             Estimate,

@@ -9,6 +9,9 @@ X is from a solution is known exactly: the residual, and the jump from where the
 
     R = X' - h / 2 (A X + b),    |R(s)| <= the sum of |R_i| of its own coefficients, for |T_i| <= 1.
 
+What drives the loop may change over time: then b is b w, with w(t) of `polefence.proof.drives` as
+Chebyshev polynomials, and what these are off, times |b|_Q and h, comes to the residual.
+
 With |e|_Q = sqrt(e'Q e) and Q A + A'Q + 2 beta Q < 0, the error e = x - X after a step is at most
 
     exp(-beta h) (|e|_Q + the jump) + 2 sum |R_i|_Q,
@@ -37,6 +40,7 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
+from polefence.proof.drives import Constant, Drive, Driven
 from polefence.proof.matrices import Integers, Rationals, inverse, root_above
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes
 from polefence.proof.work import spend
@@ -45,6 +49,7 @@ SPLITS = 6  # of a step, one half of the last each
 FINE = 90  # bits of an inverse
 
 ZERO = Fraction(0)
+Waves = Sequence[tuple[int, ...]]  # of each w, coefficients of T_0 on over 2^bits
 Form = dict[Exponent, list[int]]  # of vectors: a coefficient for each monomial of g
 
 
@@ -133,6 +138,7 @@ class Step:
     end: Fraction
     forms: tuple[Form, ...]
     error: Fraction
+    driven: tuple[Driven, ...] = ()
 
     @property
     def last(self) -> Form:
@@ -142,18 +148,20 @@ class Step:
 
 @dataclass(frozen=True)
 class Follower:
-    """A loop x' = A x + b, and the norm in which errors are measured.
+    """A loop x' = A x + b w, and the norm in which errors are measured.
 
     Attributes
     ----------
     A, b : Centred
-        b of one column; A is M where there is a W.
+        b has a column for each drive; A is M where there is a W.
     norm : tuple of Fraction
         Numbers with |e|_Q <= sum of norm_i |e_i|.
     rate : Fraction
         beta [1/s].
     W : Centred, optional
         Of x = W z: forms are those of z.
+    drives : tuple of Drive
+        w.
     """
 
     A: Centred
@@ -163,6 +171,7 @@ class Follower:
     norm: tuple[Fraction, ...]
     rate: Fraction
     W: Centred | None = None
+    drives: tuple[Drive, ...] = (Constant(),)
 
     @cached_property
     def variables(self) -> tuple[Fraction, ...]:
@@ -181,16 +190,33 @@ class Follower:
         """Yield steps of these lengths, from x0, which is so far off in the norm."""
         start, begin = x0, ZERO
         for h in lengths:
-            forms = self.solved(start, h)
-            off = 2 * self.residual(forms, h)
-            jump = self.far(_sum([*_signed(forms), _negative(start)]))
             end = begin + h
-            yield Step(begin, end, forms, error + jump + off)
+            driven = self.driven(begin, end)
+            waves = [w for w, _ in driven]
+            forms = self.solved(start, h, waves)
+            off = 2 * self.residual(forms, h, waves)
+            off += h * sum(size * own for size, (_, own) in zip(self.columns, driven, strict=True))
+            jump = self.far(_sum([*_signed(forms), _negative(start)]))
+            yield Step(begin, end, forms, error + jump + off, driven)
             x = self.rate * h
             error = (error + jump) / (1 + x + x * x / 2 + x * x * x / 6) + off
             start, begin = _sum(forms), end
 
-    def residual(self, forms: Sequence[Form], h: Fraction) -> Fraction:
+    def driven(self, begin: Fraction, end: Fraction) -> tuple[Driven, ...]:
+        """Return w on a step."""
+        terms, bits = self.series.terms, self.series.bits
+        return tuple(drive.on(begin, end, terms, bits) for drive in self.drives)
+
+    @cached_property
+    def columns(self) -> list[Fraction]:
+        """How large each column of b is at most, in the norm."""
+        terms = self.b.terms.items()
+        return [
+            self.size({e: [row[k] for row in M] for e, M in terms}) / self.b.whole
+            for k in range(len(self.drives))
+        ]
+
+    def residual(self, forms: Sequence[Form], h: Fraction, waves: Waves = ()) -> Fraction:
         """Return the sum of |R_i|_Q, exactly that of these forms, rounded up."""
         whole, other, total = self.A.whole, self.b.whole, Fraction(0)
         own = 1 if self.W is None else self.W.whole
@@ -202,11 +228,16 @@ class Follower:
             left = {e: [q * whole * other * x for x in v] for e, v in rate.items()}
             moved = self.A.times(form)
             left = _less(left, moved, h.numerator * other * own)
-            if not i:
-                b = {e: [row[0] << self.series.bits for row in M] for e, M in self.b.terms.items()}
-                left = _less(left, b, h.numerator * whole * own)
+            left = _less(left, self._wave(waves, i), h.numerator * whole * own)
             total += self.size(left)
         return total / (q * whole * other * own << self.series.bits)
+
+    def _wave(self, waves: Waves, i: int) -> Form:
+        """Return the coefficients of T_i in b w, times b's ``whole``."""
+        now = [w[i] if i < len(w) else 0 for w in waves]
+        if not any(now):
+            return {}
+        return {e: [sum(map(int.__mul__, row, now)) for row in M] for e, M in self.b.terms.items()}
 
     def _state(self, z: Form) -> Form:
         """Return W z, times W's ``whole``."""
@@ -217,9 +248,9 @@ class Follower:
         own = 1 if self.W is None else self.W.whole
         return self.size(self._state(z)) / (own << self.series.bits)
 
-    def solved(self, start: Form, h: Fraction) -> tuple[Form, ...]:
+    def solved(self, start: Form, h: Fraction, waves: Waves = ()) -> tuple[Form, ...]:
         """Return forms of which R is small."""
-        m, n, bits = self.series.terms, len(self.norm), self.series.bits
+        m, n = self.series.terms, len(self.norm)
         inverted = self._inverse(h)
         zero, none = (0,) * len(self.variables), [0] * n
         blank = [list(none) for _ in range(n)]
@@ -231,6 +262,7 @@ class Follower:
         turning = [] if self.W is None else [(e, V) for e, V in self.W.terms.items() if any(e)]
         rates = dict[Exponent, list[list[int]]]()  # slopes of the coefficients, of each monomial
         spend(len(self.monomials) * (n * (m + 1)) ** 2, 64, 64)
+        acting = [self._wave(waves, j) for j in range(m)]
 
         def moved(M: Integers, v: list[int]) -> list[int]:
             return [h.numerator * sum(map(int.__mul__, row, v)) // over for row in M]
@@ -252,12 +284,11 @@ class Follower:
                 lower = tuple(map(int.__sub__, e, f))
                 for j, v in enumerate(rates.get(lower, [])[:m]):
                     right[j] = list(map(int.__sub__, right[j], turned(V, v)))
-            if e in self.b.terms:
-                own = [
-                    (h.numerator * row[0] << bits) // (2 * h.denominator * self.b.whole)
-                    for row in self.b.terms[e]
-                ]
-                right[0] = list(map(int.__add__, right[0], own))
+            for j, wave in enumerate(acting):
+                if e in wave:
+                    share = 2 * h.denominator * self.b.whole
+                    own = [h.numerator * x // share for x in wave[e]]
+                    right[j] = list(map(int.__add__, right[j], own))
             right.append(start.get(e, none))
             if not any(map(any, right)):
                 continue
@@ -318,25 +349,31 @@ class Follower:
         return [[Fraction(x, P.whole) for x in row] for row in M]
 
     def rate_of(self, x: Form) -> Form:
-        """Return A x + b, each number rounded down twice."""
+        """Return A x + b w where w stays as it is, each number rounded down twice."""
         bits, n = self.series.bits, len(self.norm)
         rate = {e: [y // self.A.whole for y in v] for e, v in self.A.times(x).items()}
+        rest = [0 if drive.rests else 1 << bits for drive in self.drives]
         for e, M in self.b.terms.items():
-            own = [(row[0] << bits) // self.b.whole for row in M]
+            own = [sum(map(int.__mul__, row, rest)) // self.b.whole for row in M]
             rate[e] = list(map(int.__add__, rate.get(e, [0] * n), own))
         return rate
 
     def size(self, c: Form) -> Fraction:
         """Return how large a vector of whole numbers is at most, in the norm."""
-        most, total = self.variables, [Fraction(0)] * len(self.norm)
+        total = [Fraction(0)] * len(self.norm)
         for e, v in c.items():
-            scale = math.prod((size**power for power, size in zip(e, most, strict=True)), start=ONE)
+            scale = monomial(e, self.variables)
             for i, x in enumerate(v):
                 total[i] += abs(x) * scale
         return sum((w * x for w, x in zip(self.norm, total, strict=True)), Fraction(0))
 
 
 ONE = Fraction(1)
+
+
+def monomial(e: Exponent, most: Sequence[Fraction]) -> Fraction:
+    """Return how large a monomial of g is at most."""
+    return math.prod((size**power for power, size in zip(e, most, strict=True)), start=ONE)
 
 
 def _slopes(forms: Sequence[Form]) -> list[Form]:

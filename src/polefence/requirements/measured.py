@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -142,7 +142,7 @@ class Measured(Specification):
         channel = self.channel(plant, np.eye(len(plant.vertices)))
         if np.any(channel.D):
             return
-        x0 = _start(channel.E, self.claimed.has_final)
+        x0 = self.begun(channel.E)
         y = (channel.C[:, 0] * x0).sum(axis=1) + channel.F.sum(axis=(1, 2))
         _, lower, upper = self.envelope[0]
         over = np.abs(y - (upper + lower) / 2)
@@ -199,7 +199,7 @@ class Measured(Specification):
     def slopes(self, loops: Loops) -> Slopes:
         """Return the measure at the times that count, with its slopes."""
         final = self.claimed.has_final
-        every = [Response.of(loops, k, final) for k in range(len(loops.A))]
+        every = [self.response(loops, k) for k in range(len(loops.A))]
         active = [self.active(response) for response in every]
         points = np.repeat(np.arange(len(every)), [len(times) for times in active])
         t = np.concatenate(active)
@@ -209,7 +209,7 @@ class Measured(Specification):
         whole = np.zeros((len(points), n + 1, n + 1))  # of x and of one
         whole[:, :n, :n] = A
         whole[:, :n, n] = E * final
-        begun = np.pad(_start(loops.E[points], final), ((0, 0), (0, 1)), constant_values=1.0)
+        begun = np.pad(self.begun(loops.E[points]), ((0, 0), (0, 1)), constant_values=1.0)
         row = np.pad(C, ((0, 0), (0, 1)))
         motion = (exponential(whole * t[:, None, None]) @ begun[..., None])[..., 0]
         y = (row * motion).sum(axis=1) + F
@@ -277,7 +277,7 @@ class Measured(Specification):
         return values
 
     def _value(self, loops: Loops, k: int, closely: bool = True) -> float:
-        response = Response.of(loops, k, self.claimed.has_final, closely)
+        response = self.response(loops, k, closely)
         return self.measured(response) if len(response.t) else np.inf
 
     def measured(self, response: Response) -> float:
@@ -293,6 +293,20 @@ class Measured(Specification):
                 at = self.active(response)
                 end = self._outside(np.array([np.inf]), np.array([response.final]))[0]
                 return float(max(*self._outside(at, response.at(at))[0], *end))
+
+    def begun(self, E: Array) -> Array:
+        """Return x(0) (count, n): what E is where the motion is free, and zero in a step."""
+        return np.asarray(0.0 * E[..., 0] if self.claimed.has_final else E.sum(axis=2))
+
+    def response(self, loops: Loops, k: int, closely: bool = True) -> Response:
+        """Return the response of one loop; without times of an unstable one.
+
+        Parameters
+        ----------
+        closely : bool
+            Whether peaks are looked for between times, of which there are many; else at a few.
+        """
+        return Response.of(loops, k, self.claimed.has_final, closely)
 
     def loops(self, plant: UncertainPlant, law: Any, alpha: Array) -> Loops:
         """Return the loops at points alpha."""
@@ -333,11 +347,6 @@ class Near(Measured):
 def _some(loops: Loops, some: Any) -> Loops:
     modes = Modes(loops.A[some], loops.modes.step)
     return replace(loops, modes=modes, E=loops.E[some], C=loops.C[some], F=loops.F[some])
-
-
-def _start(E: Array, final: bool) -> Array:
-    """Return x(0) (count, n): what E is where the motion is free, and zero in a step."""
-    return np.asarray(0.0 * E[..., 0] if final else E.sum(axis=2))
 
 
 def _alone(measure: Any) -> str:
@@ -383,45 +392,71 @@ def _points(envelope: Any, name: str) -> Points:
     return tuple((float(t), float(lower), float(upper)) for t, lower, upper in rows)
 
 
+class Piece(NamedTuple):
+    """y from a time on, until the next piece begins: sum of weights e^(poles (t - begin))."""
+
+    begin: float
+    poles: Any
+    weights: Any
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
-    """y of one loop at its times, and where it tends to: y = final + sum of weights e^(poles t)."""
+    """y of one loop at its times, and where it tends to: y = final + what its pieces are."""
 
     t: Array
     y: Array
     final: float
-    poles: Any
-    weights: Any
+    pieces: tuple[Piece, ...]
     closely: bool
 
     @classmethod
+    def none(cls, closely: bool) -> Response:
+        """Return that of an unstable loop, without times."""
+        return cls(np.zeros(0), np.zeros(0), np.nan, (), closely)
+
+    @classmethod
     def of(cls, loops: Loops, k: int, final: bool, closely: bool = True) -> Response:
-        """Return the response to all columns of E at once; without times of an unstable loop.
+        """Return the response to all columns of E at once.
 
         Parameters
         ----------
         final : bool
             Whether E is of a constant disturbance; else it is where x begins.
-        closely : bool
-            Whether peaks are looked for between times, of which there are many; else at a few.
         """
         A, E = loops.A[k], loops.E[k].sum(axis=1)
         C, F = loops.C[k][0], float(np.sum(loops.F[k]))
         poles, V = np.linalg.eig(A)
         if poles.real.max() >= 0:
-            return cls(np.zeros(0), np.zeros(0), np.nan, poles, poles, closely)
+            return cls.none(closely)
         t = times_of(poles) if closely else times_of(poles, FEW, TURN, TURNS)
         weights, end = (C @ V) * np.linalg.solve(V, E.astype(complex)), 0.0
         if final:
             weights = weights / poles
             end = float(F - weights.sum().real)
-        own = cls(t, t, end, poles, weights, closely)
+        return cls.in_pieces(t, end, (Piece(0.0, poles, weights),), closely)
+
+    @classmethod
+    def in_pieces(
+        cls, t: Array, final: float, pieces: tuple[Piece, ...], closely: bool
+    ) -> Response:
+        """Return the response at times."""
+        own = cls(t, t, final, pieces, closely)
         return replace(own, y=own.at(t))
 
     def at(self, t: Array) -> Array:
         """Return y at times."""
-        terms = np.exp(np.multiply.outer(t, self.poles)) * self.weights
-        return np.asarray(terms.sum(axis=-1).real + self.final)
+        t = np.asarray(t)
+        number, y = self._pieces_of(t), np.empty(len(t))
+        for k, (begin, poles, weights) in enumerate(self.pieces):
+            now = number == k
+            terms = np.exp(np.multiply.outer(t[now] - begin, poles)) * weights
+            y[now] = terms.sum(axis=-1).real
+        return np.asarray(y + self.final)
+
+    def _pieces_of(self, t: Any) -> Any:
+        begins = np.array([piece.begin for piece in self.pieces[1:]])
+        return np.searchsorted(begins, t, side="right")
 
     def highest(self, size: Array) -> Array:
         """Return the times of the highest peaks of a number at all times, a few."""
@@ -434,9 +469,10 @@ class Response:
         if not 0 < k < len(self.t) - 1:
             return float(self.t[k])
         t = float(self.t[k])
+        begin, poles, weights = self.pieces[int(self._pieces_of(t))]
         for _ in range(CLOSER):
-            terms = self.weights * self.poles * np.exp(self.poles * t)
-            slope, bend = terms.sum().real, (self.poles * terms).sum().real
+            terms = weights * poles * np.exp(poles * (t - begin))
+            slope, bend = terms.sum().real, (poles * terms).sum().real
             moved = t - slope / bend if bend else t
             if not self.t[k - 1] < moved < self.t[k + 1]:
                 break

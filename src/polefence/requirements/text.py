@@ -20,6 +20,7 @@ from polefence.plant.tracks import SOURCES
 from polefence.proof.claims.gain_norm import LAW
 from polefence.proof.short import Short
 from polefence.proof.text import exactly
+from polefence.requirements.bump import BumpMeasure
 from polefence.requirements.delay_margin import DelayMargin
 from polefence.requirements.disk_margin import DiskMargin, Unmodelled
 from polefence.requirements.energy_peak import EnergyPeak
@@ -64,6 +65,7 @@ KINDS: dict[str, type[Specification]] = {
         StepMeasure,
         InitialMeasure,
         ImpulseMeasure,
+        BumpMeasure,
         PeakToPeak,
         GainNorm,
     )

@@ -64,8 +64,8 @@ def test_every_kind_that_laws_are_tuned_for_has_slopes():
     plant, K, _, each = requirements(0)
     # those of opened loops have tests of their own: of gains this small margins' peaks are flat
     opened = {kind for kind, own in KINDS.items() if own.is_margin} | {"worst-case gain"}
-    # so have responses, in tests/requirements: test_step.py, test_free.py, test_peak_to_peak.py
-    opened |= {"step", "initial", "impulse", "peak to peak"}
+    # so have responses, in tests/requirements: test_step.py, test_free.py, test_bump.py and others
+    opened |= {"step", "initial", "impulse", "bump", "peak to peak"}
     assert {own.kind for own in each} == set(KINDS) - {"saturation"} - opened
     own = Saturation("u1", points=((1.0, 0.0, 0.0, 0.0),))
     channel = own.channel(plant, ALPHA)

@@ -32,6 +32,7 @@ ALONE = {
     "step": "step of x1 <= 5 with measure peak",
     "initial": "initial of x1 from [x2 * 0.3] <= 5 with measure peak",
     "impulse": "impulse of x1 <= 5 with measure peak",
+    "bump": "bump of x1 <= 5 with height 1 with length 2 with speed 1 with acts rate",
     "peak to peak": "peak to peak of x1 <= 5",
 }
 COUPLED = (

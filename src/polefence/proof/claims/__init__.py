@@ -1,6 +1,7 @@
 """Claims that files make, one kind a file."""
 
 from polefence.proof.claims.base import Claim, Verdict, prove
+from polefence.proof.claims.bump import BumpResponse
 from polefence.proof.claims.delay_margin import DelayMargin
 from polefence.proof.claims.disk_margin import DiskMargin, Loops, Unmodelled
 from polefence.proof.claims.each_gain import EachGain
@@ -30,6 +31,7 @@ __all__ = [
     "LAW",
     "Baseline",
     "BoundClaim",
+    "BumpResponse",
     "Claim",
     "DelayMargin",
     "DiskMargin",

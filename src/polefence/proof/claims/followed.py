@@ -9,18 +9,28 @@ See `polefence.proof.response`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
 
 from polefence.proof.claims.base import Verdict, undecided
 from polefence.proof.claims.signal import Rows, SignalClaim, Subject
+from polefence.proof.drives import Constant, Drive
 from polefence.proof.matrices import ZERO, Rationals, identity, right_divide
 from polefence.proof.plant import Output
 from polefence.proof.polynomials import Polynomial, constant, number
 from polefence.proof.reading import Table, plain
-from polefence.proof.response import Centred, Follower, Form, Series, norms, variables
+from polefence.proof.response import (
+    Centred,
+    Follower,
+    Form,
+    Series,
+    Step,
+    monomial,
+    norms,
+    variables,
+)
 from polefence.proof.short import Short
 from polefence.proof.work import FormatError
 
@@ -136,8 +146,13 @@ class Followed(SignalClaim):
 
     @property
     def driving(self) -> Polynomial | None:
-        """The constant b of x' = A x + b, a column; None where it is zero."""
+        """The b of x' = A x + b w, a column for each drive; None where it is zero."""
         return None
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """What w(t) is; one that stays one unless said."""
+        return (Constant(),)
 
     @property
     def begun(self) -> Polynomial | None:
@@ -146,7 +161,7 @@ class Followed(SignalClaim):
 
     @property
     def passing(self) -> Polynomial | None:
-        """What is added to C x, a number; None where it is zero."""
+        """What w adds to C x, a row; None where it is zero."""
         return None
 
     @property
@@ -212,6 +227,7 @@ class Run(Short):
     claim: Followed
     A: Centred
     b: Centred
+    drives: tuple[Drive, ...]
     x0: Centred
     C: Centred
     F: Centred | None
@@ -223,12 +239,14 @@ class Run(Short):
         """Return the motion."""
         subject, F = claim.subject, claim.passing
         loop = subject.dual_loop(claim.outputs)
-        none = constant([[ZERO]] * subject.n, subject.sizes)
+        none, drives = constant([[ZERO]] * subject.n, subject.sizes), claim.drives
         b, x0 = (Centred.of(M or none) for M in (claim.driving, claim.begun))
         passing = None if F is None else Centred.of(F)
         Q, W = subject.evidence.X, subject.turning
         turning = None if W is None else Centred.of(W)
-        return cls(claim, Centred.of(loop.M), b, x0, Centred.of(loop.Y), passing, Q, turning)
+        return cls(
+            claim, Centred.of(loop.M), b, drives, x0, Centred.of(loop.Y), passing, Q, turning
+        )
 
     @property
     def follower_variables(self) -> tuple[Fraction, ...]:
@@ -241,7 +259,7 @@ class Run(Short):
         own = self.claim.following[0]
         series = Series(own.terms, own.degree, own.bits)
         sizes, norm = self.claim.subject.sizes, norms(self.Q)
-        return Follower(self.A, self.b, series, sizes, norm, own.rate, self.W)
+        return Follower(self.A, self.b, series, sizes, norm, own.rate, self.W, self.drives)
 
     @property
     def start(self) -> tuple[Form, Fraction]:
@@ -262,20 +280,29 @@ class Run(Short):
             raise FormatError("W is singular in the middle")
         return found[0], found[1] + rounded
 
-    def output(self, x: Form, *, direct: bool = True) -> tuple[Sums, Fraction]:
-        """Return C x + F over 2^bits, and what that is rounded by."""
+    def output(self, x: Form, passing: Sequence[int] | None = None) -> tuple[Sums, Fraction]:
+        """Return C x + F w over 2^bits, and what that is rounded by.
+
+        Parameters
+        ----------
+        passing : sequence of int, optional
+            w over 2^bits; that after all changes unless said.
+        """
         bits = self.claim.following[0].bits
         total = {e: v[0] // self.C.whole for e, v in self.C.times(x).items()}
         off = len(total)
-        if self.F is not None and direct:
+        if passing is None:
+            passing = [0 if drive.rests else 1 << bits for drive in self.drives]
+        if self.F is not None and any(passing):
             for e, M in self.F.terms.items():
-                total[e] = total.get(e, 0) + (M[0][0] << bits) // self.F.whole
+                own = sum(map(int.__mul__, M[0], passing)) // self.F.whole
+                total[e] = total.get(e, 0) + own
                 off += 1
         return total, Fraction(off, 1 << bits)
 
     def final(self, follower: Follower) -> tuple[Form, Fraction] | None:
         """Return where x tends to, and how far that is off in the norm."""
-        if not self.b.terms:
+        if not self.b.terms or all(drive.rests for drive in self.drives):
             return {}, ZERO
         end = self._solved(follower.rate_of, self.A)
         return None if end is None else (end[0], end[1] / follower.rate)
@@ -313,15 +340,25 @@ class Run(Short):
             x = _less(x, moved)
         return best
 
-    def along(self, forms: tuple[Form, ...]) -> tuple[Sums, Fraction]:
-        """Return y over a step, over 2^bits, in powers of s and of g, and its rounding."""
+    def along(self, step: Step) -> tuple[Sums, Fraction]:
+        """Return y over a step, over 2^bits, in powers of s and of g, and how far that is off."""
         total = Sums()
         off = ZERO
-        for i, form in enumerate(forms):
-            y, rounded = self.output(form, direct=i == 0)
+        for i, form in enumerate(step.forms):
+            passing = [w[i] if i < len(w) else 0 for w, _ in step.driven]
+            y, rounded = self.output(form, passing)
             off += rounded
             total |= {(i, *e): v for e, v in y.items()}
+        for k, (_, own) in enumerate(step.driven):
+            off += own * self._passed(k) if own else ZERO
         return total, off
+
+    def _passed(self, k: int) -> Fraction:
+        """Return how large F is at most, of one drive."""
+        if self.F is None:
+            return ZERO
+        most, terms = self.follower_variables, self.F.terms.items()
+        return sum((abs(M[0][k]) * monomial(e, most) for e, M in terms), ZERO) / self.F.whole
 
 
 def _less(x: Form, y: Form) -> Form:

@@ -310,11 +310,13 @@ class _Compared:
                 continue
             if any(step.begin < t < step.end for t in self.times):
                 return "the steps have no end at a point of the envelope"
-            y, rounded = self.run.along(step.forms)
+            y, rounded = self.run.along(step)
             if not self._kept(y, self.following.reach * error + rounded + self.ulp, step):
                 return f"it is not proved from {float(step.begin):g} to {float(step.end):g} s"
         if measure == "rise":
             return "the steps have no end at the rise time"
+        if any(sum(self.following.every) < t for one in self.run.drives for t in one.changes):
+            return "the steps end before what drives the loop does"
         if measure == "settling" and sum(self.following.every) < level:
             return "the steps end before the settling time"
         if self.times and sum(self.following.every) < self.times[-1]:

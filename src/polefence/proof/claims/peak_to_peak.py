@@ -101,8 +101,8 @@ class _Responses(Short):
         F = subject.through(claim.outputs, claim.scales)
         through = None if F is None else Centred.of(F)
         series = Series(own.terms, own.degree, own.bits)
-        none = Centred({}, 1)
-        follower = Follower(run.A, none, series, subject.sizes, run.follower.norm, own.rate)
+        none, norm = Centred({}, 1), run.follower.norm
+        follower = Follower(run.A, none, series, subject.sizes, norm, own.rate, None, ())
         most = [own.degree] * len(follower.variables)
         shown = [max((e[k] for e in run.C.terms), default=0) for k in range(len(most))]
         degrees = [a + b for a, b in zip(most, shown, strict=True)]
@@ -161,7 +161,7 @@ class _Responses(Short):
         """Return H over a step, over 2^bits, in T_i of time and in powers of g; its rounding."""
         total, off = Sums(), ZERO
         for i, form in enumerate(step.forms):
-            y, rounded = self.run.output(form, direct=False)
+            y, rounded = self.run.output(form, ())
             off += rounded
             total |= {(i, *e): v for e, v in y.items()}
         return total, off

@@ -43,10 +43,9 @@ from itertools import pairwise, product
 from polefence.proof.drives import Constant, Drive, Driven
 from polefence.proof.matrices import Integers, Rationals, inverse, root_above
 from polefence.proof.polynomials import Exponent, Polynomial, Sizes
-from polefence.proof.work import spend
+from polefence.proof.work import FormatError, spend
 
 SPLITS = 6  # of a step, one half of the last each
-FINE = 90  # bits of an inverse
 
 ZERO = Fraction(0)
 Waves = Sequence[tuple[int, ...]]  # of each w, coefficients of T_0 on over 2^bits
@@ -270,6 +269,9 @@ class Follower:
         def turned(V: Integers, v: list[int]) -> list[int]:
             return [sum(map(int.__mul__, row, v)) // self.W.whole for row in V] if self.W else v
 
+        def split(flat: list[int]) -> list[list[int]]:
+            return [flat[k * n : (k + 1) * n] for k in range(m + 1)]
+
         for e in self.monomials:
             right = [list(none) for _ in range(m)]
             for f, M in beside:
@@ -292,25 +294,21 @@ class Follower:
             right.append(start.get(e, none))
             if not any(map(any, right)):
                 continue
-            c = [[0] * n for _ in range(m + 1)]
-            for _ in range(2):  # once, and once improved
-                slope = _slopes_of(c)
-                left = [
-                    [
-                        a - b + d
-                        for a, b, d in zip(
-                            right[j], turned(turn, slope[j]), moved(middle, c[j]), strict=True
-                        )
-                    ]
-                    for j in range(m)
+            c = split(_nearly(inverted, [x for v in right for x in v]))
+            slope = _slopes_of(c)  # once improved
+            left = [
+                [
+                    a - b + d
+                    for a, b, d in zip(
+                        right[j], turned(turn, slope[j]), moved(middle, c[j]), strict=True
+                    )
                 ]
-                ends = [
-                    sum(v[i] if k % 2 == 0 else -v[i] for k, v in enumerate(c)) for i in range(n)
-                ]
-                left.append([a - b for a, b in zip(right[m], ends, strict=True)])
-                flat = [x for v in left for x in v]
-                more = [sum(map(int.__mul__, row, flat)) >> FINE for row in inverted]
-                c = [list(map(int.__add__, v, more[k * n : (k + 1) * n])) for k, v in enumerate(c)]
+                for j in range(m)
+            ]
+            ends = [sum(v[i] if k % 2 == 0 else -v[i] for k, v in enumerate(c)) for i in range(n)]
+            left.append([a - b for a, b in zip(right[m], ends, strict=True)])
+            more = split(_nearly(inverted, [x for v in left for x in v]))
+            c = [list(map(int.__add__, v, own)) for v, own in zip(c, more, strict=True)]
             if turning:
                 rates[e] = _slopes_of(c)
             for k, v in enumerate(c):
@@ -318,8 +316,8 @@ class Follower:
                     found[k][e] = v
         return tuple(found)
 
-    def _inverse(self, h: Fraction) -> Integers:
-        """Return about the inverse of what R = 0 is in the middle, times 2^FINE."""
+    def _inverse(self, h: Fraction) -> list[list[float]]:
+        """Return about the inverse of what R = 0 is in the middle."""
         n = len(self.norm)
         scales = [float(x) for x in self.norm]
         middle, turn = self._middle(self.A), None if self.W is None else self._middle(self.W)
@@ -340,7 +338,7 @@ class Follower:
                 [sum(back[i % n][k] * whole[i - i % n + k][j] for k in range(n)) for j in every]
                 for i in every
             ]
-        return [[round(x * 2.0**FINE) for x in row] for row in whole]
+        return whole
 
     def _middle(self, P: Centred) -> Rationals:
         """Return a matrix where every g is zero."""
@@ -360,12 +358,31 @@ class Follower:
 
     def size(self, c: Form) -> Fraction:
         """Return how large a vector of whole numbers is at most, in the norm."""
-        total = [Fraction(0)] * len(self.norm)
+        scales = {e: self._monomial(e) for e in c}
+        whole = math.lcm(*(scale.denominator for scale in scales.values()))
+        total = [0] * len(self.norm)
         for e, v in c.items():
-            scale = monomial(e, self.variables)
-            for i, x in enumerate(v):
-                total[i] += abs(x) * scale
-        return sum((w * x for w, x in zip(self.norm, total, strict=True)), Fraction(0))
+            times = scales[e].numerator * (whole // scales[e].denominator)
+            total = [y + times * abs(x) for x, y in zip(v, total, strict=True)]
+        norm, over = self._whole_norm
+        return Fraction(sum(map(int.__mul__, norm, total)), whole * over)
+
+    @cached_property
+    def _whole_norm(self) -> tuple[list[int], int]:
+        """The norm's numbers in whole ones, and what these are over."""
+        over = math.lcm(*(x.denominator for x in self.norm))
+        return [x.numerator * (over // x.denominator) for x in self.norm], over
+
+    def _monomial(self, e: Exponent) -> Fraction:
+        """Return how large a monomial of g is at most."""
+        found = self._monomials.get(e)
+        if found is None:
+            found = self._monomials[e] = monomial(e, self.variables)
+        return found
+
+    @cached_property
+    def _monomials(self) -> dict[Exponent, Fraction]:
+        return {}
 
 
 ONE = Fraction(1)
@@ -374,6 +391,21 @@ ONE = Fraction(1)
 def monomial(e: Exponent, most: Sequence[Fraction]) -> Fraction:
     """Return how large a monomial of g is at most."""
     return math.prod((size**power for power, size in zip(e, most, strict=True)), start=ONE)
+
+
+def _nearly(inverse: list[list[float]], flat: list[int]) -> list[int]:
+    """Return about the product, in floats whose sums are rounded once: the same anywhere.
+
+    Raises
+    ------
+    FormatError
+        If a number is too large for a float.
+    """
+    try:
+        values = list(map(float, flat))
+        return [round(math.fsum(map(float.__mul__, row, values))) for row in inverse]
+    except (OverflowError, ValueError) as error:
+        raise FormatError("following: numbers are too large") from error
 
 
 def _slopes(forms: Sequence[Form]) -> list[Form]:

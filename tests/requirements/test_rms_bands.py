@@ -21,7 +21,7 @@ from polefence.plant.points import seeded
 from polefence.plant.spec import loads
 from polefence.proof.claims.base import prove
 from polefence.requirements.relative_rms import RelativeRms
-from polefence.requirements.rms import Rms
+from polefence.requirements.rms import Rms, filtered_by
 from polefence.requirements.text import parse_specification
 from polefence.requirements.weights import named
 from polefence.response.samples import at_sample_time
@@ -92,7 +92,7 @@ def test_a_name_is_of_one_filter():
         own = BandFilter(*band)
         assert named(own.name) == own
         assert named(f"Wk, {own.name}").filters == (WK, own)
-    for name in ("band from 4 to 8.0 Hz", "band from 4 to nine Hz", "Wx", "", "Wk, Wx"):
+    for name in ("4 to 8.0 Hz", "4 to nine Hz", "Wx", "", "Wk, Wx"):
         assert named(name) is None
 
 
@@ -198,9 +198,21 @@ def test_a_file_says_which_band_and_check_compares_it(car, tmp_path, capsys):
     path = tmp_path / "design.json"
     path.write_text(bounds_file(certificate, [claim]).dumps())
     assert main(["check", str(path), "--spec", str(spec)]) == 0
-    assert "behind the filter 'band from 4 to 8 Hz'" in capsys.readouterr().out
+    assert "behind the filter '4 to 8 Hz'" in capsys.readouterr().out
     (own,) = claim.filters
-    other = replace(claim, filters=(replace(own, name="band from 4 to 9 Hz"),))
+    other = replace(claim, filters=(replace(own, name="4 to 9 Hz"),))
     path.write_text(bounds_file(certificate, [other]).dumps())
     assert main(["check", str(path), "--spec", str(spec)]) == 1
-    assert "'band from 4 to 9 Hz' is not what its name says" in capsys.readouterr().out
+    assert "'4 to 9 Hz' is not what its name says" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("weight", [None, "Wk", ("Wk", "none")])
+@pytest.mark.parametrize("band", [None, (4.0, 8.0)])
+def test_names_of_filters_say_weight_and_band(weight, band):
+    own = Rms(["a", "b"], weight=weight, band=band)
+    again = Rms(["a", "b"], **filtered_by([one and one.name for one in own.filters]))
+    assert again.filters == own.filters
+    with pytest.raises(InputError, match="are not of one band"):
+        filtered_by(["4 to 8 Hz", "4 to 9 Hz"])
+    with pytest.raises(InputError, match="no filter 'band 4'"):
+        filtered_by(["band 4"])

@@ -32,6 +32,7 @@ from polefence.requirements.weights import (
     WEIGHTS,
     behind,
     filters_of,
+    parts,
     wider,
     with_weights,
 )
@@ -311,6 +312,26 @@ def _weights(weight: str | Sequence[str], entries: int) -> str | tuple[str, ...]
     if isinstance(weight, str):
         return weight
     return None if set(weight) == {PLAIN} else weight
+
+
+def filtered_by(names: Sequence[str | None]) -> dict[str, Any]:
+    """Return the weight and the band that filters of these names are, one an entry.
+
+    Raises
+    ------
+    InputError
+        If they are of no one band.
+    """
+    found = [() if name is None else parts(name) for name in names]
+    bands = {tuple(one for one in filters if isinstance(one, BandFilter)) for filters in found}
+    if len(bands) > 1 or any(len(band) > 1 for band in bands):
+        raise InputError(f"{listed([str(name) for name in names])} are not of one band")
+    weights = [[one.name for one in own if not isinstance(one, BandFilter)] for own in found]
+    (band,) = next(iter(bands), ()) or (None,)
+    return {
+        "weight": [own[0] if own else PLAIN for own in weights] if any(weights) else None,
+        "band": None if band is None else (band.low, band.high),
+    }
 
 
 def in_any_order(limit: Specification, plant: UncertainPlant, law: Any, alpha: Array) -> Array:

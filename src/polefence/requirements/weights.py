@@ -186,9 +186,25 @@ def filter_of(weighting: Stages | Shape, T: Fraction) -> Filter:
 
 def named(name: str) -> Stages | None:
     """Return the filter of a name, as claims have them; None where there is no such filter."""
-    parts = [WEIGHTS.get(part) or BandFilter.named(part) for part in name.split(", ")]
-    known = [part for part in parts if part is not None]
-    return in_series(known) if len(known) == len(parts) else None
+    try:
+        return in_series(parts(name))
+    except InputError:
+        return None
+
+
+def parts(name: str) -> list[Weighting | BandFilter]:
+    """Return the filters that one of a name has in series.
+
+    Raises
+    ------
+    InputError
+        If there is no such filter.
+    """
+    found = [WEIGHTS.get(part) or BandFilter.named(part) for part in name.split(", ")]
+    known = [part for part in found if part is not None]
+    if len(known) < len(found):
+        raise InputError(f"there is no filter {name!r}")
+    return known
 
 
 @lru_cache(maxsize=64)

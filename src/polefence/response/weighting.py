@@ -179,14 +179,14 @@ class BandFilter(Stages, Short):
     top: float = field(init=False)
 
     def __post_init__(self) -> None:
-        name = f"band from {exactly(self.low)} to {exactly(self.high)} Hz"
+        name = f"{exactly(self.low)} to {exactly(self.high)} Hz"
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "top", self.high)
 
     @classmethod
     def named(cls, name: str) -> BandFilter | None:
         """Return the one of a name, None where that is none of a band."""
-        match = re.fullmatch(r"band from (\S+) to (\S+) Hz", name)
+        match = re.fullmatch(r"(\S+) to (\S+) Hz", name)
         try:
             found = None if match is None else cls(float(match[1]), float(match[2]))
         except ValueError:

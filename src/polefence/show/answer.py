@@ -123,11 +123,11 @@ def _asked(claim: SignalClaim, plant: UncertainPlant) -> Specification | None:
         own["disturbances"] = dict(acting)
     try:
         if type(claim) is Rms:
-            weights = [None if one is None else one.name for one in claim.filters]
-            weight = [name or rms.PLAIN for name in weights] if any(weights) else None
-            return rms.Rms(names, density=2 * float(claim.intensity), weight=weight, **own)
+            own |= rms.filtered_by([None if one is None else one.name for one in claim.filters])
+            return rms.Rms(names, density=2 * float(claim.intensity), **own)
         if type(claim) is Gain and not claim.filters:
-            return gains.Gain(names, **own)
+            band = None if claim.band is None else (claim.band.low, claim.band.high)
+            return gains.Gain(names, band=band, **own)
     except InputError:
         return None
     return None

@@ -662,7 +662,7 @@ class SignalClaim(Short, Claim):
         """The outputs' names, with the filters that they are behind."""
         filters = self.filters or (None,) * len(self.outputs)
         return tuple(
-            quoted(output.name) + ("" if behind is None else f" behind {behind.name}")
+            quoted(output.name) + ("" if behind is None else f" ({behind.name})")
             for output, behind in zip(self.outputs, filters, strict=True)
         )
 

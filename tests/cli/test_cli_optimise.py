@@ -263,7 +263,7 @@ def test_no_integral_is_advised_against_what_an_input_must_hold(tmp_path, capsys
 
 WORDS = {
     "signal": (["--limit", "gain of u <= 1"], "--limit 'gain of u <= 1': no signal 'u'; known:"),
-    "kind": (["--limit", "peak of v <= 1"], "kind = 'peak' is unknown; known: delay margin"),
+    "kind": (["--limit", "peak of v <= 1"], "kind = 'peak' is unknown; known: bump, delay margin"),
     "form": (["--limit", "rms v <= 1"], "'rms v <= 1' is not of the form KIND of SIGNAL"),
     "no limit": (["--limit", "gain of v"], "--limit 'gain of v' has no limit"),
     "zero": (["--limit", "gain of v <= 0"], "at_most = 0.0 of 'v' must be a positive number"),

@@ -46,8 +46,7 @@ from polefence.proof.reading import MAX_BYTES
 from polefence.proof.text import milliseconds_text, output_text, quoted
 from polefence.requirements.specification import Specification
 from polefence.requirements.text import RoadSpectrum, load_specifications
-from polefence.requirements.weights import filter_of, with_weights
-from polefence.requirements.weights import named as standard
+from polefence.requirements.weights import filter_of, named, with_weights
 from polefence.response.samples import at_sample_time
 
 NAMES_ARE_ITS_OWN = (
@@ -281,8 +280,8 @@ def _other_filter(claim: Claim, step: Fraction, spec: str) -> str | None:
             continue
         every = _specifications(spec)
         asked = (w for s in every for w in (*s.filters, *getattr(s, "shapes", ())) if w)
-        named = standard(weighting.name) or {w.name: w for w in asked}.get(weighting.name)
-        if named is None or weighting != filter_of(named, step):
+        expected = named(weighting.name) or {w.name: w for w in asked}.get(weighting.name)
+        if expected is None or weighting != filter_of(expected, step):
             return f"its filter {quoted(weighting.name)} is not what its name says"
     return None
 

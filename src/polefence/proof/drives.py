@@ -108,12 +108,15 @@ class Bump(Short, Drive):
         angle = intervals.times(twice, enclosing(middle))
         kappa = intervals.times(intervals.pi(), enclosing((end - begin) / self.duration))
         size, waves = self._waves(angle)
-        powers, off, one = [ZERO] * (terms + 1), ZERO, enclosing(Fraction(1))
-        power = intervals.times(size, one)
+        powers, off = list[Fraction](), ZERO
+        power = size
         for k in range(terms + 1):
-            own = intervals.times(power, waves[k % 4] if k or self.is_rate else self._first(waves))
-            powers[k] = intervals.middle(own)
-            off += Fraction(own[1] - own[0], 2 * intervals.ONE)
+            wave = waves[k % 4]
+            if not k and not self.is_rate:
+                wave = intervals.plus(intervals.UNIT, wave)  # 1 - cos
+            term = intervals.times(power, wave)
+            powers.append(intervals.middle(term))
+            off += Fraction(term[1] - term[0], 2 * intervals.ONE)
             power = intervals.times(power, intervals.times(kappa, enclosing(Fraction(1, k + 1))))
         off += intervals.size(power)
         whole = [(x * 2**bits).__floor__() for x in _in_chebyshev(powers)]
@@ -128,11 +131,6 @@ class Bump(Short, Drive):
             return half, [less[1], sine, cosine, less[0]]
         rate = intervals.times(half, enclosing(2 / self.duration))
         return intervals.times(rate, intervals.pi()), [sine, cosine, less[0], less[1]]
-
-    @staticmethod
-    def _first(waves: Sequence[Interval]) -> Interval:
-        """Return 1 - cos."""
-        return intervals.plus(enclosing(Fraction(1)), waves[0])
 
 
 def _in_chebyshev(powers: Sequence[Fraction]) -> list[Fraction]:

@@ -13,7 +13,7 @@ import numpy as np
 from polefence.base.errors import InputError, shown, suggest
 from polefence.base.explained import explained_fields
 from polefence.plant.family import UncertainPlant
-from polefence.plant.outputs import disturbances
+from polefence.plant.outputs import disturbances, rows_at
 from polefence.plant.system import Array
 from polefence.proof import claims as proof
 from polefence.proof.claims.bump import HEIGHT, RATE
@@ -185,15 +185,13 @@ class BumpMeasure(Measured):
 
     def channel(self, plant: UncertainPlant, alpha: Array) -> Channel:
         """Return the channel with columns of E for each time, of rates and of heights."""
-        own = super().channel(plant, alpha)
+        C, D, F = rows_at(plant, self.outputs(plant), alpha)
         (acts, late), begins = self._placed(plant), self.begins
         scales = self.scales(plant) or (1.0,) * len(acts)
         S = np.zeros((len(acts), 2 * len(begins)))
         for k, (scale, word, t) in enumerate(zip(scales, acts, late, strict=True)):
             S[k, 2 * begins.index(t) + (word == HEIGHT)] = scale
-        shown = np.array([y.arrays(plant)[2] for y in self.outputs(plant)])
-        F = np.einsum("cv,pvq->cpq", alpha, shown) if plant.disturbance_count else own.F
-        return Channel(own.A, own.B, plant.driven(alpha) @ S, own.C, own.D, F @ S, S)
+        return Channel(*plant.at(alpha), plant.driven(alpha) @ S, C, D, F @ S, S)
 
     def begun(self, E: Array) -> Array:
         """Return rest."""

@@ -316,7 +316,7 @@ class _Compared:
         if measure == "rise":
             return "the steps have no end at the rise time"
         if any(sum(self.following.every) < t for one in self.run.drives for t in one.changes):
-            return "the steps end before what drives the loop does"
+            return "the steps end before the bump does"
         if measure == "settling" and sum(self.following.every) < level:
             return "the steps end before the settling time"
         if self.times and sum(self.following.every) < self.times[-1]:
